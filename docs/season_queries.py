@@ -16,11 +16,11 @@ QUESTIONS = {
                count(*) filter (verdict = 'unknown') as no_verdict
         from flights group by aircraft order by worst_margin""",
     "why flights have no verdict": """
-        select verdict_reason, count(*) as flights from flights
+        select reason_kinds, count(*) as flights from flights
         where verdict = 'unknown' group by all order by flights desc""",
     "the ten flights with most time above the limit": """
         select aircraft, log_name, make_timestamp((started_unix_s * 1e6)::bigint) as started,
-               round(rows_above_limit_s) as seconds, worst_rotor, worst_doing
+               round(rows_above_limit_s) as seconds, worst_rotor, doing_kinds
         from flights where rows_above_limit_s > 0 order by rows_above_limit_s desc limit 10""",
     "measured over predicted speed of rotor 1, by month": """
         select aircraft, month, round(median(speed_ratio[1]), 4) as ratio, count(*) as flights

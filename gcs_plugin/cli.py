@@ -29,6 +29,7 @@ from thrustmargin.models.errors import ThrustMarginError
 #: Subcommand of the core -> the first words of the docstring of its function, here so that the help
 #: loads none of them.
 CORE = {
+    "aircraft": "List the known aircraft, or show one",
     "airframe": "Make, show and check the file of an aircraft",
     "demo": "Show what thrustmargin does",
     "fetch": "Download the mission or a flight log from the vehicle",
@@ -60,6 +61,7 @@ _OF_EXTRAS = tuple(_extras())
 COMMANDS = dict(sorted({**CORE, **{name: words for name, _, words in _OF_EXTRAS}}.items()))
 #: Subcommand -> the module that holds the function of its name.
 MODULES = {
+    "aircraft": f"{HERE}.commands.aircraft",
     "airframe": f"{HERE}.commands.airframe",
     **{
         name: f"{HERE}.commands.{folder}.{name}"

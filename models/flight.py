@@ -136,7 +136,7 @@ def known_date(unix_s: float | None) -> float | None:
 
 
 class FlyingBy(StrEnum):
-    """What decided which rows of a flight are off the ground."""
+    """The evidence that decided which rows of a flight are off the ground."""
 
     GIVEN = "given"  # with the flight, by its author
     LANDED_STATE = "landed state"  # of the autopilot

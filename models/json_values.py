@@ -9,7 +9,7 @@ from enum import Enum, StrEnum
 from functools import cache
 from reprlib import repr as shortly
 from types import NoneType
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from thrustmargin.models.errors import ModelError
 
@@ -37,6 +37,10 @@ def from_json_values(kind: Any, data: Any, where: str) -> Any:
     another type.
     """
     of = get_args(kind)
+    if get_origin(kind) is Literal:
+        if data not in of:
+            raise ValueError(f"{where} is {shortly(data)}, none of {', '.join(map(str, of))}")
+        return data
     if NoneType in of:
         (kind,) = (one for one in of if one is not NoneType)
         return None if data is None else from_json_values(kind, data, where)

@@ -96,8 +96,8 @@ class Provenance:
 
     @property
     def reported(self) -> bool:
-        """Return whether vehicle or table report it, so that it is neither a setting nor
-        inferred."""
+        """Return whether a message, topic or column reports it: no setting, inference or
+        assumption, and not absent."""
         return self.kind in (SourceKind.MESSAGE, SourceKind.TOPIC, SourceKind.COLUMN)
 
     @property

@@ -33,6 +33,8 @@ def pytest_configure() -> None:
     # would each worker with all tests.
     if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
         sys.dont_write_bytecode = False
+    # What the developer's own aircraft taught must not reach a test.
+    os.environ["THRUSTMARGIN_HANGAR"] = os.devnull + ".none"
     gc.disable()  # of what is collected nothing is garbage, and looking for it takes a third of it
 
 

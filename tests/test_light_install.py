@@ -19,6 +19,7 @@ FLIGHT = "flight.tlog"
 VIEW = ["--port", "0", "--no-browser", "--seconds", "1"]
 WITHOUT_EXTRAS = {
     "demo": VIEW,
+    "aircraft": [],
     "airframe": ["check", "topxgun-f16-sitl", FLIGHT],
     "export": [FLIGHT, "--layout", "layout.json"],
     "fill": ["--airframe", "topxgun-f16"],
@@ -38,6 +39,7 @@ WITH_EXTRAS = [
     (["identify", FLIGHT], "identify needs scipy", "loop"),
     (["cover", FLIGHT, "--swath", "4"], "cover needs scipy", "loop"),
     (["train", FLIGHT], "train needs torch", "train"),
+    (["learn", FLIGHT], "train needs torch", "train"),
     (["fetch", "mission", LINK, "-o", "a.plan"], "talking to a vehicle needs mavsdk", "vehicle"),
     (["airframe", "new", "--from", LINK], "talking to a vehicle needs mavsdk", "vehicle"),
     (["monitor", FLIGHT, "--fetch-mission"], "--fetch-mission needs mavsdk", "vehicle"),

@@ -8,14 +8,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from thrustmargin.gcs_plugin.logs.findings import Finding, names_wrong
+from thrustmargin.gcs_plugin.logs.findings import Finding, Severity, names_wrong
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.telemetry.first_contact import first_contact
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
+from thrustmargin.gcs_plugin.wording.advice_words import (
+    action,
+    fault_found,
+    headline,
+    misfit_words,
+    misread_words,
+)
 from thrustmargin.gcs_plugin.wording.report_words import FirstContact
-from thrustmargin.models.model.advice import Advised, advise
+from thrustmargin.models.model.advice import Advice, Advised, advise
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.model_misfit import Caveat
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,6 +51,24 @@ def answer_log(log: FlightLog, analysis: FlightAnalysis, limit: float) -> LogAns
         made=advise(replace(analysis, claim=claim), limit=limit),
         contact=first_contact_of(log, analysis.claim),
     )
+
+
+def verdict_findings(advice: Advice) -> tuple[Finding, ...]:
+    """Return what the report of a flight finds at fault, for `inspect`: bad rotors, an ESC that
+    misreads, a model that the speeds contradict.
+    """
+    found = [
+        Finding("rotors", Severity.GRAVE, fault_found(advice, episode)) for episode in advice.faults
+    ]
+    if advice.faults:
+        found.append(Finding("what to do", Severity.GRAVE, action(advice)))
+    if advice.misread is not None:
+        found.append(Finding("ESC speed", Severity.WARNING, misread_words(advice.misread)))
+    if Caveat.MODEL in advice.caveats:
+        found.append(Finding("model", Severity.WARNING, misfit_words(advice)))
+    if not found and not advice.withheld and Caveat.ROTORS_NOT_SOUGHT not in advice.caveats:
+        found.append(Finding("rotors", Severity.OK, headline(advice)))
+    return tuple(found)
 
 
 def first_contact_of(log: FlightLog, claim: AirframeClaim) -> FirstContact | None:

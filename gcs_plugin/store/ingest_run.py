@@ -1,8 +1,8 @@
-"""Many logs into a store with many processes: what is known is passed over, what fails is listed.
+"""Read many logs into a store with many processes, skip known ones and list those that fail.
 
     log --content--> known? --read and stage (a process a log)--> _staged --merge--> the tables
 
-Nothing is kept in memory but names, so that it grows with the number of logs alone.
+The main process keeps only names in memory, so its memory grows with the number of logs alone.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ DIGITS = 16
 
 @dataclass(frozen=True, slots=True)
 class LogSource:
-    """A log to take in: its path or address, its name in the store, and its size."""
+    """A log to be read: its path or address, its name in the store, and its size in bytes."""
 
     path: str
     name: str
@@ -42,10 +42,10 @@ class LogSource:
 
 @dataclass(slots=True, kw_only=True)
 class IngestOutcome:
-    """What became of the logs."""
+    """The result of one run: flights stored, logs skipped and logs rejected."""
 
-    flights: list[str] = field(default_factory=list)  # taken in by this run
-    already: int = 0  # logs that the store knew, or that were given twice
+    flights: list[str] = field(default_factory=list)  # names of those that this run stored
+    already: int = 0  # logs that were in the store before, or were given twice
     rejected: list[dict[str, Any]] = field(default_factory=list)  # columns of schema.REJECTED
     bytes: int = 0  # of the logs that were read
     seconds: float = 0.0
@@ -53,20 +53,23 @@ class IngestOutcome:
 
 @dataclass(frozen=True, slots=True)
 class _Task:
+    """A log that waits to be read, or to have its digest computed first."""
+
     log: LogSource
-    content: str | None = None  # None: to be found out
-    alone: int = 0  # try by itself, after a process died while it was read, perhaps of it
+    content: str | None = None  # digest of the log; None until it is computed
+    #: Attempts with no other log in work, since a process died while this one was read.
+    alone: int = 0
 
 
-def address(path: str) -> bool:
-    """Whether it is one of fsspec, such as s3://season/logs, and no path."""
+def is_address(path: str) -> bool:
+    """Return whether `path` is an address of fsspec, such as s3://season/logs, and no file path."""
     return "://" in path
 
 
 @contextmanager
 def local_file(path: str) -> Iterator[Path]:
-    """The file of a log, fetched first where it is at an address."""
-    if not address(path):
+    """Yield the path of a log; one at an address is fetched into a temporary folder first."""
+    if not is_address(path):
         yield Path(path)
         return
     from fsspec.core import url_to_fs
@@ -79,7 +82,7 @@ def local_file(path: str) -> Iterator[Path]:
 
 
 def content_of(path: str) -> str:
-    """The first 16 hexadecimal digits of the SHA-256 of a log."""
+    """Return the first 16 hexadecimal digits of a log's SHA-256, by which the store knows it."""
     import fsspec
 
     opened: Any = fsspec.open(path, "rb")
@@ -88,9 +91,10 @@ def content_of(path: str) -> str:
 
 
 def known_contents(store: SeasonStore) -> set[str]:
-    """Contents of all logs whose flights are stored or wait to be merged.
+    """Return the digests of all logs whose flights are stored or staged.
 
-    Known by the flight that bears the content alone, which is staged after the others of its log.
+    A log's last flight to be staged is named by the digest alone; the others have a suffix. So a
+    log whose reading was interrupted is not yet known.
     """
     names = store.table("flights", columns=["flight"])["flight"].to_pylist()
     names += [Path(key).stem for keys in staged_partitions(store).values() for key in keys]
@@ -104,19 +108,20 @@ def ingest_logs(
     *,
     executor: Callable[[], Executor],
     at_once: int,
-    still_held: Callable[[], None],
+    check_lock: Callable[[], None],
     show: Callable[[str, int, int], None],
     refused: Sequence[tuple[str, str]] = (),
     hide: Callable[[str], str] | None = None,
     again: bool = False,
 ) -> IngestOutcome:
-    """Take every log into the store that is not in it yet, or all of them `again`.
+    """Store the flights of every log that is not in the store yet, or of all logs if `again`.
 
-    `read` (log, content) stages the flights of a log and names them; it and the store must be
-    what another process can be given. `executor` makes the processes, again after some died.
-    `show` is called with what is done, and how many bytes of how many. The caller holds the lock
-    of the store, which `still_held` confirms. `refused` are (name, reason) of others to be listed.
-    `hide` makes pseudonyms of contents, in a store that names nobody.
+    `read` gets a log and its digest, stages the log's flights and returns their names. It and the
+    store are pickled for other processes. `executor` starts the processes, and starts them anew
+    after one died; `at_once` is the number of logs in work. `show` gets a log's name, the bytes
+    done and the bytes of all logs. The caller holds the store's lock; `check_lock` raises
+    DataError if it is lost. `refused` are names and reasons of logs to list as rejected. `hide`
+    maps digests to pseudonyms in an anonymous store.
     """
     begun = time.monotonic()
     if store.on_disk and Path(store.path(DRAFTS)).exists():
@@ -126,12 +131,12 @@ def ingest_logs(
     outcome = IngestOutcome()
     for name, reason in refused:
         _reject(outcome, _Task(LogSource(name, name, 0)), reason)
-    taken = set() if again else known_contents(store)
+    known = set() if again else known_contents(store)
     waiting = deque(_Task(log) for log in logs)
     total, done = max(sum(log.bytes for log in logs), 1), 0
     pool = executor()
     if again:  # what an earlier run left is not mixed with this one's
-        _merge_all(store, pool, still_held, show)
+        _merge_all(store, pool, check_lock, show)
     running: dict[Future[Any], _Task] = {}
     try:
         while waiting or running:
@@ -166,10 +171,10 @@ def ingest_logs(
                     if task.content is not None:
                         outcome.flights += found
                         outcome.bytes += task.log.bytes
-                    elif (found := found if hide is None else hide(found)) in taken:
+                    elif (found := found if hide is None else hide(found)) in known:
                         outcome.already += 1
                     else:
-                        taken.add(found)
+                        known.add(found)
                         waiting.appendleft(_Task(task.log, found, task.alone))
                         continue
                 done += task.log.bytes
@@ -183,10 +188,10 @@ def ingest_logs(
                 f"{len(lost)} flights were read but are not in {store.url}: the workers must share "
                 "its folder, or give the address of a bucket"
             )
-        _merge_all(store, pool, still_held, show)
-        still_held()
-        taken |= known_contents(store)
-        _write_rejected(store, outcome, taken, hidden=hide is not None)
+        _merge_all(store, pool, check_lock, show)
+        check_lock()
+        known |= known_contents(store)
+        _write_rejected(store, outcome, known, hidden=hide is not None)
     except BaseException:
         pool.shutdown(wait=False, cancel_futures=True)
         for process in multiprocessing.active_children():
@@ -198,6 +203,7 @@ def ingest_logs(
 
 
 def _reject(outcome: IngestOutcome, task: _Task, reason: str) -> None:
+    """Add a log to the rejected ones, with the reason less the log's name in front."""
     for named in (task.log.path, task.log.name):
         reason = reason.removeprefix(f"{named}: ").removeprefix(f"{named} ")
     outcome.rejected.append(
@@ -213,12 +219,13 @@ def _reject(outcome: IngestOutcome, task: _Task, reason: str) -> None:
 def _merge_all(
     store: SeasonStore,
     pool: Executor,
-    still_held: Callable[[], None],
+    check_lock: Callable[[], None],
     show: Callable[[str, int, int], None],
 ) -> None:
+    """Merge all staged flights into the tables, a process for each aircraft and month."""
     waiting = staged_partitions(store)
     total, done = sum(map(len, waiting.values())), 0
-    still_held()
+    check_lock()
     drop_replaced(store, waiting)
     running = [pool.submit(merge, store, *where, keys) for where, keys in waiting.items()]
     for future in running:
@@ -230,9 +237,12 @@ def _merge_all(
 
 
 def _write_rejected(
-    store: SeasonStore, outcome: IngestOutcome, taken: set[str], *, hidden: bool
+    store: SeasonStore, outcome: IngestOutcome, known: set[str], *, hidden: bool
 ) -> None:
-    """The rejected logs of all runs, each once, without those that were taken in since."""
+    """Write the table of rejected logs of all runs, each once, less those stored since.
+
+    `known` are the digests of stored logs. `hidden`: names and reasons are left out.
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -244,7 +254,7 @@ def _write_rejected(
     for row in outcome.rejected:
         shown = {**row, "log_name": "hidden", "reason": "not taken"} if hidden else row
         rows[key(row)] = shown
-    kept = [r for r in rows.values() if r["content"] in tried or r["content"] not in taken]
+    kept = [r for r in rows.values() if r["content"] in tried or r["content"] not in known]
     kept.sort(key=lambda row: (row["log_name"], row["content"] or ""))
     table = pa.Table.from_pylist(kept, schema=table_schema("rejected"))
     if kept or store.keys("rejected"):

@@ -1,14 +1,12 @@
-"""Rows of an analysed flight as one table, every column one number, SI units: recordings and store.
+"""Define the columns of the season's store, and of the 10 Hz rows that recordings share with it.
 
-Columns: each channel of a FlightTrack (vectors as _n _e _d, _x _y _z or _roll _pitch _yaw, rotors
-as _1 _2 ...), the standard errors of channels that may be inferred (_error), `flying`, then what
-the analysis made of it.
+The rows of a flight have each channel of its FlightTrack (vectors as _n _e _d, _x _y _z or _roll
+_pitch _yaw, rotors as _1 _2 ...), the standard errors of channels that may be inferred (_error),
+`flying`, and the results of the analysis. Units are SI.
 
-What the store keeps of a flight: every column, its unit and what it means, in one place.
-
-`docs/fleet.md` shows these tables. A figure that is unknown is null, never 0. Aircraft and month
-are no columns of the files but names of their folders, as `aircraft=A/month=2026-05`, which
-duckdb, polars and pandas read as columns.
+`docs/fleet.md` shows these tables with units and meanings. An unknown value is null, never 0.
+Aircraft and month are not in the files: they are the names of the folders, such as
+`aircraft=A/month=2026-05`, which duckdb, polars and pandas show as columns.
 """
 
 from __future__ import annotations
@@ -28,9 +26,9 @@ if TYPE_CHECKING:
 
 
 Columns = dict[str, np.ndarray]
-#: Channels that may be inferred, each with columns of its standard error.
+#: Channels that may be inferred; their standard errors have columns of their own.
 INFERRED = ("rotor_speed_rpm", "tank_kg")
-#: Rotor columns of the analysis, and their unit.
+#: Columns of the analysis with a value for each rotor -> their unit.
 OF_ROTORS = {
     "predicted_rpm": "rpm",
     "lower_rpm": "rpm",
@@ -38,7 +36,7 @@ OF_ROTORS = {
     "margin": "1",
     "margin_predicted": "1",
 }
-#: Plain columns of the analysis, and their unit.
+#: Columns of the analysis with one value for the vehicle -> their unit.
 OF_VEHICLE = {
     "basis": "0 none 1 network 2 physics",
     "density": "kg/m³",
@@ -51,7 +49,7 @@ OF_VEHICLE = {
 
 
 def column_units(rotors: int) -> dict[str, str]:
-    """Name of each column, in order, for so many rotors -> its unit."""
+    """Return the unit of each column of the rows, by its name and in order, for `rotors` rotors."""
     units: dict[str, str] = {}
     for channel, column in TRACK_CHANNELS.items():
         units |= dict.fromkeys(column.column_names(channel, rotors), column.unit)
@@ -65,16 +63,16 @@ def column_units(rotors: int) -> dict[str, str]:
 
 
 def analysis_columns(analysis: FlightAnalysis, rows: slice) -> Columns:
-    """The columns of `column_units` for the rotors of the flight, each (rows,)."""
+    """Return the columns of `column_units` for the samples `rows` of a flight, each (rows,)."""
     track, prediction = analysis.track, analysis.prediction
     rotors = track.rotor_count
     table: Columns = {}
     for channel, column in TRACK_CHANNELS.items():
-        _spread(table, column.column_names(channel, rotors), getattr(track, channel)[rows])
+        _add_columns(table, column.column_names(channel, rotors), getattr(track, channel)[rows])
     for channel in INFERRED:  # standard errors, 0 where it was measured
         error = track.standard_errors.get(channel, np.zeros_like(getattr(track, channel)))
         names = TRACK_CHANNELS[channel].column_names(channel, rotors)
-        _spread(table, [f"{name}_error" for name in names], error[rows])
+        _add_columns(table, [f"{name}_error" for name in names], error[rows])
     table["flying"] = track.flying[rows]
     values = (
         prediction.rotor_speed_rpm,
@@ -84,7 +82,7 @@ def analysis_columns(analysis: FlightAnalysis, rows: slice) -> Columns:
         analysis.margin_predicted,
     )
     for name, value in zip(OF_ROTORS, values, strict=True):
-        _spread(table, [f"{name}_{k + 1}" for k in range(rotors)], value[rows])
+        _add_columns(table, [f"{name}_{k + 1}" for k in range(rotors)], value[rows])
     values = (
         prediction.basis,
         analysis.density,
@@ -97,19 +95,24 @@ def analysis_columns(analysis: FlightAnalysis, rows: slice) -> Columns:
     return table | {n: value[rows] for n, value in zip(OF_VEHICLE, values, strict=True)}
 
 
-def _spread(table: Columns, names: list[str], values: Floats) -> None:
+def _add_columns(table: Columns, names: list[str], values: Floats) -> None:
+    """Add `values` (T,) or (T, N) to `table` as one column for each of the N names."""
     columns = values[:, None] if values.ndim == 1 else values
     for number, name in enumerate(names):
         table[name] = columns[:, number]
 
 
-#: Columns of rotors are for so many in every file, so that all files have the same; null beyond.
+#: Rotors that every file has columns for, so that all files have the same columns.
 ROTORS = 12
 
 
 @dataclass(frozen=True, slots=True)
 class StoredColumn:
-    """One column: `kind` is number, whole, text, words (a list of text) or rotors (of numbers)."""
+    """One column: its name, unit, meaning, and the kind of its values.
+
+    `kind` is "number", "whole", "text", or a list: "words" (of text), "wholes" or "rotors" (of
+    numbers). Rows also have "single", "small" (8 bits) and "bool", sums "arrays".
+    """
 
     name: str
     unit: str
@@ -118,7 +121,7 @@ class StoredColumn:
 
 
 def _columns(lines: str) -> tuple[StoredColumn, ...]:
-    """A column a line: name | kind | unit | what it is."""
+    """Parse one column per line: name | kind | unit | meaning."""
     parts = ([p.strip() for p in line.split("|")] for line in lines.strip().splitlines())
     return tuple(StoredColumn(name, unit, words, kind) for name, kind, unit, words in parts)
 
@@ -151,19 +154,19 @@ litres | number | L | that left the tank
 tank_start_kg | number | kg | at the start of the flight
 tank_end_kg | number | kg | at its end
 tank_error_kg | number | kg | standard error where the load was inferred
-tank_source | text | | where the load is known from
+tank_source | text | | where the load is known from; of `answer`
 takeoff_mass_kg | number | kg | of the aircraft with its liquid
-speed_source | text | | where rotor speeds are known from
-airspeed_source | text | | where the airspeed is known from
+speed_source | text | | where rotor speeds are known from; of `answer`
+airspeed_source | text | | where the airspeed is known from; of `answer`
 verdict | text | | damaged, lost, battery, no_thrust, critical, over, order, near, under, unknown
-verdict_reason | text | | the verdict in words, or why there is none
-action | text | | what to do next, as the report says it
+verdict_reason | text | | the verdict in words, or why there is none; of `answer`
+action | text | | what to do next, as the report says it; of `answer`
 limit | number | 1 | largest thrust utilisation that is allowed
 worst_margin | number | 1 | least thrust margin of a rotor; null where a prediction alone is good
 worst_margin_low | number | 1 | lower end of its 90 % interval
 worst_rotor | whole | | which rotor, from 1
 worst_time_s | number | s | when, from the first row
-worst_doing | text | | what the aircraft was doing then
+worst_doing | text | | what the aircraft was doing then; of `answer`
 mean_margin | number | 1 | mean of the worst rotor's margin in flight
 rows_above_limit_s | number | s | in flight above the limit, turns and gusts with it
 lasting_above_limit_s | number | s | in flight with what lasts above the limit
@@ -190,17 +193,27 @@ height_agl_max | number | m | above ground
 density_median | number | kg/m³ | of the air
 latitude_deg | number | deg | where the flight's north and east are 0
 longitude_deg | number | deg | where the flight's north and east are 0
-alarms | words | | what the live alarms of rotors and motors would have said
-notes | words | | what had to be assumed in reading
+alarms | words | | what the live alarms of rotors and motors would have said; of `answer`
+notes | words | | what had to be assumed in reading, in English
 missing_channels | words | | channels that the log lacks
-unmeasured | words | | rotor speed readings that are none, and why
+unmeasured | words | | rotor speed readings that are none, and why, in English
 bytes_skipped | whole | B | of damaged places
 damaged_places | whole | | in the log
 frames_missing | whole | | by MAVLink's sequence numbers
 silences | whole | | pauses over 1 s without a message
 longest_silence_s | number | s | the longest of them
 clock_jumps | whole | | restarts while recording
-sums_reason | text | | why the flight has no sums; null where it has
+sums_reason | text | | why the flight has no sums: no_verdict, no_evidence; null where it has
+row_version | whole | | 2: words are made when they are read; null in older rows
+answer | text | | JSON of the verdict, of which words are made: levels, faults, fill, sources
+levels | words | | all verdicts that apply, the gravest first
+action_kinds | words | | what to do next, by kind: look_at_rotors, fill_at_most, do_not_fly
+fault_kinds | words | | of each bad rotor or motor: propeller, motor, stopped
+suspects | wholes | | rotors, from 1, that were found bad or of which one was
+reason_kinds | words | | why there is no verdict, by kind: aircraft_not_known, predicted_alone
+doing_kinds | words | | what the aircraft was doing at the worst moment, by kind
+findings | text | | JSON of what spoils names or numbers: check, level, time_s, values
+no_flight_of | wholes | | other vehicles in the log, of which no flight was made
 """)
 SUMS = _columns("""
 flight | text | | as in flights
@@ -214,7 +227,7 @@ content | text | | first 16 hexadecimal digits of its SHA-256; null where it can
 reason | text | | why no flight was made of it
 when_unix_s | number | s | when it was tried last
 """)
-#: Columns of rows before those of `row_table`.
+#: First columns of the rows; those of `column_units` follow.
 ROW_HEAD = _columns("""
 flight | text | | as in flights
 unix_s | number | s | Unix time; null where the log does not say
@@ -224,7 +237,7 @@ time_s | number | s | since the flight's first row
 
 
 def arrow_schema(columns: tuple[StoredColumn, ...]) -> pa.Schema:
-    """The columns as an Arrow schema."""
+    """Return the Arrow schema of columns, without their units and meanings."""
     import pyarrow as pa
 
     array = pa.struct({"name": pa.string(), "shape": pa.list_(pa.int32()), "data": pa.binary()})
@@ -233,6 +246,7 @@ def arrow_schema(columns: tuple[StoredColumn, ...]) -> pa.Schema:
         "whole": pa.int64(),
         "text": pa.string(),
         "words": pa.list_(pa.string()),
+        "wholes": pa.list_(pa.int64()),
         "rotors": pa.list_(pa.float64()),
         "arrays": pa.list_(array),
         "single": pa.float32(),
@@ -244,7 +258,10 @@ def arrow_schema(columns: tuple[StoredColumn, ...]) -> pa.Schema:
 
 
 def row_columns() -> Iterator[StoredColumn]:
-    """Every column of the 10 Hz rows; those of a flight are single precision: sensors have less."""
+    """Yield the columns of the 10 Hz rows, for ROTORS rotors.
+
+    Flight data are in single precision: no sensor has more.
+    """
     yield from ROW_HEAD
     kinds = {"flying": "bool", "basis": "small"}
     for name, unit in column_units(ROTORS).items():
@@ -252,6 +269,6 @@ def row_columns() -> Iterator[StoredColumn]:
 
 
 def table_schema(table: str) -> pa.Schema:
-    """The schema of `flights`, `rows`, `sums` or `rejected`."""
+    """Return the Arrow schema of `flights`, `rows`, `sums` or `rejected`."""
     columns = {"flights": FLIGHTS, "sums": SUMS, "rejected": REJECTED}
     return arrow_schema(columns[table] if table in columns else tuple(row_columns()))

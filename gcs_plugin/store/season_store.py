@@ -1,11 +1,7 @@
-"""Which aircraft flew, by what the log says: serial number, board number, system id.
+"""Keep the flights of a season as a data set in a folder or bucket, and query it with SQL.
 
-SQL on a store through duckdb: it reads the store's tables and nothing else, and writes nothing.
-
-The tables are handed over by pyarrow, so duckdb itself needs no file: reading and writing files,
-attaching databases, loading extensions and changing any of that are switched off and locked.
-
-The data set of a season in a folder or bucket: whole objects in, tables out.
+For `ingest`, which writes it, and `fleet`, which reads it. Objects are written whole and read as
+tables:
 
     flights/aircraft=A/month=2026-05/flights.parquet   one row a flight
     sums/aircraft=A/month=2026-05/sums.parquet         one row a flight: what identification needs
@@ -15,7 +11,11 @@ The data set of a season in a folder or bucket: whole objects in, tables out.
     _store.json                                        how flights are named
     _writer.lock                                       held while somebody writes
 
-A flight counts as stored when it is in `flights`; its rows and sums are there before it.
+A flight counts as stored when it is in `flights`; its rows and sums are written before it.
+
+An aircraft is named by the first of these that its log contains: serial number, board number,
+system id. SQL runs in duckdb, to which pyarrow passes the tables: duckdb may not read or write
+files, attach databases, load extensions or change its settings.
 """
 
 from __future__ import annotations
@@ -29,11 +29,12 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.store.schema import table_schema
+from thrustmargin.gcs_plugin.store.schema import FLIGHTS, table_schema
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import whole_number
 from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import reported_airframe
@@ -47,33 +48,36 @@ if TYPE_CHECKING:
     from fsspec import AbstractFileSystem
 
 
-#: What ArduPilot says when it starts: its board, and its serial number in three words.
+#: ArduPilot's text at start-up: the board's name and its serial number in three words.
 _BOARD = re.compile(r"^\S.* ([0-9A-F]{8}) ([0-9A-F]{8}) ([0-9A-F]{8})$")
-#: What it says of its program, as "ArduCopter V4.5.7 (2a3dc4b7)".
+#: ArduPilot's text with its version, such as "ArduCopter V4.5.7 (2a3dc4b7)".
 _PROGRAM = re.compile(r"^((?:Ardu|APM:)\w+ V\S+(?: \([0-9a-f]+\))?)")
 _NAME = re.compile(r"[\w.-]{1,80}")
 
 
 @dataclass(frozen=True, slots=True)
 class AircraftIdentity:
-    """The name of an aircraft in the store, and what it rests on."""
+    """The name of an aircraft in the store, and the source of that name."""
 
     name: str
     by: str  # "given", "serial", "board number", "system id", "not known"
 
 
 def checked_aircraft(name: str) -> str:
-    """The name as given. Raises DataError where it cannot be that of a folder everywhere."""
+    """Return `name` unchanged. Raises DataError if it cannot be a folder's name on all systems."""
     if not _NAME.fullmatch(name) or not name.strip("."):
         raise DataError(f"--aircraft {name!r}: give letters, digits and . _ - such as sprayer-7")
     return name
 
 
 def aircraft_identity(log: FlightLog, given: str | None = None) -> AircraftIdentity:
-    """Who flew. The system id alone is that of many aircraft: 1 unless somebody set another."""
+    """Return the aircraft's name: `given`, or one made of serial number, board number or system id.
+
+    A system id is no sure name: it is 1 on every aircraft whose owner did not change it.
+    """
     if given is not None:
         return AircraftIdentity(given, "given")
-    serial = log.hardware_id or _serial_of_texts(log)
+    serial = log.hardware_id or _serial_in_texts(log)
     if serial:
         return AircraftIdentity(f"serial-{serial}", "serial")
     if board := whole_number(log.parameters, "BRD_SERIAL_NUM"):
@@ -84,13 +88,13 @@ def aircraft_identity(log: FlightLog, given: str | None = None) -> AircraftIdent
 
 
 def board(log: FlightLog) -> str | None:
-    """The autopilot that flew, by its serial number or its board number."""
+    """Return the autopilot's serial number, else its board number, else None."""
     number = whole_number(log.parameters, "BRD_SERIAL_NUM")
-    return log.hardware_id or _serial_of_texts(log) or (str(number) if number else None)
+    return log.hardware_id or _serial_in_texts(log) or (str(number) if number else None)
 
 
 def layout(log: FlightLog) -> str | None:
-    """The motor layout that the autopilot reports; None where it does not, or it is not known."""
+    """Return the motor layout that the autopilot reports; None if it reports none that is known."""
     texts = [text for _, text in log.messages]
     try:
         return reported_airframe(log.parameters, facts=log.facts, texts=texts).layout
@@ -98,7 +102,8 @@ def layout(log: FlightLog) -> str | None:
         return None
 
 
-def _serial_of_texts(log: FlightLog) -> str:
+def _serial_in_texts(log: FlightLog) -> str:
+    """Return the serial number, hexadecimal, in ArduPilot's start-up text; empty without one."""
     for _, text in log.messages:
         if found := _BOARD.match(text.strip()):
             # Each word is printed from its last byte to its first.
@@ -107,15 +112,16 @@ def _serial_of_texts(log: FlightLog) -> str:
 
 
 def firmware(log: FlightLog) -> str | None:
-    """The autopilot's program as it says; None where it does not."""
+    """Return the autopilot's program and version as reported; None if not reported."""
     programs = (found[1] for _, text in log.messages if (found := _PROGRAM.match(text.strip())))
     return log.firmware or next(programs, None)
 
 
 TABLES = ("flights", "rows", "sums", "rejected")
-HEARD_S = 0.1  # within which Ctrl-C is heard
-#: Rows of an answer at most: more is a table to copy, and memory that nobody has.
+HEARD_S = 0.1  # s between two checks for Ctrl-C
+#: Rows of an answer, at most: more would not fit into the memory of a usual computer.
 MOST_ROWS = 1_000_000
+#: duckdb settings that deny files, networks and extensions, and lock themselves.
 CLOSED = {
     "memory_limit": "'2GB'",
     "autoinstall_known_extensions": "false",
@@ -126,36 +132,73 @@ CLOSED = {
 }
 
 
-#: Flights as SQL shows them. Versions before `fill_limit_kg` wrote that amount as `fill_kg`, which
-#: is not what may be filled: of their rows the safe fill is unknown.
-FLIGHTS = """
-create view flights as select * replace (
-  case when fill_limit_kg is null and fill_low_kg is not null then null else fill_kg end as fill_kg
-) from stored_flights
-"""
+#: Columns that `safe_fill` reads, in its order.
+FILL_COLUMNS = ("fill_kg", "fill_limit_kg", "fill_low_kg")
 
 
-def query(store: SeasonStore, sql: str) -> pa.Table:
-    """The answer of one SELECT over `flights`, `rows`, `sums` and `rejected`.
+def safe_fill(fill_kg: Any, fill_limit_kg: Any, fill_low_kg: Any) -> Any:
+    """Return the safe fills (F,) kg of stored flights, null where only an older number is stored.
 
-    Raises DataError with duckdb's reason where it is none, or where it has more than MOST_ROWS.
-    Ctrl-C ends a query that does not.
+    Versions before `fill_limit_kg` stored the fill at the limit as `fill_kg`. Such a row has a
+    `fill_low_kg` and no `fill_limit_kg`; its safe fill is unknown.
+    """
+    import pyarrow.compute as pc
+
+    older = pc.and_(pc.is_null(fill_limit_kg), pc.is_valid(fill_low_kg))
+    return pc.if_else(older, None, fill_kg)
+
+
+NO_WORDS: Mapping[str, Callable[[str], Any]] = MappingProxyType({})
+
+
+def _create_flights(
+    connection: duckdb.DuckDBPyConnection, words: Mapping[str, Callable[[str], Any]]
+) -> None:
+    """Create the view `flights` of `stored_flights`, with safe fills and words.
+
+    duckdb calls these functions only for columns that a query names.
+    """
+    connection.create_function(
+        *("safe_fill", safe_fill, ["DOUBLE"] * len(FILL_COLUMNS), "DOUBLE"),
+        type="arrow",  # pyright: ignore[reportArgumentType]
+        null_handling="special",  # pyright: ignore[reportArgumentType]
+    )
+    made = ["safe_fill(fill_kg, fill_limit_kg, fill_low_kg) as fill_kg"]
+    kinds = {"text": "VARCHAR", "words": "VARCHAR[]"}
+    for column in (c for c in FLIGHTS if c.name in words):
+        function, result = words[column.name], kinds[column.kind]
+        connection.create_function(f"words_of_{column.name}", function, ["VARCHAR"], result)
+        made.append(f"coalesce(words_of_{column.name}(answer), {column.name}) as {column.name}")
+    connection.execute(
+        f"create view flights as select * replace ({', '.join(made)}) from stored_flights"
+    )
+
+
+def query(
+    store: SeasonStore, sql: str, words: Mapping[str, Callable[[str], Any]] = NO_WORDS
+) -> pa.Table:
+    """Return the answer of one SELECT over `flights`, `rows`, `sums` and `rejected`.
+
+    `words` maps columns of `flights` to functions that make them of the column `answer`; where
+    those return None, or there is no `answer`, the stored text is shown. Raises DataError
+    with duckdb's reason where `sql` is no SELECT, and for an answer of more than MOST_ROWS rows.
+    Ctrl-C ends a query that runs too long.
     """
     require("--sql", "duckdb")
     import duckdb
 
     with duckdb.connect() as connection:
         for table in TABLES:
-            held = f"stored_{table}" if table == "flights" else table
-            connection.register(held, store.dataset(table))
-        connection.execute(FLIGHTS)
+            name = f"stored_{table}" if table == "flights" else table
+            connection.register(name, store.dataset(table))
+        _create_flights(connection, words)
         for name, value in CLOSED.items():
             connection.execute(f"SET {name} = {value}")
         try:
             statements = connection.extract_statements(sql)
             if len(statements) != 1 or statements[0].type != duckdb.StatementType.SELECT:
                 raise DataError("--sql takes one SELECT statement, and nothing that writes")
-            answer = _interruptible(connection, sql)
+            answer = _run_interruptibly(connection, sql)
         except duckdb.Error as error:
             raise DataError(f"--sql: {str(error).splitlines()[0]}") from error
     if answer.num_rows > MOST_ROWS:
@@ -163,8 +206,11 @@ def query(store: SeasonStore, sql: str) -> pa.Table:
     return answer
 
 
-def _interruptible(connection: duckdb.DuckDBPyConnection, sql: str) -> pa.Table:
-    """The answer, computed in a thread: duckdb holds the one that would hear of Ctrl-C."""
+def _run_interruptibly(connection: duckdb.DuckDBPyConnection, sql: str) -> pa.Table:
+    """Return the answer of `sql`, at most MOST_ROWS + 1 rows, and let Ctrl-C interrupt it.
+
+    duckdb blocks the thread that runs it, so the main thread, which receives Ctrl-C, only waits.
+    """
     with ThreadPoolExecutor(max_workers=1) as worker:
         answer = worker.submit(lambda: connection.sql(sql).limit(MOST_ROWS + 1).to_arrow_table())
         try:
@@ -177,9 +223,9 @@ def _interruptible(connection: duckdb.DuckDBPyConnection, sql: str) -> pa.Table:
 
 
 STAGED = "_staged"
-#: Files that are being written to a disk; what a killed writer leaves there means nothing.
+#: Folder of files that are being written on a disk; what a killed writer left there is deleted.
 DRAFTS = "_drafts"
-#: How flights are named.
+#: Object that contains the naming of flights: plain, or by pseudonyms of a key.
 NAMES = "_store.json"
 #: Month of a flight whose log has no time.
 NO_MONTH = "unknown"
@@ -188,7 +234,10 @@ Arrays = Mapping[str, np.ndarray]
 
 @dataclass(frozen=True, slots=True)
 class SeasonStore:
-    """A folder, or what any address of fsspec names; `root` is the path in `files`."""
+    """A season's data set in a folder, or in a bucket at an address of fsspec.
+
+    `root` is its path within the file system `files`.
+    """
 
     url: str
     files: AbstractFileSystem
@@ -196,7 +245,10 @@ class SeasonStore:
 
     @classmethod
     def open(cls, url: str) -> Self:
-        """The store at a folder or address. Raises DataError when the address is no such."""
+        """Open the store at a folder or address; neither has to exist.
+
+        Raises DataError for an address that fsspec cannot read, InstallError without the libraries.
+        """
         require("a season's store", "fsspec", "pyarrow", "filelock")
         from fsspec.core import url_to_fs
 
@@ -208,15 +260,16 @@ class SeasonStore:
 
     @property
     def on_disk(self) -> bool:
-        """Whether it is a folder of this machine, or one that is mounted on it."""
+        """Return whether the store is in a folder of this machine, mounted ones included."""
         protocol = self.files.protocol
         return "file" in ((protocol,) if isinstance(protocol, str) else protocol)
 
     def path(self, key: str) -> str:
+        """Return the path of an object in `files`, by its key: the path below `root`."""
         return f"{self.root}/{key}"
 
     def keys(self, folder: str) -> list[str]:
-        """Every object below a folder, in order; nothing where there is none."""
+        """List the keys of all objects below a folder, sorted; empty if the folder is missing."""
         try:
             found = self.files.find(self.path(folder))
         except FileNotFoundError:
@@ -224,7 +277,7 @@ class SeasonStore:
         return sorted(str(path)[len(self.root) + 1 :] for path in found)
 
     def aircraft(self) -> list[str]:
-        """Names of the aircraft that have flights."""
+        """List the names of the aircraft with flights in the store, sorted."""
         try:
             found = self.files.ls(self.path("flights"), detail=False)
         except FileNotFoundError:
@@ -232,25 +285,25 @@ class SeasonStore:
         return sorted(str(p).rstrip("/").rpartition("/aircraft=")[2] for p in found)
 
     def read(self, key: str) -> bytes:
-        """The whole of one object. Raises OSError when it is a folder, a pipe or a device."""
+        """Return the content of one object. Raises OSError for a folder, a pipe or a device."""
         if self.on_disk:
             return regular(Path(self.path(key))).read_bytes()
-        held = self.files.cat_file(self.path(key))
-        return held if isinstance(held, bytes) else held.encode()
+        content = self.files.cat_file(self.path(key))
+        return content if isinstance(content, bytes) else content.encode()
 
-    def names(self) -> str | None:
-        """What the key of this store's pseudonyms is known by; None where flights have names.
+    def naming_key(self) -> str | None:
+        """Return the name of the key by which flights have pseudonyms; None if they have none.
 
-        Raises DataError where the note is damaged.
+        Raises DataError if the object `_store.json` is damaged.
         """
         key = self.path(NAMES)
         if not self.files.exists(key):
             return None
         try:
-            held = json.loads(self.read(NAMES))
+            content = json.loads(self.read(NAMES))
         except (ValueError, RecursionError):
-            held = None
-        names = held.get("names", 0) if isinstance(held, dict) else 0
+            content = None
+        names = content.get("names", 0) if isinstance(content, dict) else 0
         if names is not None and not isinstance(names, str):
             raise DataError(
                 f"{self.url}/{NAMES} is damaged: it does not say how flights are named; bring it "
@@ -259,7 +312,10 @@ class SeasonStore:
         return names
 
     def put(self, key: str, write: Callable[[Path], Any]) -> None:
-        """Let `write` fill a file and put it in place in one step: nobody sees a part of it."""
+        """Call `write` with the path of a draft, then put the draft at `key` in one step.
+
+        Readers see the old object or the new one, never a part. Raises OSError if a bucket refuses.
+        """
         if self.on_disk:
             path = Path(self.path(key))
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -283,27 +339,41 @@ class SeasonStore:
                 raise OSError(errno.EIO, words, f"{self.url}/{key}") from error
 
     def delete(self, key: str) -> None:
+        """Delete an object; do nothing if it is missing."""
         with contextlib.suppress(FileNotFoundError):
             self.files.rm_file(self.path(key))
 
     def table(
         self, name: str, aircraft: str | None = None, *, columns: list[str] | None = None
     ) -> pa.Table:
-        """`flights`, `rows`, `sums` or `rejected`, with the aircraft and month of each row.
+        """Read `flights`, `rows`, `sums` or `rejected`, with the aircraft and month of each row.
 
-        Raises DataError for a store of another version whose columns cannot be read as these.
+        `fill_kg` is the safe fill in every row, as `safe_fill` returns it. Raises DataError for a
+        store of another version whose columns do not fit the schema.
         """
         import pyarrow as pa
 
+        read, masked = columns, name == "flights" and (columns is None or "fill_kg" in columns)
+        if masked and columns is not None:
+            read = list(dict.fromkeys((*columns, *FILL_COLUMNS)))
         try:
-            return self.dataset(name, aircraft).to_table(columns=columns)
+            found = self.dataset(name, aircraft).to_table(columns=read)
+            if not masked:
+                return found
+            place = found.column_names.index("fill_kg")
+            fills = safe_fill(*(found[column] for column in FILL_COLUMNS))
+            found = found.set_column(place, "fill_kg", fills)
+            return found if columns is None else found.select(columns)
         except (pa.ArrowException, TypeError) as error:
             raise DataError(other_layout(f"{self.url}/{name}", error)) from error
         except (OSError, UnicodeDecodeError) as error:  # as pyarrow calls a damaged file, too
             raise DataError(damaged_table(f"{self.url}/{name}", error)) from error
 
     def dataset(self, name: str, aircraft: str | None = None) -> pa_dataset.Dataset:
-        """The same, not read yet."""
+        """Return a table as its files contain it, without reading rows.
+
+        `fill_kg` of rows by older versions is still the fill at the limit.
+        """
         import pyarrow as pa
         import pyarrow.dataset as ds
 
@@ -325,13 +395,13 @@ class SeasonStore:
 
 
 def damaged_table(where: str, error: Exception) -> str:
-    """What to do about a table that cannot be read."""
+    """Return the error message, with its remedy, for a table that cannot be read."""
     why = (str(error).splitlines() or [type(error).__name__])[0]
     return f"{where} cannot be read ({why:.200}); bring it back from a copy, or take its logs anew"
 
 
 def other_layout(where: str, error: Exception) -> str:
-    """What to do about a table that another version wrote."""
+    """Return the error message, with its remedy, for a table with another version's columns."""
     return (
         f"{where} is not in the layout of this version ({str(error).splitlines()[0]}); take its "
         "logs in with thrustmargin ingest --again, into it or another --store"
@@ -339,26 +409,38 @@ def other_layout(where: str, error: Exception) -> str:
 
 
 def read_flights(store: SeasonStore, aircraft: str | None = None) -> pa.Table:
-    """One row a flight, the columns of `schema.FLIGHTS` and aircraft and month, oldest first."""
+    """Read one row per flight, sorted by aircraft and start time; of one aircraft or of all.
+
+    The columns are those of `schema.FLIGHTS`, and `aircraft` and `month`.
+    """
     found = store.table("flights", aircraft)
     return found.sort_by([("aircraft", "ascending"), ("started_unix_s", "ascending")])
 
 
 def read_sums(store: SeasonStore, aircraft: str | None = None) -> Iterator[dict[str, Any]]:
-    """flight, aircraft, started_unix_s, model_digest and `arrays` by name of each flight."""
+    """Yield each flight's row of `sums`, sorted by aircraft and start time.
+
+    A row has the columns of `schema.SUMS`, and `aircraft` and `month`; its `arrays` are a dict of
+    name -> float64 array.
+    """
     found = store.table("sums", aircraft)
     for row in found.sort_by(
         [("aircraft", "ascending"), ("started_unix_s", "ascending")]
     ).to_pylist():
-        yield {**row, "arrays": {a["name"]: _array(a) for a in row["arrays"]}}
+        yield {**row, "arrays": {a["name"]: _decode_array(a) for a in row["arrays"]}}
 
 
-def _array(stored: Mapping[str, Any]) -> np.ndarray:
+def _decode_array(stored: Mapping[str, Any]) -> np.ndarray:
+    """Return the array of one cell of `array_cells`; it is read-only."""
     return np.frombuffer(stored["data"], "<f8").reshape(stored["shape"])
 
 
 def array_cells(arrays: Arrays) -> list[dict[str, Any]]:
-    """Arrays as the store keeps them."""
+    """Return a dict for each array: its `name`, `shape` and `data`.
+
+    `shape` is a list of int, `data` the values as bytes: little-endian float64 in C order. Arrays
+    of other types are converted.
+    """
     return [
         {
             "name": name,

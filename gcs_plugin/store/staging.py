@@ -1,9 +1,10 @@
-"""From one flight to one object, and from many objects to the files of an aircraft's month.
+"""Stage each flight as one object, and merge staged objects into the files of a month.
 
-A flight is staged as one zip of three tables, so that it is there whole or not at all. `merge` puts
-the staged flights of one aircraft and month into that month's files: rows first, flights last, each
-file in one step, then the staged objects go. Whatever dies in between, the next merge does the
-same again and gets the same files, for they depend on the flights alone and not on their order.
+A staged flight is one zip with a table for rows, sums and flights, so that it is stored completely
+or not at all. `merge` adds the staged flights of one aircraft and month to the files of that month:
+rows first, flights last, each file in one step. Then it deletes the staged objects. After an
+interruption the next merge writes the same files again, because their content depends on the
+flights alone and not on the order of merging.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 FLIGHTS, SUMS = "flights.parquet", "sums.parquet"
-#: What zipfile and readers of text raise over what is damaged, beside errors of pyarrow.
+#: Errors that zipfile and text decoders raise for damaged data, beside those of pyarrow.
 DAMAGED = (
     *(zipfile.BadZipFile, zlib.error, struct.error, EOFError, UnicodeDecodeError),
     *(NotImplementedError, RuntimeError),
@@ -47,27 +48,33 @@ _MEMBER = re.compile(r"(flights|sums|rows-[0-9a-z])\.parquet")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SeasonFlight:
-    """What the store keeps of one flight; a value that is unknown is None or NaN."""
+    """The data of one flight to be stored; an unknown value is None or NaN."""
 
     aircraft: str
     summary: dict[str, Any]  # the columns of schema.FLIGHTS
-    rows: Columns  # those of `row_columns` that it has but `flight`
-    sums: dict[str, Any] | None  # those of schema.SUMS
+    rows: Columns  # columns of `schema.row_columns`, without `flight`; missing ones become null
+    sums: dict[str, Any] | None  # the columns of schema.SUMS; None without evidence
 
     @property
     def month(self) -> str:
-        started = _started(self.summary)
+        """Return the month of the start, UTC, such as 2026-05; NO_MONTH if unknown."""
+        started = _start_time(self.summary)
         return NO_MONTH if started is None else f"{started:%Y-%m}"
 
     @property
     def rows_file(self) -> str:
-        """One file a third of a month: large enough to read fast, small enough to write anew."""
-        started = _started(self.summary)
+        """Return the name of the file for the flight's rows, each for a third of a month.
+
+        That is large enough to be read fast and small enough to be rewritten. Undated flights are
+        divided by the first digit of their name.
+        """
+        started = _start_time(self.summary)
         part = self.summary["flight"][0] if started is None else min((started.day - 1) // 10, 2) + 1
         return f"rows-{part}.parquet"
 
 
-def _started(summary: dict[str, Any]) -> datetime | None:
+def _start_time(summary: dict[str, Any]) -> datetime | None:
+    """Return the start of a flight, UTC; None if it is unknown or no date."""
     try:
         return datetime.fromtimestamp(summary["started_unix_s"], tz=UTC)
     except (TypeError, ValueError, OverflowError, OSError):
@@ -75,16 +82,20 @@ def _started(summary: dict[str, Any]) -> datetime | None:
 
 
 def stage(store: SeasonStore, flight: SeasonFlight) -> None:
-    """Write one flight as one object, to be merged."""
+    """Write one flight as one staged object, for `merge`."""
     import pyarrow as pa
 
     name = flight.summary["flight"]
     tables = {
         flight.rows_file: _rows_table(name, flight.rows),
-        FLIGHTS: pa.Table.from_pylist([_known(flight.summary)], schema=table_schema("flights")),
+        FLIGHTS: pa.Table.from_pylist(
+            [_nan_as_none(flight.summary)], schema=table_schema("flights")
+        ),
     }
     if flight.sums is not None:
-        tables[SUMS] = pa.Table.from_pylist([_known(flight.sums)], schema=table_schema("sums"))
+        tables[SUMS] = pa.Table.from_pylist(
+            [_nan_as_none(flight.sums)], schema=table_schema("sums")
+        )
 
     def write(draft: Path) -> None:
         with zipfile.ZipFile(draft, "w") as whole:
@@ -95,8 +106,11 @@ def stage(store: SeasonStore, flight: SeasonFlight) -> None:
     store.put(f"{STAGED}/{flight.aircraft}/{flight.month}/{name}.zip", write)
 
 
-def _known(values: dict[str, Any]) -> dict[str, Any]:
-    """NaN is null in the store: a database counts with NaN as if it were a number."""
+def _nan_as_none(values: dict[str, Any]) -> dict[str, Any]:
+    """Return values with None for NaN and infinity, in lists too.
+
+    Databases treat NaN as a number, for example in a mean.
+    """
 
     def known(value: Any) -> Any:
         if isinstance(value, list):
@@ -107,6 +121,7 @@ def _known(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def _rows_table(flight: str, rows: Columns) -> pa.Table:
+    """Return the rows of one flight as a table with all columns of the schema; null if missing."""
     import pyarrow as pa
 
     size = rows["time_s"].size
@@ -125,7 +140,7 @@ def _rows_table(flight: str, rows: Columns) -> pa.Table:
 
 
 def staged_partitions(store: SeasonStore) -> dict[tuple[str, str], list[str]]:
-    """(aircraft, month) -> keys of the flights that wait to be merged."""
+    """Return the keys of all staged flights, by (aircraft, month)."""
     found: dict[tuple[str, str], list[str]] = {}
     for key in store.keys(STAGED):
         if key.endswith(".zip"):
@@ -135,9 +150,10 @@ def staged_partitions(store: SeasonStore) -> dict[tuple[str, str], list[str]]:
 
 
 def drop_replaced(store: SeasonStore, waiting: dict[tuple[str, str], list[str]]) -> None:
-    """Take out of the tables what staged flights replace and `merge` does not write over: that of
-    another aircraft or time, sums that they have no longer, or another sortie of a log that is
-    divided otherwise now. The flights wait staged meanwhile.
+    """Delete stored data that staged flights replace and that `merge` would not overwrite.
+
+    That is a flight stored under another aircraft or month, sums of a flight that has none now, and
+    sorties of a log that is divided into other sorties now. `waiting` is `staged_partitions`.
     """
     new = {Path(key).stem: key for keys in waiting.values() for key in keys}
     stored = store.table("flights", columns=["flight", "aircraft", "month"]).to_pylist()
@@ -145,21 +161,21 @@ def drop_replaced(store: SeasonStore, waiting: dict[tuple[str, str], list[str]])
         own, key = (row["aircraft"], row["month"]), new.get(row["flight"])
         kept: list[str] = []
         if key is not None:
-            with _staged(store, key) as whole:
+            with _open_staged(store, key) as whole:
                 kept = whole.namelist() if key in waiting.get(own, ()) else []
         elif row["flight"].partition("-")[0] not in new:
             continue
         for table in ("flights", "sums", "rows"):
             for target in store.keys(f"{table}/aircraft={own[0]}/month={own[1]}"):
                 if target.rpartition("/")[2] not in kept:
-                    _drop(store, target, row["flight"])
+                    _drop_flight(store, target, row["flight"])
 
 
-def _drop(store: SeasonStore, target: str, flight: str) -> None:
-    """Write a file of a month anew without one flight; away with one that would be empty."""
+def _drop_flight(store: SeasonStore, target: str, flight: str) -> None:
+    """Rewrite a file of a month without one flight; delete the file if nothing remains."""
     import pyarrow.compute as pc
 
-    with _present(store, target) as file:
+    with _open_table(store, target) as file:
         groups = [file.read_row_group(k) for k in range(file.num_row_groups)]
     left = [group.filter(pc.field("flight") != flight) for group in groups]
     left = [group for group in left if group.num_rows]
@@ -178,18 +194,18 @@ def _drop(store: SeasonStore, target: str, flight: str) -> None:
 
 
 def merge(store: SeasonStore, aircraft: str, month: str, keys: list[str]) -> int:
-    """Put the staged flights `keys` of one aircraft and month in place; returns how many."""
+    """Merge the staged flights `keys` of one aircraft and month; return their number."""
     members: dict[str, list[str]] = {}
     for key in keys:
-        with _staged(store, key) as whole:
+        with _open_staged(store, key) as whole:
             for member in whole.namelist():
                 members.setdefault(member, []).append(key)
-    # A flight counts when it is among the flights: its rows and sums must stand before.
+    # A flight counts as stored when it is in `flights`: its rows and sums must be there before.
     for member in sorted(members, key=lambda m: (m == FLIGHTS, m)):
         table = member.removesuffix(".parquet").partition("-")[0]
         target = f"{table}/aircraft={aircraft}/month={month}/{member}"
         one_by_one = table == "rows"
-        write = _rows_merged if one_by_one else _table_merged
+        write = _merge_rows if one_by_one else _merge_table
         store.put(
             target, lambda draft, w=write, t=target, m=member: w(store, draft, t, m, members[m])
         )
@@ -199,11 +215,11 @@ def merge(store: SeasonStore, aircraft: str, month: str, keys: list[str]) -> int
 
 
 @contextmanager
-def _readable(store: SeasonStore, key: str) -> Iterator[None]:
-    """Raise DataError that names the object where what was written in it cannot be read.
+def _damage_as_data_error(store: SeasonStore, key: str) -> Iterator[None]:
+    """Raise DataError with the object's path for errors of damaged data within the context.
 
-    pyarrow calls a damaged file an OSError without a number; those of disks and networks have one.
-    A damaged archive may ask for bytes before its start, which is EINVAL, or a method that is none.
+    pyarrow raises OSError without an errno for a damaged file; errors of disks and networks have
+    one. A damaged archive may seek before its start (EINVAL) or name an unknown compression.
     """
     import pyarrow as pa
 
@@ -218,55 +234,64 @@ def _readable(store: SeasonStore, key: str) -> Iterator[None]:
 
 
 @contextmanager
-def _staged(store: SeasonStore, key: str) -> Iterator[zipfile.ZipFile]:
+def _open_staged(store: SeasonStore, key: str) -> Iterator[zipfile.ZipFile]:
+    """Yield the archive of a staged flight. Raises DataError if it is damaged."""
     opened: Any = store.files.open(store.path(key), "rb")
-    with opened as file, _readable(store, key), zipfile.ZipFile(file) as whole:
+    with opened as file, _damage_as_data_error(store, key), zipfile.ZipFile(file) as whole:
         for member in whole.namelist():
-            if not _MEMBER.fullmatch(member):  # its name becomes that of a file
+            if not _MEMBER.fullmatch(member):  # a member's name becomes the name of a file
                 raise zipfile.BadZipFile(f"it holds {member!r:.40}")
         yield whole
 
 
 def _staged_table(store: SeasonStore, key: str, member: str) -> pa.Table:
+    """Read one table of a staged flight."""
     import pyarrow.parquet as pq
 
-    with _staged(store, key) as whole:
+    with _open_staged(store, key) as whole:
         return pq.read_table(io.BytesIO(whole.read(member)))
 
 
 @contextmanager
-def _present(store: SeasonStore, key: str) -> Iterator[Any]:
-    """The Parquet file at a key; None where there is none."""
+def _open_table(store: SeasonStore, key: str) -> Iterator[Any]:
+    """Yield the Parquet file at a key; None if it is missing. Raises DataError if it is damaged."""
     import pyarrow.parquet as pq
 
     if not store.files.exists(store.path(key)):
         yield None
         return
-    with store.files.open(store.path(key), "rb") as file, _readable(store, key):
+    with store.files.open(store.path(key), "rb") as file, _damage_as_data_error(store, key):
         yield pq.ParquetFile(file)
 
 
-def _table_merged(
+def _merge_table(
     store: SeasonStore, draft: Path, target: str, member: str, keys: list[str]
 ) -> None:
-    """All flights in one row group, by time."""
+    """Write to `draft` the table at `target` with the staged flights `keys`, replacing old ones.
+
+    `target` and `keys` are keys of objects in the store, `member` is the table's name within the
+    staged archives. The file has one row group, sorted by start time.
+    """
     import pyarrow as pa
 
     new = pa.concat_tables(_staged_table(store, key, member) for key in keys)
-    with _present(store, target) as file:
+    with _open_table(store, target) as file:
         old = new.slice(0, 0) if file is None else file.read()
     newer = set(new["flight"].to_pylist())
     kept = old.filter(
         pa.array([name not in newer for name in old["flight"].to_pylist()], pa.bool_())
     )
-    whole = pa.concat_tables([_as_now(kept, new, store.path(target)), new])
+    whole = pa.concat_tables([_cast_to_schema(kept, new, store.path(target)), new])
     whole = whole.sort_by([("started_unix_s", "ascending"), ("flight", "ascending")])
     with draft.open("wb") as out, _writer(out, whole) as writer:
         writer.write_table(whole.combine_chunks(), row_group_size=max(whole.num_rows, 1))
 
 
-def _as_now(old: pa.Table, new: pa.Table, where: str) -> pa.Table:
-    """In the columns of `new`: one that an older version did not write is null."""
+def _cast_to_schema(old: pa.Table, new: pa.Table, where: str) -> pa.Table:
+    """Return `old` in the columns and types of `new`, null where an older version had no column.
+
+    Raises DataError if the types do not fit.
+    """
     import pyarrow as pa
 
     if not old.num_rows or old.schema.equals(new.schema):
@@ -278,12 +303,14 @@ def _as_now(old: pa.Table, new: pa.Table, where: str) -> pa.Table:
         raise DataError(other_layout(where, error)) from error
 
 
-def _rows_merged(
-    store: SeasonStore, draft: Path, target: str, member: str, keys: list[str]
-) -> None:
-    """A row group a flight, by the flights' names, one flight in memory at a time."""
+def _merge_rows(store: SeasonStore, draft: Path, target: str, member: str, keys: list[str]) -> None:
+    """Write to `draft` the rows at `target` with the staged flights `keys`, replacing old ones.
+
+    The arguments are those of `_merge_table`. The file has one row group per flight, sorted by
+    name; one flight is in memory at a time.
+    """
     new = {Path(key).stem: key for key in keys}
-    with _present(store, target) as file:
+    with _open_table(store, target) as file:
         old: dict[str, int] = {}
         described: Any = None if file is None else file.metadata
         for group in range(0 if file is None else described.num_row_groups):
@@ -300,12 +327,17 @@ def _rows_merged(
                         rows = _staged_table(store, new[name], member)
                     else:
                         assert file is not None
-                        rows = _as_now(file.read_row_group(old[name]), first, store.path(target))
+                        rows = _cast_to_schema(
+                            file.read_row_group(old[name]), first, store.path(target)
+                        )
                     writer.write_table(rows, row_group_size=max(rows.num_rows, 1))
 
 
 def _writer(out: Any, table: pa.Table) -> Any:
-    """Compressed as suits measurements: bytes of one weight side by side, few values repeat."""
+    """Return a Parquet writer for `out` with the compression that suits measurements.
+
+    Byte-stream split puts bytes of equal significance side by side; few values repeat exactly.
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
 

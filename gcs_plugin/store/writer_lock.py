@@ -1,9 +1,10 @@
-"""One writer a store: the second is refused with who writes.
+"""Let one process at a time write a store, and refuse a second one with the name of the first.
 
-On a disk the system holds the lock and frees it when the process ends, however it ends. In a bucket
-it is an object that its holder renews; one that was not renewed for `STALE_S` is taken over, and a
-holder that finds another's name in it stops before it writes again. Both times are the bucket's
-own, so that no computer's clock, set wrong or set meanwhile, frees a lock or keeps it.
+On a disk the operating system holds the lock and frees it when the process ends in any way. In a
+bucket the lock is an object that its holder renews every RENEW_S. Another process takes over a lock
+that was not renewed for STALE_S, and the former holder stops before it writes again. Both times
+are by the bucket's clock, so that a wrong or changed clock of a computer neither frees nor keeps a
+lock.
 """
 
 from __future__ import annotations
@@ -29,15 +30,16 @@ STALE_S, RENEW_S = 120.0, 20.0
 
 @contextmanager
 def writer_lock(store: SeasonStore) -> Iterator[Callable[[], None]]:
-    """Hold the store; yields what raises DataError when it is held no longer.
+    """Lock the store for this process; yield a function that raises DataError if the lock is lost.
 
-    Raises DataError when another holds it.
+    Raises DataError if another process holds the lock.
     """
-    with (_disk_lock if store.on_disk else _lease)(store) as still_held:
-        yield still_held
+    with (_disk_lock if store.on_disk else _bucket_lease)(store) as check_lock:
+        yield check_lock
 
 
-def _refused(store: SeasonStore, holder: str) -> DataError:
+def _refusal(store: SeasonStore, holder: str) -> DataError:
+    """Return the error for a store that `holder` is writing."""
     return DataError(
         f"{store.url} is being written by another ingest ({holder}); wait until it has finished"
     )
@@ -45,6 +47,7 @@ def _refused(store: SeasonStore, holder: str) -> DataError:
 
 @contextmanager
 def _disk_lock(store: SeasonStore) -> Iterator[Callable[[], None]]:
+    """Lock a store on a disk; a file beside the lock has the holder's name."""
     from filelock import FileLock, Timeout
 
     path = Path(store.path(LOCK))
@@ -55,27 +58,29 @@ def _disk_lock(store: SeasonStore) -> Iterator[Callable[[], None]]:
         lock.acquire()
     except Timeout as error:
         with contextlib.suppress(OSError):
-            raise _refused(store, note.read_text(encoding="utf-8")) from error
-        raise _refused(store, "not known who") from error
+            raise _refusal(store, note.read_text(encoding="utf-8")) from error
+        raise _refusal(store, "not known who") from error
     try:
-        note.write_text(_me())
+        note.write_text(_process_name())
         yield lambda: None
     finally:
         note.unlink(missing_ok=True)
         lock.release()
 
 
-def _me() -> str:
+def _process_name() -> str:
+    """Return this process for people: its id and computer."""
     return f"process {os.getpid()} on {socket.gethostname()}"
 
 
 @contextmanager
-def _lease(store: SeasonStore) -> Iterator[Callable[[], None]]:
+def _bucket_lease(store: SeasonStore) -> Iterator[Callable[[], None]]:
+    """Lock a store in a bucket by an object that a thread renews."""
     own = uuid.uuid4().hex
     path, lost, done = store.path(LOCK), threading.Event(), threading.Event()
 
     def note() -> bytes:
-        return json.dumps({"owner": own, "who": _me()}).encode()
+        return json.dumps({"owner": own, "who": _process_name()}).encode()
 
     def take() -> None:
         store.files.pipe_file(path, note(), mode="create")
@@ -83,14 +88,14 @@ def _lease(store: SeasonStore) -> Iterator[Callable[[], None]]:
     try:
         take()
     except FileExistsError:
-        held = _held(store)
-        if held is not None and _since_renewed(store, own) < STALE_S:
-            raise _refused(store, str(held.get("who", "another writer"))) from None
+        content = _read_lock(store)
+        if content is not None and _lock_age_s(store, own) < STALE_S:
+            raise _refusal(store, str(content.get("who", "another writer"))) from None
         store.delete(LOCK)
         try:
             take()
         except FileExistsError:
-            raise _refused(store, "who was faster") from None
+            raise _refusal(store, "who was faster") from None
 
     def renew() -> None:
         while not done.wait(RENEW_S):
@@ -99,19 +104,19 @@ def _lease(store: SeasonStore) -> Iterator[Callable[[], None]]:
                     store.files.pipe_file(path, note())
 
     def mine() -> bool:
-        held = _held(store)
-        if held is None or held.get("owner") != own:
+        content = _read_lock(store)
+        if content is None or content.get("owner") != own:
             lost.set()
         return not lost.is_set()
 
-    def still_held() -> None:
+    def check_lock() -> None:
         if not mine():
             raise DataError(f"{store.url} was taken over by another ingest; run this one again")
 
     thread = threading.Thread(target=renew, name="store lease", daemon=True)
     thread.start()
     try:
-        yield still_held
+        yield check_lock
     finally:
         done.set()
         thread.join()
@@ -119,8 +124,8 @@ def _lease(store: SeasonStore) -> Iterator[Callable[[], None]]:
             store.delete(LOCK)
 
 
-def _since_renewed(store: SeasonStore, own: str) -> float:
-    """s by the bucket's clock since the lock was written; infinite where it is gone."""
+def _lock_age_s(store: SeasonStore, own: str) -> float:
+    """Return the age of the lock, s by the bucket's clock; infinite if the lock is gone."""
     now = store.path(f"{LOCK}.{own}")
     store.files.pipe_file(now, b"")
     try:
@@ -133,9 +138,10 @@ def _since_renewed(store: SeasonStore, own: str) -> float:
         store.files.rm_file(now)
 
 
-def _held(store: SeasonStore) -> dict[str, Any] | None:
+def _read_lock(store: SeasonStore) -> dict[str, Any] | None:
+    """Return the lock's content, `owner` and `who`; None if it is missing or damaged."""
     try:
-        held = json.loads(store.files.cat_file(store.path(LOCK)))
+        content = json.loads(store.files.cat_file(store.path(LOCK)))
     except (FileNotFoundError, ValueError, RecursionError):
         return None
-    return held if isinstance(held, dict) else None
+    return content if isinstance(content, dict) else None

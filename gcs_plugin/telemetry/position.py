@@ -36,6 +36,8 @@ IDLE_SHARE = 0.5
 #: Output, or share of the thrust in cruise, at or below which motors idle: autopilots spin armed
 #: motors at up to a tenth, and the least output in hover that they accept is an eighth.
 IDLE_OUTPUT = 0.1
+#: Share of gravity in the specific force, and m/s of climb, of an aircraft that rests on its legs.
+AT_REST, STEADY = 0.9, 1.0
 #: s at idle after which an aircraft stands
 IDLE_S = 3.0
 #: s between two reports of the landed state
@@ -117,7 +119,9 @@ def _airborne(
         return _grounded(clock_s, FlyingBy.IDLE_OUTPUTS)
     turning = on & (squares > 0.0)
     if turning.any():  # whatever the landed state says: with a tenth of its thrust it falls
-        idle |= turning & (squares <= IDLE_OUTPUT * np.percentile(squares[turning], 75))
+        cruise = np.percentile(squares[turning], 75)
+        idle |= turning & (squares <= IDLE_OUTPUT * cruise)
+        idle |= turning & (squares <= IDLE_SHARE * cruise) & _borne(channels, squares.size)
     on = on & ~_idle_throughout(on & ~idle, clock_s)
     landed = best(signals, "landed")
     if landed is not None:
@@ -174,6 +178,19 @@ def _airborne(
 
 def _grounded(clock_s: Floats, by: FlyingBy) -> Airborne:
     return Airborne(np.zeros(clock_s.size, dtype=np.bool_), by, GROUNDED_BY[by])
+
+
+def _borne(channels: Mapping[str, Floats], rows: int) -> Bools:
+    """Flag rows (T,) in which the specific force is that of gravity and the aircraft neither climbs
+    nor sinks.
+
+    With half of the thrust in cruise the legs then bear the rest: in the air it would fall, or sink
+    so fast that drag bears it.
+    """
+    nothing = np.full((rows, 3), NAN)
+    force = np.linalg.norm(channels.get("specific_force_frd", nothing), axis=1)
+    climb = channels.get("velocity_ned", nothing)[:, 2]
+    return (force > AT_REST * G0) & (np.abs(climb) < STEADY)
 
 
 def _motors_on(signals: Signals, clock_s: Floats) -> Bools:

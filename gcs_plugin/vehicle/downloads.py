@@ -213,10 +213,11 @@ class VehicleLogs:
 
 
 def choose_log(entries: tuple[LogEntry, ...], number: int | None, name: str) -> LogEntry:
-    """Return log `number` of `entries`, or the latest that is not empty; `name` is the link's, for
-    errors.
+    """Return the entry of log `number`; without a number, that of the newest log that is not empty.
 
-    Raise LinkError if none fits.
+    The newest has the latest date, then the highest number; undated logs count as oldest. `name` is
+    the name of the link, for error messages. Raise LinkError if there are no logs, `number` does
+    not exist or is empty, or all logs are empty.
     """
     if not entries:
         raise LinkError(f"{name}: the vehicle holds no logs; check its SD card and log settings")

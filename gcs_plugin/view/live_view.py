@@ -391,7 +391,7 @@ class LiveView(ViewPage, Output):
             one.sprayed.add(enu(position_ned + offset_ned), spraying, offset[2] + ground)
         if one.sprayed.changed:
             one.sprayed.changed = False
-            self._scene.surroundings.sprayed(key, one.sprayed.points)
+            self._scene.surroundings.draw_sprayed(key, one.sprayed.points)
         if fresh:
             self._colour_trail(one)
         if track.origin is None:

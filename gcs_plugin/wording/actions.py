@@ -1,23 +1,24 @@
-"""What people are asked to do: every action once, with when it is safe.
+"""Define every action that people are asked for, with the conditions in which it is safe.
 
-Sentences take an action's `text`, so that none asks for hands on an aircraft that could turn a
-rotor. A propeller fits one direction of rotation: put on a motor of the other it pushes nothing, or
-the wrong way. So none is ever moved across; a new one of the same kind takes its place.
+Sentences use `Action.text`, so that nobody is asked to touch a rotor that could turn. Propellers
+fit one direction of rotation: on a motor of the other one they give no thrust or reverse thrust. So
+they are never swapped between directions; a new one of the same kind is fitted.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from enum import Enum
+from enum import Enum, StrEnum
 from functools import partial
 
 from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.models.model.fault_test import LEAST
 from thrustmargin.models.model.inferred.load_inference import THEN_CHECK
 
 
 class When(Enum):
-    """When an action is safe."""
+    """The condition in which an action is safe."""
 
     BATTERY_OFF = "on the ground, disarmed, battery off: hands come near a rotor"
     DISARMED = "on the ground, disarmed: an instrument needs its power, no rotor is touched"
@@ -26,7 +27,7 @@ class When(Enum):
     DESK = "at any time: in settings, files and orders"
 
 
-#: What comes before an action, so that it is not done at another time.
+#: Condition in front of an action, so that it is done only when safe.
 LEADS: Mapping[When, str] = {
     When.BATTERY_OFF: "with the battery off, ",
     When.DISARMED: "disarmed on the ground, ",
@@ -35,7 +36,7 @@ LEADS: Mapping[When, str] = {
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """One thing that a person is asked to do, without a full stop."""
+    """One action for a person, as words without a full stop, and when it is safe."""
 
     part: str
     words: str
@@ -43,7 +44,8 @@ class Action:
 
     @property
     def text(self) -> str:
-        """The words, after when they are safe where that is not any time."""
+        """Return the words in the chosen language, after the condition that makes the action
+        safe."""
         return say(LEADS.get(self.when, "")) + say(self.words)
 
 
@@ -59,7 +61,7 @@ SAME_KIND = hands_on(
     "propeller",
     "compare the size and pitch of its propeller with the others', and fit one of the same kind",
 )
-#: Both go on after INSPECT, which states when.
+#: Both follow INSPECT, which states the condition.
 THEN_MOTOR = at_desk(
     "motor", "then look at its motor and ESC, which outputs cannot distinguish from it"
 )
@@ -128,6 +130,10 @@ GROUND_BATTERY = next_flight(
     "less",
 )
 FILL_LESS = next_flight("load", "fill less: thrustmargin fill says how much")
+PROVE_REPAIR = next_flight(
+    "rotor",
+    "fly one tank gently and report that flight: the loss must be gone",
+)
 FLY_GENTLY = next_flight("vehicle", "fly turns and climbs more gently")
 SAME_PLACE = hands_on(
     "load", "put load and battery in the same place each flight, or leave out odd flights"
@@ -140,8 +146,47 @@ STATE_LOAD = disarmed(
 )
 
 
+class Phase(StrEnum):
+    """The time at which a finding is read."""
+
+    IN_FLIGHT = "in flight"
+    LANDED = "landed"  # the aircraft that was heard stands on the ground
+    RECORDED = "recorded"  # a log, a replay, a season: some time after the flight
+
+
+class Urgency(StrEnum):
+    """How soon a finding asks for something; each has one colour on every page."""
+
+    STOP = "stop"  # red: nobody flies before
+    BEFORE_NEXT = "before the next day of work"  # amber
+    NOTHING = "nothing"  # green
+
+
+@dataclass(frozen=True, slots=True)
+class RotorAnswer:
+    """What a bad rotor asks for in one phase, how soon, and how the repair is proved."""
+
+    urgency: Urgency
+    action: Action
+    proof: Action
+
+
+def bad_rotor(rotors: Sequence[int], loss_low: float, phase: Phase) -> RotorAnswer:
+    """Return the answer to rotors, from 1, that lose thrust or speed.
+
+    `loss_low` is the low end of the interval of the loss, as a share of thrust. From the least loss
+    that an alarm reports nobody flies with it; a smaller one is looked at before the next day of
+    work. In flight every alarm asks to land.
+    """
+    if phase is Phase.IN_FLIGHT:
+        return RotorAnswer(Urgency.STOP, LAND, PROVE_REPAIR)
+    if loss_low >= LEAST:
+        return RotorAnswer(Urgency.STOP, not_before_looked_at(rotors), PROVE_REPAIR)
+    return RotorAnswer(Urgency.BEFORE_NEXT, INSPECT, PROVE_REPAIR)
+
+
 def change_propeller(rotor: int) -> Action:
-    """Of a rotor, from 1, that a season shows as worn."""
+    """Return the action for the propeller of `rotor` (1-based), which a season shows as worn."""
     return hands_on(
         "propeller",
         say(
@@ -153,12 +198,15 @@ def change_propeller(rotor: int) -> Action:
 
 
 def inspect_rotors(rotors: Sequence[int]) -> Action:
-    """Of rotors, from 1, that may be bad: before anybody flies to find out."""
-    return hands_on("rotor", f"inspect propeller and motor of {rotors_words(rotors)}")
+    """Return the action for `rotors` (1-based) that may be bad, before a flight that would show
+    it."""
+    return hands_on(
+        "rotor", say("inspect propeller and motor of {rotors}", rotors=rotors_words(rotors))
+    )
 
 
 def not_before_looked_at(rotors: Sequence[int]) -> Action:
-    """Of rotors, from 1, for which an alarm was raised in the flight."""
+    """Return the action for `rotors` (1-based) that had an alarm in the flight."""
     return next_flight(
         "rotor",
         say(
@@ -169,14 +217,14 @@ def not_before_looked_at(rotors: Sequence[int]) -> Action:
 
 
 def check_esc(rotor: int) -> Action:
-    """Of a rotor, from 1, whose ESC reads another speed than it has."""
+    """Return the action for the ESC of `rotor` (1-based) that reports a wrong speed."""
     return at_desk(
         "ESC", say("check pole count and telemetry of the ESC of rotor {rotor}", rotor=rotor)
     )
 
 
 def rotors_words(rotors: Sequence[int]) -> str:
-    """`rotor 3`, `rotors 1 and 3`."""
+    """Return rotor numbers as `rotor 3` or `rotors 1 and 3`."""
     *others, last = map(str, rotors)
     numbers = f"{', '.join(others)} {say('and')} {last}" if others else last
     return say("rotors {numbers}" if len(rotors) > 1 else "rotor {numbers}", numbers=numbers)

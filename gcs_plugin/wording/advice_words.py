@@ -1,9 +1,10 @@
-"""The answer of a flight in words: its first line, why, what to do, and the facts beside it."""
+"""Write the answer of a flight in words: first line, reason, action, and further facts."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from enum import StrEnum
 
 import numpy as np
 
@@ -18,12 +19,12 @@ from thrustmargin.gcs_plugin.wording.language import (
     say,
 )
 from thrustmargin.models.model.advice import Advice, FlightLevel
-from thrustmargin.models.model.fault_test import MOST, RotorFault
+from thrustmargin.models.model.fault_test import LEAST, MOST, RotorFault
 from thrustmargin.models.model.model_misfit import Caveat
 from thrustmargin.models.model.output_faults import MisreadSpeed
 from thrustmargin.models.model.rotor_faults import FaultEpisode
 
-#: What a level is called where several flights are counted; {limit} is like "50 %".
+#: Level -> its name when flights are counted; {limit} is like "50 %".
 SEVERAL: Mapping[FlightLevel, str] = {
     FlightLevel.DAMAGED: "WITH A BAD ROTOR OR MOTOR",
     FlightLevel.LOST: "LOST CONTROL",
@@ -61,7 +62,8 @@ _PEAKS = "readings come every {seconds} s: peaks between them are not seen"
 
 
 def headline(advice: Advice) -> str:
-    """The answer in capitals, to be read first."""
+    """Return the first line in capitals: the gravest level, a wrong motor order, and parts that the
+    log lacks."""
     first = [level for level in (FlightLevel.DAMAGED, FlightLevel.LOST) if level in advice.levels]
     which = [FlightLevel.ORDER] if FlightLevel.ORDER in advice.levels[1:] else []
     words = "; ".join(_first_line(advice, one) for one in (*(first or advice.levels[:1]), *which))
@@ -73,6 +75,7 @@ def headline(advice: Advice) -> str:
 
 
 def _first_line(advice: Advice, level: FlightLevel) -> str:
+    """Return the words of one level in capitals."""
     use, limit = advice.use, percent(advice.limit)
     if level is FlightLevel.DAMAGED:
         return damage_words(advice)
@@ -120,13 +123,13 @@ def _first_line(advice: Advice, level: FlightLevel) -> str:
         return say("NO VERDICT")
     words = say(SEVERAL[level], limit=limit) + _known_in_part(advice)
     if advice.ends_in_flight and level is FlightLevel.UNDER:
-        # What was not seen may have been above it.
+        # Parts without data may have been above the limit.
         return say("{words} UP TO {clock}", words=words, clock=clock(advice.unseen_from_s))
     return words
 
 
 def _known_in_part(advice: Advice) -> str:
-    """Behind what is good or near: for how much of the flight what it rests on is known."""
+    """Return the time for which load and thrust are known; empty if nearly always."""
     if not math.isfinite(advice.lost.least):
         return "" if advice.faults else say(" (LOAD NOT KNOWN)")
     known_s, whole_s = min(advice.use.known_s, advice.lost.known_s), advice.airborne_s
@@ -137,12 +140,13 @@ def _known_in_part(advice: Advice) -> str:
 
 
 def damage_words(advice: Advice) -> str:
-    """The bad rotors and motors in capitals, each with its amount."""
+    """Return the bad rotors and motors in capitals, with the amount of each."""
     lines = dict.fromkeys(_fault_line(advice, episode.fault) for episode in advice.faults)
     return f" {say('AND')} ".join(lines)
 
 
 def _fault_line(advice: Advice, fault: RotorFault) -> str:
+    """Return one bad rotor or motor in capitals, with its amount."""
     part, does = {
         "propeller": ("ROTOR", "LESS THRUST"),
         "motor": ("MOTOR", "SLOW FOR ITS OUTPUT"),
@@ -160,13 +164,14 @@ def _fault_line(advice: Advice, fault: RotorFault) -> str:
     words = f"{part} {fault.rotor + 1}{place}: {amount}{say(does)}"
     if fault.witnessed or fault.upper >= MOST:
         return words
-    # Thrust goes with the square of speed: so much too high an ESC would have to read.
+    # Thrust follows the square of speed: the error of the ESC that would explain the loss.
     high = percent((1.0 - fault.size) ** -0.5 - 1.0)
     return say("{words}, OR ITS ESC READS {share} HIGH", words=words, share=high)
 
 
 def several_headline(levels: Sequence[FlightLevel], limit: float) -> tuple[FlightLevel, str]:
-    """The gravest level of several flights, and how many have it, in capitals."""
+    """Return the gravest level of several flights, and the capitals that count the flights with
+    it."""
     level = min(levels, key=lambda one: one.gravity)
     count = levels.count(level)
     words = (
@@ -179,8 +184,8 @@ def several_headline(levels: Sequence[FlightLevel], limit: float) -> tuple[Fligh
 
 
 def suspects(advice: Advice) -> tuple[int, ...]:
-    """Rotors, from 1, that were found bad, or of one of which it was; all of them where it is not
-    known which is which."""
+    """Return the rotors (1-based) found or possibly bad; all of them if the motor order is
+    unknown."""
     faults = [episode.fault for episode in advice.faults]
     if faults and not advice.rotor_names:
         return tuple(range(1, advice.rotor_count + 1))
@@ -188,8 +193,8 @@ def suspects(advice: Advice) -> tuple[int, ...]:
 
 
 def no_ground(advice: Advice) -> str:
-    """Return why a flight has no verdict, or a bad one that its own evidence speaks against; empty
-    of any other."""
+    """Return why a flight has no verdict, or why its bad one is contradicted; empty for other
+    flights."""
     if Caveat.MODEL in advice.caveats:
         return misfit_words(advice)
     alone = advice.level is FlightLevel.UNKNOWN and advice.predicted_alone
@@ -197,7 +202,7 @@ def no_ground(advice: Advice) -> str:
 
 
 def misfit_words(advice: Advice) -> str:
-    """Return how measured rotor speeds and the model contradict each other, and what to look at."""
+    """Return how measured rotor speeds and model contradict each other, and what to check."""
     found, parts = advice.misfit, []
     if found.interval_fails:
         words = (
@@ -227,62 +232,112 @@ def misfit_words(advice: Advice) -> str:
     return "; ".join(parts)
 
 
+class ActionKind(StrEnum):
+    """The kind of one step of what to do next."""
+
+    LAND = "land"
+    GROUND = "do_not_fly"
+    LOOK_AT_ROTORS = "look_at_rotors"
+    CHECK_ESC = "check_ESC"
+    TEST_BATTERY = "test_battery"
+    FIND_MOTORS = "find_motors"
+    CHECK_LOAD = "check_load"
+    NO_FILL = "fill_not_known"
+    DO_NOT_FILL = "do_not_fill"
+    FILL = "fill_at_most"
+    FLY_GENTLY = "fly_gently"
+    CARRY_LESS = "carry_less"
+    NOTHING = "nothing"
+    RECORD_WHOLE = "record_whole_flight"
+    SEE_END = "see_how_it_ended"
+    CHECK_WIND = "check_airspeed_sensor"
+
+
 def action(advice: Advice) -> str:
-    """What to do next, the gravest part first, for this air and this battery; empty where nothing
-    is known."""
-    first = []
+    """Return what to do next, the gravest first, for this flight's air and battery; empty if
+    nothing is known."""
+    return "; ".join(words for _, words in action_steps(advice))
+
+
+def action_steps(advice: Advice) -> list[tuple[ActionKind, str]]:
+    """Return each step of what to do next, its kind and its words, the gravest first."""
+    first: list[tuple[ActionKind, str]] = []
     land = advice.in_progress and advice.level in LAND_FIRST
     if land:
-        first.append(actions.LAND.text)
+        first.append((ActionKind.LAND, actions.LAND.text))
     if FlightLevel.LOST in advice.levels:
-        first.append(actions.GROUND_WRECK.text)
+        first.append((ActionKind.GROUND, actions.GROUND_WRECK.text))
     if FlightLevel.DAMAGED in advice.levels:
-        first.append(actions.not_before_looked_at(suspects(advice)).text)
+        first.append((ActionKind.LOOK_AT_ROTORS, _bad_rotors(advice).action.text))
     elif advice.misread is not None:
-        first.append(actions.check_esc(advice.misread.rotor + 1).text)
+        first.append((ActionKind.CHECK_ESC, actions.check_esc(advice.misread.rotor + 1).text))
     elif FlightLevel.NO_THRUST in advice.levels and (rotor := _spent_alone(advice)):
-        first.append(actions.not_before_looked_at((rotor,)).text)
+        look = actions.not_before_looked_at((rotor,)).text
+        first.append((ActionKind.LOOK_AT_ROTORS, look))
     if FlightLevel.BATTERY in advice.levels:
-        first.append(actions.TEST_BATTERY.text)
-    # While it should land, nobody fills.
+        first.append((ActionKind.TEST_BATTERY, actions.TEST_BATTERY.text))
+    # No fill is advised before landing.
     if land or advice.level is FlightLevel.UNKNOWN or FlightLevel.LOST in advice.levels:
-        return "; ".join(first)
+        return first
     if FlightLevel.DAMAGED not in advice.levels and not advice.rotor_names:
-        first.append(actions.WHICH_MOTOR.text)
+        first.append((ActionKind.FIND_MOTORS, actions.WHICH_MOTOR.text))
     within = FlightLevel.UNDER in advice.levels
     load = fill_advice(advice.fill, advice.limit, was_within=within)
     load = load[:1].lower() + load[1:]
     if advice.fill.beyond_gauge_kg > 0.0:
         more = number(advice.fill.beyond_gauge_kg, "kg")
         words = "{action}: thrust shows {more} more than was reported"
-        first.append(say(words, action=actions.CHECK_LOAD.text, more=more))
+        asked = say(words, action=actions.CHECK_LOAD.text, more=more)
+        first.append((ActionKind.CHECK_LOAD, asked))
     if FlightLevel.DAMAGED in advice.levels:
-        return "; ".join([*first, load])
-    # Where no fill can be less, how it is flown is all that is left.
+        return [*first, (_fill_kind(advice), load)]
+    then: list[tuple[ActionKind, str]] = []
+    # If the fill cannot be reduced, only gentle flying helps.
     hard = {FlightLevel.OVER, FlightLevel.NEAR} if advice.fill.nothing_fits is not None else set()
     if not _spent_alone(advice):
         hard.add(FlightLevel.NO_THRUST)
     if not hard.isdisjoint(advice.levels):
-        load = f"{load}; {actions.FLY_GENTLY.text}"
+        then.append((ActionKind.FLY_GENTLY, actions.FLY_GENTLY.text))
     if advice.fill.nothing_fits == "tank" and advice.fill.start_kg > 0.0 and not within:
         carried = number(advice.fill.start_kg, "kg")
-        load = f"{load}; {say('carry less than the {kg} of this flight', kg=carried)}"
+        less = say("carry less than the {kg} of this flight", kg=carried)
+        then.append((ActionKind.CARRY_LESS, less))
     if not first:
+        kind = ActionKind.NOTHING if advice.complete else ActionKind.RECORD_WHOLE
         done = say("nothing" if advice.complete else "record the whole flight next time")
-        done = say("see how the flight ended") if advice.ends_in_flight else done
+        if advice.ends_in_flight:
+            kind, done = ActionKind.SEE_END, say("see how the flight ended")
         if advice.fill.kg <= 0.0 and advice.fill.nothing_fits is None:
-            # It flew below the limit with a load: what says that it could not is asked first.
-            done = actions.CHECK_WIND.text
-        return f"{done}; {load}" if within else load
+            # It did fly below the limit with a load, so the wind that contradicts it is checked.
+            kind, done = ActionKind.CHECK_WIND, actions.CHECK_WIND.text
+        return [*([(kind, done)] if within else []), (_fill_kind(advice), load), *then]
     later = advice.fill.beyond_gauge_kg > 0.0
-    then = say("until then {load}" if later else "for the load: {load}", load=load)
-    return "; ".join([*first, then])
+    load = say("until then {load}" if later else "for the load: {load}", load=load)
+    return [*first, (_fill_kind(advice), load), *then]
+
+
+def _fill_kind(advice: Advice) -> ActionKind:
+    """Return which kind of step `fill_advice` words."""
+    fill = advice.fill
+    if fill.reason == "unsound" or not math.isfinite(fill.kg):
+        return ActionKind.NO_FILL
+    empty = fill.nothing_fits is not None or fill.kg <= 0.0
+    return ActionKind.DO_NOT_FILL if empty else ActionKind.FILL
+
+
+def _bad_rotors(advice: Advice) -> actions.RotorAnswer:
+    """Return what the bad rotors of a flight ask for when it is over."""
+    low = max((episode.fault.lower for episode in advice.faults), default=0.0)
+    return actions.bad_rotor(suspects(advice), max(low, LEAST), actions.Phase.RECORDED)
 
 
 def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
-    """What stands beside the first line: how hard the rotors worked, one rotor lost, how sure."""
+    """Return (label, words) of what stands below the first line: faults, thrust, battery, one rotor
+    lost, fill."""
     use = advice.use
     found = [("alarm", fault_found(advice, episode)) for episode in advice.faults]
+    if advice.faults and not advice.in_progress:
+        found.append(("after the repair", _bad_rotors(advice).proof.text))
     found += [("model", sound_again(fault)) for fault in advice.repaired]
     if advice.misread is not None:
         found.append(("ESC", misread_words(advice.misread)))
@@ -308,7 +363,13 @@ def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
 
 
 def misread_words(misread: MisreadSpeed) -> str:
-    """That an ESC reads another speed than its rotor has, and what was done with it."""
+    """Return the clause that continues "ESC: " about a rotor whose reported speed is off by a
+    factor.
+
+    With `witnessed`, the motor output is normal: the report is wrong, and thrust is computed from
+    the corrected speed. Without motor outputs, the ESC may read low or the propeller be of another
+    kind.
+    """
     if not misread.witnessed:
         return say(
             "that of rotor {rotor} reads {factor} times the speed that its thrust takes: it reads "
@@ -325,6 +386,7 @@ def misread_words(misread: MisreadSpeed) -> str:
 
 
 def _lasting(advice: Advice) -> str:
+    """Return the largest sustained thrust, and how long it was above the limit."""
     use, limit = advice.use, percent(advice.limit)
     worst = percent(use.lasting_most)
     if use.lasting_high - use.lasting_low > 1e-9:
@@ -340,6 +402,7 @@ def _lasting(advice: Advice) -> str:
 
 
 def _passing(advice: Advice) -> str:
+    """Return the peaks of turns and gusts: how high, how often and how long above the limit."""
     use = advice.use
     times = say("once") if use.passing == 1 else say("{count} times", count=use.passing)
     return say(
@@ -352,7 +415,7 @@ def _passing(advice: Advice) -> str:
 
 
 def one_rotor_out(advice: Advice) -> str:
-    """What the loss of a rotor would have meant."""
+    """Return the consequence that losing one rotor would have had."""
     lost = advice.lost
     if not math.isfinite(lost.least) and advice.faults:
         return say(alarm_words.ONE_MORE_LOST)
@@ -381,19 +444,19 @@ def one_rotor_out(advice: Advice) -> str:
 
 
 def _spent_alone(advice: Advice) -> int:
-    """The rotor, from 1, that alone had nothing left; 0 for none, or where it is not known which
-    is which."""
+    """Return the rotor (1-based) that alone had no thrust left; 0 for none or an unknown motor
+    order."""
     alone = advice.use.spent_alone
     return 0 if alone is None or not advice.rotor_names else alone + 1
 
 
 def _load_known_in_part(advice: Advice) -> bool:
-    """Whether what one lost rotor means is known of a part of the flight alone."""
+    """Return whether the load is known for less than about 95 % of the flight."""
     return advice.lost.known_s < 0.95 * advice.airborne_s - 1.0
 
 
 def sound_again(fault: RotorFault) -> str:
-    """That the model holds a damage which is gone."""
+    """Return the words about a fault in the model that this flight no longer shows."""
     return say(
         "rotor {rotor} is sound again, and the model still holds its loss of {amount}: use the "
         "model from before it, or train anew",
@@ -403,6 +466,7 @@ def sound_again(fault: RotorFault) -> str:
 
 
 def fault_found(advice: Advice, episode: FaultEpisode) -> str:
-    """The fault in the words of its alarm, and when; not of which rotor where that is not known."""
+    """Return the fault in the words of its alarm, with the time; a note if the motor order is
+    unknown."""
     unsure = "" if advice.rotor_names else f": {say(alarm_words.WHICH_ROTOR)}"
     return f"{alarm_words.episode_words(episode, advice.places)}{unsure}"

@@ -1,12 +1,8 @@
-"""A bad rotor in words (part, amount, action), and what the loss of one would mean.
+"""Words of alarms: part, amount and action, and the consequence of losing one rotor.
 
-Live alarm, replay, report, console, match and fill say the same. A fault's sentence has at most 50
-characters, what a STATUSTEXT holds. Redundancy is the thrust that the rotors left can hold level,
-over the weight: 1 or more carries it.
-
-The alarms in words: part, amount, action. At most 50 characters each, what a STATUSTEXT holds.
-
-Screen, voice, recording, report and STATUSTEXT say the same. Those of a bad rotor: fault_words.
+Screen, voice, recording, replay, report, console and STATUSTEXT show the same text, of at most 50
+characters, which is the length of a STATUSTEXT. Redundancy is the thrust that the remaining rotors
+can hold level over the weight; from 1 on they carry the aircraft.
 """
 
 from __future__ import annotations
@@ -14,13 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
-from thrustmargin.gcs_plugin.wording.actions import LAND
+from thrustmargin.gcs_plugin.wording.actions import LAND, Phase
 from thrustmargin.gcs_plugin.wording.language import clock, duration, number, say
 from thrustmargin.models.checks.loss_of_control import LossKind
 from thrustmargin.models.model.fault_test import MOST, Evidence, Kind, RotorFault
 from thrustmargin.models.model.rotor_faults import FaultEpisode
 
-#: With the place of the rotor, and without.
+#: Kind of fault -> sentence with the place of the rotor; below, without it.
 _AT: Mapping[Kind, str] = {
     "propeller": "Rotor {rotor} {place} {size} less thrust: land",
     "motor": "Motor {rotor} {place} {size} slow, or ESC: land",
@@ -31,13 +27,29 @@ _SENTENCES: Mapping[Kind, str] = {
     "motor": "Motor {rotor} or ESC {size} slow for output: land",
     "stopped": "Rotor {rotor} stands still: land",
 }
-#: While it is not yet known which one it is.
+#: Kind of fault -> sentence while several rotors are possible.
 _ONE_OF: Mapping[Kind, str] = {
     "propeller": "A rotor loses thrust, {rotors}: land",
     "motor": "A motor or ESC is slow, {rotors}: land",
     "stopped": "A rotor stands still, {rotors}: land",
 }
-#: Behind when it was found, where it was not by a sudden change of measured speeds.
+#: The same for a flight that is over: nobody can land any more.
+_RECORDED_AT: Mapping[Kind, str] = {
+    "propeller": "Rotor {rotor} {place} {size} less thrust",
+    "motor": "Motor {rotor} {place} {size} slow, or ESC",
+    "stopped": "Rotor {rotor} {place} stands still",
+}
+_RECORDED: Mapping[Kind, str] = {
+    "propeller": "Rotor {rotor} makes {size} less thrust",
+    "motor": "Motor {rotor} or ESC {size} slow for output",
+    "stopped": "Rotor {rotor} stands still",
+}
+_RECORDED_ONE_OF: Mapping[Kind, str] = {
+    "propeller": "A rotor loses thrust, {rotors}",
+    "motor": "A motor or ESC is slow, {rotors}",
+    "stopped": "A rotor stands still, {rotors}",
+}
+#: Evidence, if not a sudden change of measured speeds -> words after the time.
 _EVIDENCE: Mapping[Evidence, str] = {
     "fade": "slowly: against the first minute of this flight",
     "outputs": "by a sudden change of motor outputs, without ESC telemetry",
@@ -45,40 +57,47 @@ _EVIDENCE: Mapping[Evidence, str] = {
 MOST_LETTERS = 50  # of a STATUSTEXT
 
 
-def fault_words(fault: RotorFault, names: Sequence[str] = ()) -> str:
-    """`Rotor 3 front left 12% (9-15) less thrust: land`, with the 95 % interval of its size.
+def fault_words(
+    fault: RotorFault, names: Sequence[str] = (), phase: Phase = Phase.IN_FLIGHT
+) -> str:
+    """Return `Rotor 3 front left 12% (9-15) less thrust: land`, with the 95 % interval of the loss.
 
-    `names` are the places of the rotors; left out where empty or without room for them.
+    `names` are the places of the rotors; they are left out if empty or too long. Of a flight that
+    is over nobody is asked to land.
     """
+    flies = phase is Phase.IN_FLIGHT
     if fault.rotors:
         numbers = f" {say('or')} ".join(str(rotor + 1) for rotor in fault.rotors)
-        return say(_ONE_OF[fault.kind], rotors=numbers)
+        return say((_ONE_OF if flies else _RECORDED_ONE_OF)[fault.kind], rotors=numbers)
     size = f">{100 * fault.lower:.0f}%"
     if fault.upper < MOST:
         size = f"{100 * fault.size:.0f}% ({100 * fault.lower:.0f}-{100 * fault.upper:.0f})"
     known = {"rotor": fault.rotor + 1, "size": size}
     if names and names[fault.rotor]:
-        words = say(_AT[fault.kind], place=place_words(names[fault.rotor]), **known)
+        at = (_AT if flies else _RECORDED_AT)[fault.kind]
+        words = say(at, place=place_words(names[fault.rotor]), **known)
         if len(words) <= MOST_LETTERS:
             return words
-    return say(_SENTENCES[fault.kind], **known)
+    return say((_SENTENCES if flies else _RECORDED)[fault.kind], **known)
 
 
 def place_words(name: str) -> str:
-    """`front left` in the language spoken, word by word."""
+    """Return a rotor's place, such as `front left`, translated word by word."""
     return " ".join(say(word) for word in name.split())
 
 
 def fault_amount(fault: RotorFault) -> str:
-    """`12 %`, or `OVER 40 %` while it is not bounded."""
+    """Return the loss as `12 %`, or `over 40 %` while it has no upper bound."""
     if fault.upper >= MOST:
         return say("over {share} %", share=f"{100 * fault.lower:.0f}")
     return f"{100 * fault.size:.0f} %"
 
 
 def episode_words(episode: FaultEpisode, names: Sequence[str] = ()) -> str:
-    """The same with when in the flight it was found, and when it was over."""
-    words, begin = fault_words(episode.fault, names), clock(episode.begin_s)
+    """Return the fault's words with the times when it was found and ended, and the kind of
+    evidence."""
+    words = fault_words(episode.fault, names, Phase.RECORDED)
+    begin = clock(episode.begin_s)
     if episode.end_s is None:
         found = say("{fault} (found at {begin})", fault=words, begin=begin)
     else:
@@ -98,7 +117,7 @@ SPINS = "without yaw control, it will spin"
 HELD = "with yaw control"
 MAXIMUM_FILL = "maximum fill to survive one rotor failure"
 DESCENDED = "would have descended"
-#: why a fill is the largest: with more, and already empty
+#: Reason of the largest fill -> consequence of more, and consequence with an empty tank.
 TOO_HEAVY = (
     "with more it would descend after losing a rotor",
     "it would descend after losing a rotor",
@@ -106,7 +125,8 @@ TOO_HEAVY = (
 
 
 def outcome(uncontrolled: float, controlled: float) -> str:
-    """What it would do, from the redundancy without and with yaw control."""
+    """Return what the aircraft would do after losing a rotor, by redundancy without and with yaw
+    control."""
     if controlled >= 1.0:
         return "holds height and heading"
     return "holds height, but it will spin" if uncontrolled >= 1.0 else "WOULD DESCEND"
@@ -137,7 +157,7 @@ MISSING = {
     "esc": "no ESC report",
 }
 GENTLY = "fly gently"
-#: What the alarms ask for in flight, which MARGIN_DO sends as a place in this list.
+#: Actions of alarms in flight; MARGIN_DO sends the index in this list.
 ASKED = ("", "see messages", GENTLY, "slow down", LAND.words, "CONTROL LOST")
 _ASKS = {
     **dict.fromkeys(("margin", "predicted margin", "margin ahead"), 2),
@@ -145,7 +165,7 @@ _ASKS = {
     **dict.fromkeys(("stopped", "rotor", "motor", "esc", "battery", "misfit"), 4),
     "control": 5,
 }
-#: What a margin against the limit is of.
+#: Kinds of margin that are compared with the limit.
 MEASURED_MARGIN, PREDICTED_MARGIN, MARGIN_AHEAD = (
     "Thrust margin",
     "Predicted margin",
@@ -172,7 +192,7 @@ GAUGE_WRONG = "Tank falls slower than pump: check the gauge"
 
 
 def control_words(kind: LossKind, value: float) -> str:
-    """That control is lost, and by what that shows, in the unit of its kind."""
+    """Return the alarm about lost control; `value` in rad, rad/s or m/s, by kind."""
     unit, words = {
         LossKind.NOT_AS_ASKED: ("°", "CONTROL LOST: {amount} off what was asked"),
         LossKind.TURNED_OVER: ("°", "CONTROL LOST: tilted {amount}"),
@@ -184,12 +204,13 @@ def control_words(kind: LossKind, value: float) -> str:
 
 
 def shared_id_words(system: int) -> str:
-    """That two aircraft send under one system id, of which nothing is computed, and what to do."""
+    """Return the alarm about two aircraft with the same system id, and the remedy."""
     return say("Two aircraft have id {system}: give each its own", system=system)
 
 
 def see_words(rotors: Sequence[int]) -> str:
-    """What to do about a sign of a bad rotor, from 1, that has an alarm of its own."""
+    """Return the action of an alarm that is a consequence of bad `rotors` (1-based) with their own
+    alarm."""
     numbers = ", ".join(map(str, rotors))
     words = "see rotor {numbers}" if len(rotors) == 1 else "see rotors {numbers}"
     return say(words, numbers=numbers)
@@ -204,9 +225,12 @@ def margin_words(
     rotor: int | None,
     bad: Sequence[int] = (),
 ) -> str:
-    """`Thrust margin 44% below 50%, rotor 1: fly gently`; shares, rounded down, so that what is
-    below the limit also reads so. `ends` are those of its 90 % interval. While an alarm of `bad`
-    rotors stands, its order is the only one."""
+    """Return `Thrust margin 44% below 50%, rotor 1: fly gently`.
+
+    `least`, `limit` and `ends`, its 90 % interval, are shares. Margins are rounded down, so that
+    one below the limit never reads as equal. While `bad` rotors have an alarm, the action refers to
+    it.
+    """
     low, high = math.floor(100 * max(ends[0], 0.0) + 1e-6), math.ceil(100 * ends[1] - 1e-6)
     within = f" ({low}-{high})" if ends[1] > ends[0] else ""
     of = "" if rotor is None else say(", rotor {rotor}", rotor=rotor)
@@ -220,26 +244,29 @@ def margin_words(
 
 
 def fitting(*texts: str) -> str:
-    """The first that a STATUSTEXT holds; the last where none is short enough."""
+    """Return the first text that fits a STATUSTEXT; the last one if none does."""
     return next((text for text in texts if len(text) <= MOST_LETTERS), texts[-1])
 
 
 def margin_past(what: str, limit: float) -> str:
-    """Of a margin that was below the limit, and is above or unknown now: an old number is none."""
+    """Return the text of a margin alarm that is over: the margin is above the limit or unknown."""
     return say("{what} was below {limit}", what=say(what), limit=f"{limit:.0%}")
 
 
 def at_limit(rotor: int, place: str) -> str:
+    """Return the alarm about a rotor at its maximum thrust."""
     says = say("no thrust left, slow down")
     return fitting(f"{_of('Rotor', rotor, place)}: {says}", f"Rotor {rotor}: {says}")
 
 
 def was_at_limit(rotor: int) -> str:
+    """Return the text of that alarm after it is over."""
     return say("Rotor {rotor} was at its limit", rotor=rotor)
 
 
 def battery_words(cell: float, sag: float, lost: float) -> str:
-    """V a cell, V that it sags below its rest, and the share of thrust that goes with it."""
+    """Return the alarm about the battery: V a cell, V of sag below rest, and the share of thrust
+    lost by it."""
     return say(
         "Battery {cell} V/cell (-{sag}), {lost} less thrust: land",
         cell=f"{cell:.2f}",
@@ -249,12 +276,12 @@ def battery_words(cell: float, sag: float, lost: float) -> str:
 
 
 def battery_past(cell: float) -> str:
-    """Of a battery whose voltage is higher now, or not known."""
+    """Return the text of the battery alarm after it is over: the voltage is higher or unknown."""
     return say("Battery was below {cell} V/cell", cell=f"{cell:.1f}")
 
 
 def esc_words(rotor: int, place: str, flags: int) -> str:
-    """What an ESC reports of itself, by its ESC_FAILURE_FLAGS."""
+    """Return the alarm about an ESC with ESC_FAILURE_FLAGS `flags`."""
     found = [say(words) for bit, words in FAILURES.items() if flags & bit]
     known = ", ".join(found) or say("failure {flags}", flags=flags)
     says = f"{known}: {LAND.text}"
@@ -262,13 +289,13 @@ def esc_words(rotor: int, place: str, flags: int) -> str:
 
 
 def _of(part: str, number: int, place: str) -> str:
-    """`Rotor 3 front left`; without its place where that is not known."""
+    """Return a part with number and place, `Rotor 3 front left`; without a place if unknown."""
     return " ".join(filter(None, (part, str(number), place_words(place))))
 
 
 def thrust_against_gauge(apart_kg: float, bad: Sequence[int] = ()) -> str:
-    """That thrust carries `apart_kg` more than the gauge says. While an alarm of `bad` rotors
-    stands, they are the cause and have the order."""
+    """Return the alarm about thrust that carries `apart_kg` more than the gauge; `bad` rotors are
+    its cause if any."""
     if bad:
         words = "Thrust says {apart} kg against gauge: {see}"
         return say(words, apart=f"{apart_kg:+.1f}", see=see_words(bad))
@@ -277,7 +304,7 @@ def thrust_against_gauge(apart_kg: float, bad: Sequence[int] = ()) -> str:
 
 
 def speeds_missing(rotors: Iterable[int]) -> str:
-    """Rotors, from 1, whose speed no longer comes."""
+    """Return the alarm about rotors (1-based) whose speed is no longer reported."""
     numbers = [str(rotor) for rotor in rotors]
     several = len(numbers) > 1
     words = "No speed of rotors {numbers}: ESC?" if several else "No speed of rotor {numbers}: ESC?"
@@ -285,12 +312,13 @@ def speeds_missing(rotors: Iterable[int]) -> str:
 
 
 def asked(name: str) -> int:
-    """Place in ASKED of what the alarm of this name asks for."""
+    """Return the index in ASKED of the action that the named alarm requests."""
     return _ASKS.get(name, 1)
 
 
 def alarm_line(text: str, missing: str, times: int, seconds: float) -> str:
-    """An alarm with how often it came within so many s, or why it cannot be confirmed."""
+    """Return an alarm with its count within `seconds`, or with the reason why it cannot be
+    confirmed."""
     if times > 1:
         long = duration(seconds)
         text = say("{alarm} ({times} times in {long})", alarm=text, times=times, long=long)
@@ -300,13 +328,14 @@ def alarm_line(text: str, missing: str, times: int, seconds: float) -> str:
 
 
 def event_line(kind: str, line: str) -> str:
-    """What happened to an alarm, by the kind of its event; one that is raised is its own line."""
+    """Return the line about a change of an alarm; a raised alarm is unchanged."""
     words = {"cleared": "over: {line}", "confirmed": "confirmed again: {line}"}
     return say(words[kind], line=line) if kind in words else line
 
 
 def change_words(kind: str, name: str, rotor: int | None, missing: str) -> str:
-    """That an alarm is over, cannot be confirmed or is confirmed again, for the ground stations."""
+    """Return the line for ground stations about an alarm that is over, unconfirmed or confirmed
+    again."""
     of = say("{alarm} (rotor {rotor})", alarm=say(name), rotor=rotor) if rotor else say(name)
     if missing:
         return say("Unconfirmed: {alarm}, {why}", alarm=of, why=say(MISSING[missing]))

@@ -1,7 +1,7 @@
-"""What each effect of the table says about the aircraft: the part, the amount and its interval.
+"""Write the sentence about each effect: the part, the amount and its interval.
 
-One `Amount` or function an effect, of an effect within the identification that found it. A sentence
-has no full stop, and no action.
+Each effect has an `Amount` or a function of a `DescribedEffect`. Sentences end without a full stop
+and contain no action.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.wording.language import clock, joined, number, within
+from thrustmargin.gcs_plugin.wording.alarm_words import place_words
+from thrustmargin.gcs_plugin.wording.language import Verbatim, clock, joined, number, say, within
 
 if TYPE_CHECKING:
     from thrustmargin.models.identification.answer.result import Found, Identification
@@ -22,267 +23,364 @@ MOST_LISTED = 4
 
 
 def rotor_words(rotor: int, names: tuple[str, ...]) -> str:
-    """`rotor 1 (front right)` of a 0-based rotor."""
-    return f"rotor {rotor + 1} ({names[rotor]})"
+    """Return a 0-based rotor with its place: `rotor 1 (front right)`."""
+    return f"{say('rotor {number}', number=rotor + 1)} ({place_words(names[rotor])})"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DescribedEffect:
-    """An effect found, within the identification that found it."""
+    """One effect, with the identification that found it."""
 
     found: Found
     whole: Identification
 
     def ends(self, name: str) -> tuple[float, float, float]:
-        """Value, lower and upper end of a parameter, as they stand for the effect."""
+        """Return value, lower and upper end of a parameter in the flight that represents the
+        effect."""
         found, row = self.found, self.found.flight
         k = [p.name for p in found.term.effect.parameters].index(name)
         return float(found.value[row, k]), float(found.lower[row, k]), float(found.upper[row, k])
 
     def of_sign(self, name: str, above: str, below: str) -> str:
-        """The word for a parameter above zero, or that for one below."""
+        """Return `below` if the parameter is negative, else `above`."""
         return below if self.ends(name)[0] < 0.0 else above
 
     def size(
         self, name: str, unit: str = "", *, factor: float = 1.0, most: int = 2
     ) -> tuple[str, str]:
-        """The amount without its sign, and its interval turned the same way."""
+        """Return the absolute amount of a parameter, and its interval with the same change of
+        sign."""
         sign = -1.0 if self.ends(name)[0] < 0.0 else 1.0
         return within(*self.ends(name), unit, factor=sign * factor, most=most)
 
     def text(self, name: str, unit: str = "", *, most: int = 2) -> str:
-        """The amount with its sign and its interval, in one."""
+        """Return a parameter with its sign and its interval as one text."""
         return joined(within(*self.ends(name), unit, most=most))
 
     @property
     def known(self) -> bool:
-        """True when the model has this effect already, so that this changes its size."""
+        """Return whether the model has this effect already, so that the amount is a change."""
         return self.found.term.effect.name in {e.name for e in self.whole.model.effects}
 
     @property
     def rotor(self) -> str:
+        """Return the effect's rotor with its place, capitalised; rotor 1 if it acts on none."""
         names = self.whole.model.airframe.rotor_names
         return rotor_words(self.found.term.rotor or 0, names).capitalize()
 
 
 @dataclass(frozen=True, slots=True)
 class Amount:
-    """A sentence with the amount of one parameter where `{}` stands.
+    """A sentence with one parameter's amount in place of `{amount}`.
 
-    `{sign}` is the first of `signs` for an amount above zero, the second for one below.
+    `above` is the sentence for a positive amount, `below` that for a negative one.
     """
 
     name: str
     unit: str
-    sentence: str
-    signs: tuple[str, str] = ("", "")
+    above: str
+    below: str
     factor: float = 1.0
     most: int = 2
 
     def __call__(self, it: DescribedEffect) -> str:
-        start, end = self.sentence.split(" {} ")
-        sign = it.of_sign(self.name, *self.signs)
         size = it.size(self.name, self.unit, factor=self.factor, most=self.most)
-        return _sized(start.format(sign=sign), size, end.format(sign=sign))
+        return _sized(it.of_sign(self.name, self.above, self.below), size)
 
 
 def by_parameters(it: DescribedEffect) -> str:
+    """List all parameters of an effect that has no sentence of its own."""
     term = it.found.term
-    where = "" if term.rotor is None else f" of {it.rotor.lower()}"
+    name = say(term.effect.name.replace("_", " ")).capitalize()
+    if term.rotor is not None:
+        names = it.whole.model.airframe.rotor_names
+        name = say("{effect} of {rotor}", effect=name, rotor=rotor_words(term.rotor, names))
     values = ", ".join(
-        f"{p.name.replace('_', ' ')} "
+        f"{say(p.name.replace('_', ' '))} "
         + it.text(p.name, "" if p.unit == "1" else p.unit.replace("^2", "²"), most=4)
         for p in term.effect.parameters
     )
-    return f"{term.effect.name.replace('_', ' ').capitalize()}{where}: {values}"
+    return f"{name}: {values}"
 
 
-def _sized(start: str, parts: tuple[str, str], end: str) -> str:
-    """`Rotor 1 makes 8 % less thrust (7.8 to 8.2)`."""
+def _sized(sentence: str, parts: tuple[str, str], **values: object) -> str:
+    """Fill the amount into a sentence and append the interval: `... 8 % less (7.8 to 8.2)`."""
     amount, interval = parts
-    return f"{start} {amount} {end} {interval}".rstrip()
+    return f"{say(sentence, amount=amount, **values)} {interval}".rstrip()
 
 
 def _percent(it: DescribedEffect, name: str, factor: float = 1.0) -> tuple[str, str]:
+    """Return a parameter and its interval in per cent, without sign."""
     return it.size(name, "%", factor=100.0 * factor, most=1)
 
 
 def weak_rotor(it: DescribedEffect) -> str:
-    than = " than its share of the motor outputs" if it.whole.problem.of_outputs else ""
+    """Return the sentence about a rotor with less or more thrust than the model expects."""
+    less, more = "{rotor} makes {amount} less thrust", "{rotor} makes {amount} more thrust"
+    if it.whole.problem.of_outputs:
+        less = "{rotor} makes {amount} less thrust than its share of the motor outputs"
+        more = "{rotor} makes {amount} more thrust than its share of the motor outputs"
     if it.known:
-        than = " than the model has it"
-    less = it.of_sign("loss", "less", "more")
-    return _sized(f"{it.rotor} makes", _percent(it, "loss"), f"{less} thrust{than}")
+        less = "{rotor} makes {amount} less thrust than the model has it"
+        more = "{rotor} makes {amount} more thrust than the model has it"
+    return _sized(it.of_sign("loss", less, more), _percent(it, "loss"), rotor=it.rotor)
 
 
-def _lost(it: DescribedEffect, lost: str = "lost", gained: str = "gained") -> str:
-    what = it.of_sign("loss", lost, gained)
-    return _sized(f"{it.rotor} {what}", _percent(it, "loss"), "of its thrust")
+LOST, GAINED = "{rotor} lost {amount} of its thrust", "{rotor} gained {amount} of its thrust"
+
+
+def _lost(it: DescribedEffect, lost: str = LOST, gained: str = GAINED) -> Verbatim:
+    """Return the words about a rotor that lost or gained thrust, with the amount."""
+    words = it.of_sign("loss", lost, gained)
+    return Verbatim(_sized(words, _percent(it, "loss"), rotor=it.rotor))
 
 
 def weakened_in_flight(it: DescribedEffect) -> str:
+    """Return the sentence about a step change of a rotor's thrust: when, in which log, in how many
+    flights."""
     when = clock(it.ends("onset_time")[0])
-    where = it.whole.problem.names[it.found.flight]
+    where = Verbatim(it.whole.problem.names[it.found.flight])
     clear = (it.found.lower[:, 0] > 0.0) | (it.found.upper[:, 0] < 0.0)
     more = int(clear.sum()) - 1
-    also = f" and in {more} more of {clear.size} flights" if more > 0 else ""
-    return f"{_lost(it)} in flight, {when} into {where}{also}"
+    words = "{lost} in flight, {clock} into {log}"
+    if more > 0:
+        words = "{lost} in flight, {clock} into {log} and in {more} more of {all} flights"
+        return say(words, lost=_lost(it), clock=when, log=where, more=more, all=clear.size)
+    return say(words, lost=_lost(it), clock=when, log=where)
 
 
 def weakened_for_a_while(it: DescribedEffect) -> str:
+    """Return the sentence about a transient loss of a rotor's thrust: its log, begin and end."""
     began, ended = (clock(it.ends(name)[0]) for name in ("onset_time", "end_time"))
-    where = it.whole.problem.names[it.found.flight]
-    return f"{_lost(it, gained='lost')} for a while, from {began} to {ended} of {where}"
+    where = Verbatim(it.whole.problem.names[it.found.flight])
+    words = "{lost} for a while, from {begin} to {end} of {log}"
+    return say(words, lost=_lost(it, gained=LOST), begin=began, end=ended, log=where)
 
 
 def weakens_each_flight(it: DescribedEffect) -> str:
-    return f"{_lost(it, 'loses', 'gains')} {clock(it.ends('onset_time')[0])} into every flight"
+    """Return the sentence about a loss that begins equally late in every flight."""
+    lost = _lost(it, "{rotor} loses {amount} of its thrust", "{rotor} gains {amount} of its thrust")
+    return say("{lost} {clock} into every flight", lost=lost, clock=clock(it.ends("onset_time")[0]))
 
 
 def weak_since_a_flight(it: DescribedEffect) -> str:
+    """Return the sentence about a loss that began within a series of flights and stays."""
     problem, at = it.whole.problem, it.ends("onset_clock")[0]
     began = problem.flight_start_unix_s - problem.first_row_s
     flown = np.flatnonzero(began <= at)
-    when = f"from Unix time {at:.0f} s"
+    when = say("from Unix time {seconds} s", seconds=f"{at:.0f}")
     if flown.size:
         flight = int(flown[np.argmax(began[flown])])
         into_s = at - float(began[flight])
-        when = f"{clock(into_s)} into {problem.names[flight]}"
+        log = Verbatim(problem.names[flight])
+        when = say("{clock} into {log}", clock=clock(into_s), log=log)
         later = np.flatnonzero(began > at)
         if into_s > problem.first_row_s[flight] + problem.durations[flight] and later.size:
-            when = f"from {problem.names[int(later[np.argmin(began[later])])]} on"
-    return f"{_lost(it)} {when}, and has stayed so in later flights"
+            log = Verbatim(problem.names[int(later[np.argmin(began[later])])])
+            when = say("from {log} on", log=log)
+    words = "{lost} {when}, and has stayed so in later flights"
+    return say(words, lost=_lost(it), when=Verbatim(when))
 
 
 def weak_until_repaired(it: DescribedEffect) -> str:
-    """From which flight to which; after it the rotor is sound."""
+    """Return the sentence about a loss in several flights that later flights no longer show."""
     problem = it.whole.problem
     start = problem.flight_start_unix_s
     at, over = it.ends("onset_clock")[0], it.ends("end_clock")[0]
     bad = np.flatnonzero((start >= at) & (start < over))
     named = [problem.names[f] for f in bad[np.argsort(start[bad])]]
-    flights = " to ".join(dict.fromkeys((named[0], named[-1]))) if named else "some flights"
-    return f"{_lost(it)} in {flights}, and is sound in the flights after, so it was repaired"
+    flights = say("some flights")
+    if named:
+        flights = f" {say('to')} ".join(dict.fromkeys((named[0], named[-1])))
+    words = "{lost} in {flights}, and is sound in the flights after, so it was repaired"
+    return say(words, lost=_lost(it), flights=Verbatim(flights))
 
 
 hidden_mass = Amount(
-    "mass", "kg", "The aircraft is {} {sign} than model and tank gauge say", ("heavier", "lighter")
+    "mass",
+    "kg",
+    "The aircraft is {amount} heavier than model and tank gauge say",
+    "The aircraft is {amount} lighter than model and tank gauge say",
 )
 
 
 def air_density(it: DescribedEffect) -> str:
-    than = it.of_sign("temperature_offset", "warmer", "colder")
+    """Return the sentence about air density as a difference of temperature."""
     offset = it.size("temperature_offset", "K", most=1)
     if it.known:
-        return _sized("The air is", offset, f"{than} than the model has it")
+        warmer = "The air is {amount} warmer than the model has it"
+        colder = "The air is {amount} colder than the model has it"
+        return _sized(it.of_sign("temperature_offset", warmer, colder), offset)
     flown = number(float(np.nanmedian(it.whole.problem.channels.density)), "kg/m³", 3)
     known = number(it.whole.model.reference_density, "kg/m³", 3)
-    air = _sized("the air is", offset, f"{than} than pressure and height say")
-    return f"The model does not follow air density: flown in {flown}, model of {known}, {air}"
+    warmer = "the air is {amount} warmer than pressure and height say"
+    colder = "the air is {amount} colder than pressure and height say"
+    air = _sized(it.of_sign("temperature_offset", warmer, colder), offset)
+    words = "The model does not follow air density: flown in {flown}, model of {known}, {air}"
+    return say(words, flown=flown, known=known, air=air)
 
 
-def wrong_gain(what: str, it: DescribedEffect) -> str:
-    """Of an instrument whose true value is gain times what it shows."""
+def wrong_gain(little: str, much: str, it: DescribedEffect) -> str:
+    """Return the sentence about an instrument whose true value is `gain` times the shown one."""
     value, *ends = (1.0 - 1.0 / gain for gain in it.ends("gain"))
-    sign, much = (-1.0, "much") if value < 0.0 else (1.0, "little")
+    sign, words = (-1.0, much) if value < 0.0 else (1.0, little)
     shown = within(value, ends[0], ends[1], "%", factor=100.0 * sign, most=1)
-    return _sized(f"The {what} shows", shown, f"too {much}")
+    return _sized(words, shown)
 
 
-TOO = ("too little", "too much")  # of what is to be added to what an instrument shows
+#: Of an instrument with a positive correction, and with a negative one.
+GAUGE_SHOWS = ("The tank gauge shows {amount} too little", "The tank gauge shows {amount} too much")
+AIRSPEED_SHOWS = (
+    "The airspeed sensor shows {amount} too little",
+    "The airspeed sensor shows {amount} too much",
+)
 
 
 def tank_zero(it: DescribedEffect) -> str:
-    flight = it.whole.problem.names[it.found.flight]
-    shown = Amount("offset", "kg", "The tank gauge shows {} {sign}", TOO)(it)
-    flights = it.found.value.shape[0]
-    return f"{shown} in {flight}" + (", most of all flights" if flights > 1 else "")
+    """Return the sentence about the tank gauge's zero, in the flight where it is most off."""
+    flight = Verbatim(it.whole.problem.names[it.found.flight])
+    shown = Verbatim(Amount("offset", "kg", *GAUGE_SHOWS)(it))
+    words = "{shown} in {log}"
+    if it.found.value.shape[0] > 1:
+        words = "{shown} in {log}, most of all flights"
+    return say(words, shown=shown, log=flight)
 
 
 tank_drift = Amount(
-    "rate", "kg", "The tank gauge shows {} {sign} after 10 minutes", TOO, factor=600.0
+    "rate",
+    "kg",
+    "The tank gauge shows {amount} too little after 10 minutes",
+    "The tank gauge shows {amount} too much after 10 minutes",
+    factor=600.0,
 )
-airspeed_bias = Amount("bias", "m/s", "The airspeed sensor shows {} {sign}", TOO)
+airspeed_bias = Amount("bias", "m/s", *AIRSPEED_SHOWS)
 
 
 def flow_moment(it: DescribedEffect) -> str:
-    parts = [f"{axis} {it.text(axis, most=3)}" for axis in ("roll", "pitch")]
-    return f"Flying level makes moments that the model lacks, with the gain {', '.join(parts)}"
+    """Return the sentence about the moments of level flight."""
+    parts = {axis: it.text(axis, most=3) for axis in ("roll", "pitch")}
+    words = (
+        "Flying level makes moments that the model lacks, with the gain roll {roll}, pitch {pitch}"
+    )
+    return say(words, **parts)
 
 
 weathervane = Amount(
     "lever",
     "mm",
-    "Air from the side turns the nose {sign} it, at the speed of the wash as thrust on a lever of "
-    "{} does",
-    ("into", "away from"),
+    "Air from the side turns the nose into it, at the speed of the wash as thrust on a lever of "
+    "{amount} does",
+    "Air from the side turns the nose away from it, at the speed of the wash as thrust on a lever "
+    "of {amount} does",
     factor=1e3,
 )
 
 
 def drag_moment(it: DescribedEffect) -> str:
-    parts = [f"{axis} {it.text(axis, 'm', most=3)}" for axis in ("roll", "pitch")]
-    return (
+    """Return the sentence about the moments of drag above the centre of gravity."""
+    parts = {axis: it.text(axis, "m", most=3) for axis in ("roll", "pitch")}
+    words = (
         "Leaning into wind makes moments that the model lacks, as drag that acts above the centre "
-        f"of gravity does: {', '.join(parts)}"
+        "of gravity does: roll {roll}, pitch {pitch}"
     )
+    return say(words, **parts)
 
 
-late_airspeed = Amount("lag", "s", "The airspeed is reported {} {sign}", ("late", "early"))
-late_rotor_speed = Amount("lag", "s", "The rotor speeds are reported {} {sign}", ("late", "early"))
+late_airspeed = Amount(
+    "lag",
+    "s",
+    "The airspeed is reported {amount} late",
+    "The airspeed is reported {amount} early",
+)
+late_rotor_speed = Amount(
+    "lag",
+    "s",
+    "The rotor speeds are reported {amount} late",
+    "The rotor speeds are reported {amount} early",
+)
 drag = Amount(
-    "drag_area", "m²", "The aircraft has {} {sign} drag area than its model", ("more", "less")
+    "drag_area",
+    "m²",
+    "The aircraft has {amount} more drag area than its model",
+    "The aircraft has {amount} less drag area than its model",
 )
 
 
 def load_factor(it: DescribedEffect) -> str:
-    what = "Thrust follows the load factor of turns, climbs and gusts"
+    """Return the sentence about thrust in manoeuvres; `gain` is relative to Newton's law or to the
+    model."""
     if it.known:
-        more = it.of_sign("gain", "more", "less")
-        return _sized(what, it.size("gain"), f"{more} than the model has it")
-    return f"{what}, {it.text('gain')} times what Newton's law says, and the model does not"
+        more = (
+            "Thrust follows the load factor of turns, climbs and gusts {amount} more than the "
+            "model has it"
+        )
+        less = (
+            "Thrust follows the load factor of turns, climbs and gusts {amount} less than the "
+            "model has it"
+        )
+        return _sized(it.of_sign("gain", more, less), it.size("gain"))
+    words = (
+        "Thrust follows the load factor of turns, climbs and gusts, {gain} times what Newton's law "
+        "says, and the model does not"
+    )
+    return say(words, gain=it.text("gain"))
 
 
 def slung_load(it: DescribedEffect) -> str:
-    more = it.of_sign("mass", "heavier", "lighter")
-    than = f", {more} than the model has it" if it.known else ""
-    load = joined(it.size("mass", "kg"))
-    return f"A load of {load} swings on {it.text('cable', 'm')} of cable{than}"
+    """Return the sentence about a swinging load: its mass and its cable."""
+    words = "A load of {load} swings on {cable} of cable"
+    if it.known:
+        heavier = "A load of {load} swings on {cable} of cable, heavier than the model has it"
+        lighter = "A load of {load} swings on {cable} of cable, lighter than the model has it"
+        words = it.of_sign("mass", heavier, lighter)
+    return say(words, load=joined(it.size("mass", "kg")), cable=it.text("cable", "m"))
 
 
 def balance(it: DescribedEffect) -> str:
+    """Return the sentence about the centre of gravity, as it is or as a full tank moves it."""
     full = "_full" if it.found.term.effect.variant else ""
 
-    def part(axis: str, ways: tuple[str, str]) -> str:
+    def part(axis: str, above: str, below: str) -> Verbatim:
+        """Return amount, direction and interval along one axis."""
         name = axis + full
-        amount, interval = it.size(name, "mm", factor=1e3, most=1)
-        return f"{amount} {it.of_sign(name, *ways)} {interval}".rstrip()
+        size = it.size(name, "mm", factor=1e3, most=1)
+        return Verbatim(_sized(it.of_sign(name, above, below), size))
 
-    along, across = part("x", ("forward", "aft")), part("y", ("to the right", "to the left"))
+    along = part("x", "{amount} forward", "{amount} aft")
+    across = part("y", "{amount} to the right", "{amount} to the left")
+    words = "The centre of gravity is {along} and {across} of where the model has it"
     if full:
-        return f"A full tank moves the centre of gravity {along} and {across}, a part of it less"
-    return f"The centre of gravity is {along} and {across} of where the model has it"
+        words = "A full tank moves the centre of gravity {along} and {across}, a part of it less"
+    return say(words, along=along, across=across)
 
 
 yaw_moment = Amount(
-    "moment", "N m", "The rotors hold a steady yaw moment of {} to the {sign}", ("right", "left")
+    "moment",
+    "N m",
+    "The rotors hold a steady yaw moment of {amount} to the right",
+    "The rotors hold a steady yaw moment of {amount} to the left",
 )
 
 
 def turning(it: DescribedEffect) -> str:
-    inertia, damping = it.text("inertia_yaw", "kg m²"), it.text("damping_yaw", "N m s")
-    return (
-        f"Turning takes moments that the model lacks, about yaw an inertia of {inertia} and a "
-        f"damping of {damping}"
+    """Return the sentence about the yaw inertia and damping that the model lacks."""
+    words = (
+        "Turning takes moments that the model lacks, about yaw an inertia of {inertia} and a "
+        "damping of {damping}"
     )
+    inertia, damping = it.text("inertia_yaw", "kg m²"), it.text("damping_yaw", "N m s")
+    return say(words, inertia=inertia, damping=damping)
 
 
 def inertia(it: DescribedEffect) -> str:
-    more = it.of_sign("share", "larger", "smaller")
-    return _sized("The aircraft turns as if its inertia were", _percent(it, "share"), more)
+    """Return the sentence about a different inertia."""
+    larger = "The aircraft turns as if its inertia were {amount} larger"
+    smaller = "The aircraft turns as if its inertia were {amount} smaller"
+    return _sized(it.of_sign("share", larger, smaller), _percent(it, "share"))
 
 
 def forward_lift(it: DescribedEffect) -> str:
+    """Return the sentence about lift, as thrust at the 90 % quantile of airspeed."""
     channels = it.whole.problem.channels
     speed = float(np.nanquantile(channels.airspeed, 0.9))
     hover = float(np.nanmedian(channels.hover_induced_velocity))
@@ -292,69 +390,87 @@ def forward_lift(it: DescribedEffect) -> str:
         hover_induced_velocity=np.array([hover]),
     )
     shape = float(it.found.term.effect.apply({"gain": 1.0}, row)[0]) - 1.0
-    more = it.of_sign("gain", "more", "less")
-    start = f"At {number(speed, 'm/s')} airspeed the rotors make"
-    return _sized(start, _percent(it, "gain", shape), f"{more} thrust than the model has")
+    more = "At {speed} airspeed the rotors make {amount} more thrust than the model has"
+    less = "At {speed} airspeed the rotors make {amount} less thrust than the model has"
+    words = it.of_sign("gain", more, less)
+    return _sized(words, _percent(it, "gain", shape), speed=number(speed, "m/s"))
 
 
 def climb(it: DescribedEffect) -> str:
+    """Return the sentence about thrust in a climb at CLIMB_RATE."""
     hover_rpm = float(np.median(it.whole.problem.measured_rpm))
     ratio = CLIMB_RATE * 60.0 / (hover_rpm * it.whole.model.airframe.propeller_diameter)
-    less = it.of_sign("slope", "less", "more")
-    start = f"Climbing at {CLIMB_RATE:.0f} m/s the rotors make"
-    return _sized(start, _percent(it, "slope", ratio), f"{less} thrust")
+    less = "Climbing at {speed} the rotors make {amount} less thrust"
+    more = "Climbing at {speed} the rotors make {amount} more thrust"
+    words = it.of_sign("slope", less, more)
+    return _sized(words, _percent(it, "slope", ratio), speed=number(CLIMB_RATE, "m/s", 0))
 
 
 def ground_effect(it: DescribedEffect) -> str:
+    """Return the sentence about thrust near the ground, at the flights' median height."""
     near = float(np.median(it.whole.problem.channels.radius_over_height))
     height = it.whole.model.airframe.propeller_diameter / 2 / near
     value, *ends = (1.0 / (1.0 - k * near**2) - 1.0 for k in it.ends("strength"))
-    sign, more = (-1.0, "less") if value < 0.0 else (1.0, "more")
+    sign, words = 1.0, "At {height} above ground the rotors make {amount} more thrust"
+    if value < 0.0:
+        sign, words = -1.0, "At {height} above ground the rotors make {amount} less thrust"
     gained = within(value, ends[0], ends[1], "%", factor=sign * 100.0, most=1)
-    return _sized(
-        f"At {number(height, 'm')} above ground the rotors make", gained, f"{more} thrust"
-    )
+    return _sized(words, gained, height=number(height, "m"))
 
 
 thrust_drift = Amount(
     "rate",
     "%",
-    "All rotors {sign} {} of their thrust in 10 minutes of flight",
-    ("lose", "gain"),
+    "All rotors lose {amount} of their thrust in 10 minutes of flight",
+    "All rotors gain {amount} of their thrust in 10 minutes of flight",
     factor=6e4,
     most=1,
 )
 
 
 def voltage(it: DescribedEffect) -> str:
-    power = it.text("exponent")
-    return f"Thrust at a rotor speed follows the battery voltage to the power {power}"
+    """Return the sentence about the exponent of battery voltage."""
+    words = "Thrust at a rotor speed follows the battery voltage to the power {power}"
+    return say(words, power=it.text("exponent"))
 
 
 def wind(it: DescribedEffect) -> str:
-    return f"The airspeed lacks a wind: {_winds(it)}"
+    """Return the sentence about a wind that is missing in the airspeed."""
+    return say("The airspeed lacks a wind: {winds}", winds=_winds(it))
 
 
 def followed_wind(it: DescribedEffect) -> str:
+    """Return the sentence about a strong wind that the reported airspeed already includes."""
     found, domain = it.found, it.whole.model.training_domain
-    known = "" if domain is None else number(domain.wind_speed[1], "m/s")
-    return (
-        f"A wind blows, stronger than the {known} of the training: {_winds(it)}; the reported "
-        "airspeed follows it, so it is not missing: with the speed over ground instead RMSE would "
-        f"be {number(found.rmse_before_rpm, '', 0)}, not {number(found.rmse_after_rpm, 'rpm', 0)}"
+    words = (
+        "A wind blows, stronger than the {known} of the training: {winds}; the reported airspeed "
+        "follows it, so it is not missing: with the speed over ground instead RMSE would be "
+        "{before}, not {after}"
+    )
+    return say(
+        words,
+        known="" if domain is None else number(domain.wind_speed[1], "m/s"),
+        winds=_winds(it),
+        before=number(found.rmse_before_rpm, "", 0),
+        after=number(found.rmse_after_rpm, "rpm", 0),
     )
 
 
-def _winds(it: DescribedEffect) -> str:
+def _winds(it: DescribedEffect) -> Verbatim:
+    """List the winds of up to MOST_LISTED flights, strongest first."""
     found, names = it.found, it.whole.problem.names
     order = np.argsort(-np.hypot(found.value[:, 0], found.value[:, 1]), kind="stable")
-    winds = [f"{_wind_of(found, int(f))} in {names[f]}" for f in order[:MOST_LISTED]]
+    winds = [
+        say("{wind} in {log}", wind=_wind_of(found, int(f)), log=Verbatim(names[f]))
+        for f in order[:MOST_LISTED]
+    ]
     if order.size > MOST_LISTED:
-        winds.append(f"and {order.size - MOST_LISTED} more")
-    return ", ".join(winds)
+        winds.append(say("and {count} more", count=order.size - MOST_LISTED))
+    return Verbatim(", ".join(winds))
 
 
 def _wind_of(found: Found, flight: int) -> str:
+    """Return speed with interval, and direction, of the wind in one flight."""
     north, east = found.value[flight, :2]
     half = (found.upper[flight, :2] - found.lower[flight, :2]) / 2
     speed = float(np.hypot(north, east))
@@ -362,4 +478,4 @@ def _wind_of(found: Found, flight: int) -> str:
     reach = float((abs(north) * half[0] + abs(east) * half[1]) / max(speed, 1e-9))
     from_deg = float(np.degrees(np.arctan2(-east, -north)) % 360.0)
     blown = joined(within(speed, max(0.0, speed - reach), speed + reach, "m/s", most=1))
-    return f"{blown} from {from_deg:.0f}°"
+    return say("{speed} from {degrees}°", speed=blown, degrees=f"{from_deg:.0f}")

@@ -1,9 +1,7 @@
-"""What each effect of the table is called, says about the aircraft, and asks of its owner.
+"""Describe effects found by `identify`: name in a list, sentence with the amount, requested action.
 
-A sentence names the part and the amount, with its interval behind it; the action follows a colon.
-An effect without words of its own is described by its parameters.
-
-What no effect explains, in words: what is left, and what of it goes into the new model.
+The action follows the amount after a colon. An effect without an entry in WORDS is described by its
+parameters.
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording import effect_amounts as amounts
 from thrustmargin.gcs_plugin.wording.actions import Action
 from thrustmargin.gcs_plugin.wording.effect_amounts import DescribedEffect, rotor_words
-from thrustmargin.gcs_plugin.wording.language import CHANNEL_WORDS
+from thrustmargin.gcs_plugin.wording.language import CHANNEL_WORDS, say
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.effects.instrument_effects import FOLLOWED_WIND
 from thrustmargin.models.effects.unnamed import CONSTANT, NAME, place_of
@@ -30,15 +28,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class EffectWords:
-    """What an effect is called in a list, what it says, and what its owner does next."""
+    """The name of an effect in a list, the function that writes its sentence, and its action."""
 
-    thing: str  # "{rotor}" stands for the rotor
+    thing: str  # with the placeholders {rotor} and {where}
     sentence: Callable[[DescribedEffect], str]
-    action: Action | None = actions.KEEP  # None where there is nothing to do
+    action: Action | None = actions.KEEP  # None if nothing is to be done
 
 
 def effect_sentence(found: Found, whole: Identification) -> str:
-    """Part, amount and action of one effect, without a full stop."""
+    """Return part, amount and action of one effect as a sentence without a full stop."""
     action = action_of(found, whole)
     asked = [action] if action else []
     if action is actions.INSPECT and whole.problem.of_outputs:
@@ -47,52 +45,62 @@ def effect_sentence(found: Found, whole: Identification) -> str:
 
 
 def amount_of(found: Found, whole: Identification) -> str:
-    """Part and amount of one effect."""
+    """Return the part and amount of one effect in words."""
     return words_of(found.term).sentence(DescribedEffect(found, whole))
 
 
 def action_of(found: Found, whole: Identification) -> Action | None:
-    """What is asked for an effect; a rotor that makes more than it should has another propeller.
+    """Return the action that an effect requests, or None.
 
-    A model that no flight has taught knows no drag: then it is no sign of what was mounted.
+    A rotor with more thrust than expected requests a propeller of the same kind, a weak one what a
+    report of the flight requests. Extra drag
+    requests nothing if the model was not trained on flights, because such a model has no drag.
     """
     action = words_of(found.term).action
     if action is actions.LOOK_FOR_MOUNTED and not whole.model.taught:
         return actions.KEEP
-    gains = action is actions.INSPECT and found.value[found.flight, 0] < 0.0
-    return actions.SAME_KIND if gains else action
+    if action is not actions.INSPECT:
+        return action
+    loss, low = found.value[found.flight, 0], float(found.lower[found.flight, 0])
+    if loss < 0.0:
+        return actions.SAME_KIND
+    rotors = () if found.term.rotor is None else (found.term.rotor + 1,)
+    return actions.bad_rotor(rotors, low, actions.Phase.RECORDED).action if rotors else action
 
 
 def effect_thing(term: Term | Placed, rotor_names: Sequence[str]) -> str:
-    """What an effect is called in a list: `a weak rotor 1 (front right)`."""
+    """Return the name of an effect in a list: `a weak rotor 1 (front right)`."""
     rotor = "" if term.rotor is None else rotor_words(term.rotor, tuple(rotor_names))
     where = unnamed_place(term, rotor_names) if term.effect.name == NAME else ""
-    return words_of(term).thing.format(rotor=rotor, where=where)
+    return say(words_of(term).thing, rotor=rotor, where=where)
 
 
 def unnamed_place(term: Term | Placed, rotor_names: Sequence[str]) -> str:
-    """Where a cause without a name acts: `pitch along speed forward`, `yaw all along`."""
+    """Return where an unnamed cause acts: `pitch along speed forward`, `yaw all along`."""
     mode, channel = place_of(term.effect)
+    mode = say(mode)
     if term.rotor is not None:
-        mode = f"the loss of {rotor_words(term.rotor, tuple(rotor_names))}"
-    return f"{mode} all along" if channel == CONSTANT else f"{mode} along {ALONG_WORDS[channel][0]}"
+        mode = say("the loss of {rotor}", rotor=rotor_words(term.rotor, tuple(rotor_names)))
+    if channel == CONSTANT:
+        return say("{mode} all along", mode=mode)
+    return say("{mode} along {channel}", mode=mode, channel=along_name(channel))
 
 
 def effect_things(model: RotorModel) -> tuple[str, ...]:
-    """What the effects of a model are called, each once."""
+    """Return the names of the effects in a model, each once, in the model's order."""
     names = model.airframe.rotor_names
     things = (effect_thing(placed, names) for placed in model.placed)
     return tuple(dict.fromkeys(things))
 
 
 def words_of(term: Term | Placed) -> EffectWords:
-    """The words of an effect by its key, else by its name, else by its parameters."""
+    """Return the words of an effect by its key, else by its name, else by its parameters."""
     key, name = term.effect.key, term.effect.name
     spelt = name.replace("_", " ") + ("" if term.rotor is None else " of {rotor}")
     return WORDS.get(key) or WORDS.get(name) or EffectWords(spelt, amounts.by_parameters, None)
 
 
-#: What only causes without a name go along, beside the channels of the figures.
+#: Channels of figures and unnamed causes -> name, unit, factor to that unit.
 ALONG_WORDS = {
     **CHANNEL_WORDS,
     "forward_speed": ("speed forward", "m/s", 1.0),
@@ -102,29 +110,34 @@ ALONG_WORDS = {
     "load": ("the thrust that all rotors make", "kg", 1.0),
 }
 
-WEAK = "a weak {rotor}"
-#: key of the effect, or its name where all variants are described alike -> its words
+
+def along_name(channel: str) -> str:
+    """Return the name of a channel of ALONG_WORDS."""
+    return say(ALONG_WORDS[channel][0])
+
+
+#: Key of the effect, or its name if all variants are described alike -> its words.
 WORDS: Mapping[str, EffectWords] = {
-    "rotor_degradation": EffectWords(WEAK, amounts.weak_rotor, actions.INSPECT),
+    "rotor_degradation": EffectWords("a weak {rotor}", amounts.weak_rotor, actions.INSPECT),
     "rotor_degradation:onset": EffectWords(
-        WEAK + " in flight", amounts.weakened_in_flight, actions.INSPECT
+        "a weak {rotor} in flight", amounts.weakened_in_flight, actions.INSPECT
     ),
     "rotor_degradation:for a while": EffectWords(
-        WEAK + " for a while", amounts.weakened_for_a_while, actions.LOOK_AT_MOTOR
+        "a weak {rotor} for a while", amounts.weakened_for_a_while, actions.LOOK_AT_MOTOR
     ),
     "rotor_degradation:in each flight": EffectWords(
         "{rotor} weakening in every flight", amounts.weakens_each_flight, actions.FEEL_HEAT
     ),
     "rotor_degradation:since": EffectWords(
-        WEAK + " since a flight", amounts.weak_since_a_flight, actions.INSPECT
+        "a weak {rotor} since a flight", amounts.weak_since_a_flight, actions.INSPECT
     ),
     "rotor_degradation:until repaired": EffectWords(
-        WEAK + " until it was repaired", amounts.weak_until_repaired, actions.REPAIRED
+        "a weak {rotor} until it was repaired", amounts.weak_until_repaired, actions.REPAIRED
     ),
     "extra_mass": EffectWords("hidden mass", amounts.hidden_mass, actions.WEIGH),
     "air_density": EffectWords("air density", amounts.air_density),
     "tank_scale": EffectWords(
-        "a wrong tank gauge", partial(amounts.wrong_gain, "tank gauge"), actions.SET_GAUGE
+        "a wrong tank gauge", partial(amounts.wrong_gain, *amounts.GAUGE_SHOWS), actions.SET_GAUGE
     ),
     "tank_zero": EffectWords("a tank gauge off its zero", amounts.tank_zero, actions.ZERO_GAUGE),
     "tank_drift": EffectWords("a tank gauge that drifts", amounts.tank_drift, actions.CHECK_GAUGE),
@@ -133,7 +146,7 @@ WORDS: Mapping[str, EffectWords] = {
     ),
     "airspeed_gain": EffectWords(
         "a wrong airspeed sensor",
-        partial(amounts.wrong_gain, "airspeed sensor"),
+        partial(amounts.wrong_gain, *amounts.AIRSPEED_SHOWS),
         actions.CHECK_AIRSPEED,
     ),
     "sensor_lag": EffectWords("a late airspeed", amounts.late_airspeed, actions.AIRSPEED_RATE),
@@ -165,7 +178,7 @@ WORDS: Mapping[str, EffectWords] = {
 }
 
 
-#: Part of an action -> whose costs it has.
+#: Part of an action -> key of its costs in COSTS.
 KIND_OF_PART = {
     "propeller": "rotor",
     "motor": "rotor",

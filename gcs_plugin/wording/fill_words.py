@@ -1,4 +1,4 @@
-"""The largest fill in words: the same for console, page, view, report and plan."""
+"""Describe the largest fill in words, identically for console, page, view, report and plan."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.fill_limits import FillLevel, NextFill, Reason
 from thrustmargin.models.physics.day import Day
 
-#: reason -> why not more, and why not even empty
+#: Reason of the limit -> consequence of more, and consequence with an empty tank.
 _BECAUSE: Mapping[Reason, tuple[str, str]] = {
     "utilisation": (
         "more would take over {limit} of a rotor's maximum thrust in steady flight",
@@ -30,7 +30,7 @@ _BECAUSE: Mapping[Reason, tuple[str, str]] = {
         "this flight was above {limit} of a rotor's maximum thrust with hardly any load",
     ),
 }
-#: Why nothing goes into an aircraft that is light enough.
+#: Reason why nothing can be filled -> its words.
 _NOTHING_FITS: Mapping[Reason, str] = {
     "tank": "it has no tank",
     "take-off mass": "empty it has the maker's maximum take-off mass already",
@@ -96,7 +96,8 @@ def with_day(day: Day) -> str:
 
 
 def how_sure(fill: NextFill) -> str:
-    """`limit at 9.8 kg (9.1 to 10.5); 12.1 kg with a fresh battery`; empty where nothing adds."""
+    """Return `limit at 9.8 kg (9.1 to 10.5); 12.1 kg with a fresh battery`; empty if neither adds
+    anything."""
     if not math.isfinite(fill.kg) or fill.kg <= 0.0 or fill.nothing_fits is not None:
         return ""
     parts = (
@@ -112,7 +113,8 @@ def how_sure(fill: NextFill) -> str:
 
 
 def amount(kg: float, liquid_density: float = math.nan) -> str:
-    """`9.8 kg (9.8 L)`, rounded to the safe side; litres where the liquid's kg/L is known."""
+    """Return `9.8 kg (9.8 L)`, rounded down; litres only if the liquid's density, kg/L, is
+    known."""
     if not math.isfinite(kg):
         return number(kg, "kg")
     litres = kg / liquid_density if liquid_density > 0.0 else math.nan
@@ -121,11 +123,14 @@ def amount(kg: float, liquid_density: float = math.nan) -> str:
 
 
 def safe_kg(fill: NextFill) -> float:
-    """The kg that `fill_advice` says; NaN unknown, 0 where nothing may be filled."""
+    """Return the kg that `fill_advice` states, rounded down to 0.1; NaN if unknown, 0 if nothing
+    may be filled."""
     return _down(fill.kg) if math.isfinite(fill.kg) else math.nan
 
 
 def _range(fill: NextFill) -> str:
+    """Return the fill at the limit with its interval, kg, rounded outwards; alone if narrower than
+    0.05 kg."""
     middle = number(_down(fill.limit_kg), "kg")
     if not fill.high_kg - fill.low_kg >= 0.05:
         return middle
@@ -134,4 +139,5 @@ def _range(fill: NextFill) -> str:
 
 
 def _down(kg: float) -> float:
+    """Round kg or litres down to 0.1, at least 0."""
     return math.floor(max(kg, 0.0) * 10.0 + 1e-6) / 10.0

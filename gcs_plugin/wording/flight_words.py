@@ -1,4 +1,5 @@
-"""Whether an aircraft flew at all, by what that is known, and the sorties of a log, in words."""
+"""Describe in words whether an aircraft flew, how control was lost, rejected sensors, and the
+sorties of a log."""
 
 from __future__ import annotations
 
@@ -28,7 +29,7 @@ GROUNDED_BY: Mapping[FlyingBy, str] = {
     FlyingBy.GIVEN: "as the table says",
 }
 TOO_SELDOM = "readings come every {seconds} s: too seldom to find a weak rotor or motor"
-#: Of an instrument whose reading is left out.
+#: Reason why a sensor is rejected -> its words, and the action.
 LEFT_OUT: Mapping[Reason, str] = {
     Reason.FROZEN: "its reading stood still in flight: no measurement, and left out",
     Reason.BROKEN: "its reading fell at once, and the motors felt nothing of it: no measurement, "
@@ -45,7 +46,7 @@ LEFT_OUT: Mapping[Reason, str] = {
 
 
 def not_flown(track: FlightTrack) -> str:
-    """Why a log without a row in flight has none; empty where one flies."""
+    """Return why no row of a log is in flight; empty if one is."""
     if track.flying.any():
         return ""
     why = say(GROUNDED_BY[track.flying_by])
@@ -55,30 +56,31 @@ def not_flown(track: FlightTrack) -> str:
 
 
 def too_short(seconds: float) -> str:
-    """Why so little flight has no verdict."""
+    """Return the words about a flight too short for a verdict."""
     long = number(seconds, "s")
     return say("only {long} of it in flight: too little for a verdict", long=long)
 
 
 def loss_words(losses: Sequence[LossOfControl]) -> str:
-    """What showed that control was lost, in order of time."""
+    """List the signs of a loss of control with their times, in order."""
     return ", ".join(
         say("{sign} at {clock}", sign=_sign(one), clock=clock(one.time_s)) for one in losses
     )
 
 
 def recovered_words(signs: Sequence[LossOfControl]) -> str:
-    """What it came back from, or how hard it landed, and what to do."""
+    """Return the words about a jolt or tilt that did not end the flight, and the action."""
     return f"{loss_words(signs)}, and it went on or landed: {actions.AFTER_A_JOLT.text}"
 
 
 def lost_rows(losses: Sequence[LossOfControl]) -> str:
-    """That what follows a loss of control is not learnt from."""
+    """Return the words about rows after a loss of control, which are not used for training."""
     when = clock(losses[0].time_s)
     return f"control was lost ({loss_words(losses)}): what follows {when} is left out"
 
 
 def _sign(one: LossOfControl) -> str:
+    """Return one sign of a loss of control with its amount."""
     value = one.value
     words, amount = {
         LossKind.SATURATED: ("a motor at {amount} output", percent(value)),
@@ -95,7 +97,7 @@ def _sign(one: LossOfControl) -> str:
 
 
 def event_words(kind: str, subject: str, text: str, time_s: float, count: int) -> str:
-    """What the vehicle reported, when first and how often: `crash (crash check: ERR 12 1) at
+    """Return a reported event with its first time and count: `crash (crash check: ERR 12 1) at
     1:23`."""
     about = subject if not subject.isdigit() else f"motor or part {subject}"
     details = ": ".join(filter(None, (about if about != kind else "", text)))
@@ -104,17 +106,17 @@ def event_words(kind: str, subject: str, text: str, time_s: float, count: int) -
     return f"{kind}{f' ({details})' if details else ''} at {when}{often}"
 
 
-#: The report's fact where the rotors may be others than they are called.
+#: Beginning of the fact about a motor order that may be wrong.
 NAMES_WRONG = "cannot be trusted: "
 
 
 def sortie_suffix(number: int, of: int) -> str:
-    """` sortie 2 of 3` behind the name of a log; nothing where it holds one alone."""
+    """Return ` sortie 2 of 3` for the name of a log; empty for a log with one sortie."""
     return f" sortie {number} of {of}" if of > 1 else ""
 
 
 def sortie_words(number: int, track: FlightTrack) -> str:
-    """Which one it is, when it began, and how long it flew."""
+    """Return the number of a sortie, its begin in UTC if known, and its flight time."""
     flown = f"{duration(track.flying_s)} in flight"
     unknown = float("nan")
     try:
@@ -127,18 +129,19 @@ def sortie_words(number: int, track: FlightTrack) -> str:
 
 
 def restart_words(restarts: int) -> str:
-    """That the vehicle's clock began anew in the log."""
+    """Return the line about restarts of the vehicle's clock within a log."""
     return f"time went backwards {restarts} time(s) (restart): each stretch is read alone"
 
 
 def several_words(sorties: int, *, load_stated: bool) -> str:
-    """That a log holds several sorties, and that what the user states is taken for each."""
+    """Return the line about several sorties in a log; a load stated by the user applies to each."""
     each = "; the load that you state is taken for each of them" if load_stated else ""
     return f"{sorties} sorties in the log, each a flight of its own{each}"
 
 
 def unflown_words(seconds: Sequence[float], reasons: Sequence[str]) -> tuple[str, ...]:
-    """What of a log has no verdict: stretches without flight, s, and those that cannot be read."""
+    """Return lines about parts of a log without a verdict: on the ground (`seconds`), or unreadable
+    (`reasons`)."""
     idle = ()
     if seconds:
         several = "a stretch" if len(seconds) == 1 else f"{len(seconds)} stretches"

@@ -1,6 +1,5 @@
-"""A plan before take-off in words: may it be flown, its weakest place, fill, sorties, what was
-assumed.
-"""
+"""Describe the forecast of a plan: may it take off, weakest place, fill, sorties, and
+assumptions."""
 
 from __future__ import annotations
 
@@ -28,7 +27,7 @@ from thrustmargin.models.model.model_misfit import Caveat
 NO_VERDICT = "NO VERDICT: the model predicts nothing for this aircraft in these conditions"
 UNLIKE = "NO VERDICT: the flight in this log does not fit the airframe"
 CONTRADICTED = "NO VERDICT: in the flight of this log rotor speeds and model contradict each other"
-#: Conditions of a good answer that the last flight left open.
+#: Conditions of a good verdict that the last flight did not settle.
 CONDITIONS: Mapping[Caveat, str] = {
     Caveat.GAUGE: "THE TANK LEVEL IS KNOWN (THE GAUGE WAS LEFT OUT)",
     Caveat.VOLTAGE: "THE VOLTAGE IS KNOWN (THE VOLTMETER WAS LEFT OUT)",
@@ -37,7 +36,7 @@ CONDITIONS: Mapping[Caveat, str] = {
     Caveat.ROTORS_NOT_SOUGHT: "ALL ROTORS ARE SOUND (THE LOG DOES NOT SHOW IT)",
     Caveat.ROTORS_BY_OUTPUTS: "NO ROTOR IS WEAK FROM THE START (OUTPUTS DO NOT SHOW IT)",
 }
-#: What was taken for what is not known; {0} is filled in with it.
+#: Unknown value -> the words about its assumption; {0} is the assumed value.
 ASSUMED: Mapping[str, str] = {
     "aircraft": "the aircraft is {0}: give --airframe",
     "unlike": "the aircraft is {0}; its last flight speaks against that: {1}",
@@ -86,7 +85,7 @@ LEAST_SHARE = 0.005  # of utilisation, worth a word
 
 
 def verdict(made: PlanForecast) -> str:
-    """The first line: may it take off with this, and why."""
+    """Return the first line: whether it may take off with this fill, and the reason."""
     advice = made.advised.advice
     use, limit = advice.use, percent(advice.limit)
     fill = ""
@@ -124,7 +123,7 @@ def verdict(made: PlanForecast) -> str:
 
 
 def weakest_words(weakest: Weakest | None) -> str:
-    """The place with the largest utilisation, and what makes it so."""
+    """Return the place with the largest utilisation, and the shares of its causes."""
     if weakest is None:
         return say("Weakest place unknown.")
     parts = [
@@ -150,7 +149,7 @@ def weakest_words(weakest: Weakest | None) -> str:
 
 
 def fill_words(made: PlanForecast) -> str:
-    """The largest fill that keeps the limit all along."""
+    """Return the largest fill that keeps the limit throughout the plan."""
     liquid, limit = _liquid(made), percent(made.advised.advice.limit)
     if made.advised.advice.faults:
         return f"{say(UNSOUND)}."
@@ -167,7 +166,7 @@ def fill_words(made: PlanForecast) -> str:
 
 
 def survivable_words(made: PlanForecast) -> str:
-    """From which litre on a lost rotor is survived."""
+    """Return the tank level, and the time, from which on the loss of a rotor is survivable."""
     below = made.survivable_below_kg
     if made.level is FlightLevel.UNKNOWN or not math.isfinite(below):
         return say("Whether a lost rotor is survivable is unknown.")
@@ -187,7 +186,7 @@ def survivable_words(made: PlanForecast) -> str:
 
 
 def sortie_words(made: PlanForecast) -> tuple[str, ...]:
-    """Time, liquid and energy; and where to refill."""
+    """Return the lines about time, liquid and energy, and about the items after which to refill."""
     sorties, liquid = made.needs.sorties, _liquid(made)
     sprayed = sum(s.kg for s in sorties)
     energy = sum(s.energy_wh for s in sorties)
@@ -221,7 +220,8 @@ def sortie_words(made: PlanForecast) -> tuple[str, ...]:
 
 
 def _sortie(which: int, one: Sortie, liquid: float, swath: float) -> str:
-    """`  sortie 2: items 10 to 17, 4.1 L, 0.42 ha, 3 min 10 s, 120 Wh`."""
+    """Return ` sortie 2: items 10 to 17, 4.1 L, 0.42 ha, 3 min 10 s, 120 Wh`; no area without a
+    swath width."""
     field = f"{area(one.lines * swath)}, " if math.isfinite(swath) else ""
     items = say(
         "  sortie {which}: items {first} to {last}",
@@ -234,7 +234,7 @@ def _sortie(which: int, one: Sortie, liquid: float, swath: float) -> str:
 
 
 def way_back_words(made: PlanForecast) -> str:
-    """From where on home is out of the battery's reach, the reserve kept."""
+    """Return the point of no return by battery, or the smallest reserve if home stays in reach."""
     back = made.way_back
     if not math.isfinite(back.spare_wh):
         return say("Point of no return unknown: give --capacity.")
@@ -259,7 +259,7 @@ def way_back_words(made: PlanForecast) -> str:
 
 
 def plan_faults(made: PlanForecast) -> tuple[str, ...]:
-    """What is wrong with the plan or not understood of it, first."""
+    """Return the lines about faults of the plan and about items that are not understood."""
     faults = [fault_words(f.fault, f.items, f.height) for f in made.findings]
     wrong = [f"{say('Plan')}: {words}{'' if words.endswith('?') else '.'}" for words in faults]
     unknown = [f"{say('Not reckoned')}: {not_understood_words(n)}." for n in made.not_understood]
@@ -267,7 +267,7 @@ def plan_faults(made: PlanForecast) -> tuple[str, ...]:
 
 
 def assumed_words(made: PlanForecast) -> tuple[str, ...]:
-    """What was taken for what is not known."""
+    """Return the lines about values that were assumed because they are unknown."""
     return (
         *map(say, made.plan.notes),
         day_line(made.day),
@@ -277,7 +277,7 @@ def assumed_words(made: PlanForecast) -> tuple[str, ...]:
 
 
 def _as_far(made: PlanForecast) -> str:
-    """What the answer does not reach: stated in it, for it is read alone."""
+    """Return the conditions of the verdict, for the same line, because that line is read alone."""
     craft = made.assumed.get("aircraft")
     parts = [say(", IF THE AIRCRAFT IS {name}", name=craft[0])] if craft else []
     open_ones = [say(CONDITIONS[one]) for one in made.caveats if one in CONDITIONS]
@@ -291,11 +291,13 @@ def _as_far(made: PlanForecast) -> str:
 
 
 def _assumed(key: str, values: Sequence[str]) -> str:
+    """Return the line of one assumption with its values."""
     listed = values if ASSUMED[key].count("{") > 1 else [", ".join(values)]
     return say(ASSUMED[key], *listed)
 
 
 def _cut(lines: Sequence[str], most: int = 6) -> list[str]:
+    """Return at most `most` lines, and one with the number of the others."""
     rest = len(lines) - most
     return [
         *lines[:most],
@@ -304,22 +306,25 @@ def _cut(lines: Sequence[str], most: int = 6) -> list[str]:
 
 
 def _has_tank(made: PlanForecast) -> bool:
+    """Return whether the aircraft has a tank."""
     return made.advised.analysis.model.airframe.tank_volume_l > 0.0
 
 
 def _fill(made: PlanForecast) -> float:
+    """Return the tank level at take-off, kg."""
     return float(made.flight.track.tank_kg[0])
 
 
 def _liquid(made: PlanForecast) -> float:
+    """Return the liquid's density, kg/L."""
     return made.advised.analysis.model.airframe.liquid_density
 
 
 def gate_limit(limit: float) -> str:
-    """What the fill gate of the vehicle keeps."""
+    """Return the condition that the vehicle's fill gate checks."""
     return f"{percent(limit)} of a rotor's maximum thrust, and the weight held with one rotor lost"
 
 
 def gate_sag(resistance: float) -> str:
-    """How far its table has the battery sag; ohm of the pack."""
+    """Return how the gate's table lets the battery sag; `resistance` of the pack in ohm."""
     return f", by {number(1e3 * resistance, 'mOhm', 0)} of the pack"

@@ -26,9 +26,9 @@ VARIABLE = "THRUSTMARGIN_LANGUAGE"
 
 
 def spoken() -> str:
-    """The code of the language, `en` unless another was chosen.
+    """Return the code of the chosen language, "en" by default.
 
-    Raises DataError for one that there is not.
+    Raise DataError for a language that is not in LANGUAGES.
     """
     code = os.environ.get(VARIABLE, "").lower() or LANGUAGES[0]
     if code not in LANGUAGES:
@@ -53,9 +53,9 @@ def translations(language: str, context: str | None = None) -> dict[str, str]:
 
 
 def say(english: str, /, *listed: object, **values: object) -> str:
-    """A sentence in the language that is spoken, with its {placeholders} filled in.
+    """Return the sentence `english` in the chosen language, with its {placeholders} filled in.
 
-    Without values it is taken as it is, braces and all.
+    A sentence without a translation stays English. Without values the braces stay as they are.
     """
     language = spoken()
     text = translations(language).get(english, english)
@@ -67,21 +67,27 @@ def say(english: str, /, *listed: object, **values: object) -> str:
     return text.format(*map(_comma, listed), **named)
 
 
+class Verbatim(str):
+    """A text that `say` fills in unchanged: a name of a file, or a text in the language already."""
+
+
 def sentence(capitals: str) -> str:
-    """A line of capitals in small letters, which in German is the text that it was made from."""
+    """Return a line of capitals in small letters if the language is English; else return it
+    unchanged."""
     if spoken() == LANGUAGES[0]:
         return capitals.lower()
     return capitals
 
 
 def decimal(text: str) -> str:
-    """A number's text with the decimal sign of the language."""
+    """Replace the decimal point in a number's text by the sign of the language."""
     return text if spoken() == LANGUAGES[0] else text.replace(".", ",")
 
 
 def _comma(value: object) -> object:
-    """Numbers in a text with a decimal comma, and their intervals in its words."""
-    if not isinstance(value, str):
+    """Return a text with the decimal sign and the `to` of intervals in the language; other values
+    unchanged."""
+    if not isinstance(value, str) or isinstance(value, Verbatim):
         return value
     text = re.sub(r"(?<=\d)\.(?=\d)", ",", value)
     return re.sub(r"(?<=\d) to (?=\d)", f" {say('to')} ", text)
@@ -89,7 +95,7 @@ def _comma(value: object) -> object:
 
 UNKNOWN = "unknown"
 BEYOND_CEILING = "beyond the ceiling"  # of a margin below 0, which has no degrees
-#: Below so much of a unit, numbers are shown in a smaller one: how many make one, and its name.
+#: Amount below which a smaller unit is used. Unit -> how many of the smaller one make it, its name.
 SMALL = 0.05
 SMALLER: Mapping[str, tuple[float, str]] = {
     "kg": (1e3, "g"),
@@ -101,12 +107,13 @@ SMALLER: Mapping[str, tuple[float, str]] = {
 
 
 def known(value: float | None) -> TypeGuard[float]:
-    """True for a finite number."""
+    """Return whether `value` is a finite number."""
     return value is not None and math.isfinite(value)
 
 
 def number(value: float | None, unit: str = "", decimals: int = 1) -> str:
-    """`12.3 kg`; "unknown" for NaN and None. No number is shown as minus zero."""
+    """Return a rounded number with its unit, `12.3 kg`; `unknown` for NaN and None. Zero has no
+    sign."""
     if not known(value):
         return say(UNKNOWN)
     text = f"{value:,.{decimals}f}".replace(",", " ")
@@ -117,12 +124,13 @@ def number(value: float | None, unit: str = "", decimals: int = 1) -> str:
 
 
 def unbroken(text: str) -> str:
-    """The text with spaces between numbers and what follows them that no line breaks at."""
+    """Put no-break spaces between numbers and their units, so that no line ends between them."""
     return re.sub(r"(?<=[0-9]) (?=[^ ]{1,3}(?:\b|$|[ ,;.)]))", "\N{NO-BREAK SPACE}", text)
 
 
 def significant(value: float | None, digits: int = 4) -> str:
-    """A number of unknown size with so many digits that count, and no exponent up to a billion."""
+    """Return a number with `digits` significant digits; as a power of ten below 1e-4 and from
+    1e9."""
     if not known(value):
         return say(UNKNOWN)
     if value and not 1e-4 <= abs(value) < 1e9:
@@ -132,17 +140,18 @@ def significant(value: float | None, digits: int = 4) -> str:
 
 
 def percent(share: float | None, decimals: int = 0) -> str:
-    """`64 %` of 0.64."""
+    """Return a share in per cent: `64 %` for 0.64."""
     return number(None if share is None else share * 100.0, "%", decimals)
 
 
 def margin_or_beyond(share: float) -> str:
-    """`margin 64 %`; a rotor that would need more than its largest thrust has none."""
+    """Return `margin 64 %` for 0.64; BEYOND_CEILING for a negative margin."""
     return BEYOND_CEILING if share < 0.0 else f"margin {percent(share)}"
 
 
 def percent_within(share: float, low: float, high: float) -> str:
-    """`52 % (47 to 57)`; `52 %` alone where both ends are the same, or unknown."""
+    """Return a share with its interval, `52 % (47 to 57)`; without it if both ends are equal or one
+    is unknown."""
     if not (known(low) and known(high)) or high - low < 1e-9:
         return percent(share)
     ends = f"({number(low * 100.0, '', 0)} {say('to')} {number(high * 100.0, '', 0)})"
@@ -159,12 +168,13 @@ def within(
     most: int = 2,
     beside: float = 0.0,
 ) -> tuple[str, str]:
-    """`8 %` and `(7.8 to 8.2)`: an amount and its interval, no digit more than that allows.
+    """Return an amount and its interval, `8 %` and `(7.8 to 8.2)`, with no more digits than it
+    allows.
 
-    The last digit shown is the first of the half width, at most `most` decimals, or one more where
-    the ends would look alike or one of them would look like 0. Amounts of a small aircraft are in a
-    smaller unit: `2.7 g` of 0.0027 kg, unless the largest amount `beside` it in a table, in `unit`,
-    is not. Without an interval the second text is empty.
+    The last digit shown is the first digit of the half width, with at most `most` decimals. One
+    more is shown if both ends would look alike or one would look like 0. Amounts below SMALL are
+    shown in a smaller unit, `2.7 g` for 0.0027 kg, unless `beside`, the largest amount in the same
+    table, is not below it. The second text is empty without an interval.
     """
     largest = max(abs(value), abs(low), abs(high)) * abs(factor)
     if unit in SMALLER and largest < SMALL:
@@ -188,33 +198,34 @@ def within(
 
 
 def shown_unit(unit: str, name: str = "") -> tuple[float, str]:
-    """What a number in a file's `unit` is multiplied by for people, and their unit.
+    """Return the factor and the unit that show a number of a file's `unit` to people.
 
-    Shares are per cent, but for a parameter whose `name` says that it is an exponent.
+    Shares are shown in per cent, except a parameter whose `name` contains "exponent".
     """
     if unit == "1" and "exponent" in name:
         return 1.0, ""
-    people = {"1": (100.0, "%"), "m": (1000.0, "mm"), "1/s": (6000.0, "% a minute")}
+    people = {"1": (100.0, "%"), "m": (1000.0, "mm"), "1/s": (6000.0, say("% a minute"))}
     return people.get(unit, (1.0, unit.replace("^2", "²")))
 
 
 def joined(parts: tuple[str, str]) -> str:
-    """Amount and interval in one."""
+    """Return amount and interval as one text."""
     return " ".join(parts).rstrip()
 
 
 def _rounded(value: float, decimals: int) -> str:
+    """Return a number rounded to `decimals`, which may be negative, without a unit."""
     return number(round(value, decimals), "", max(0, decimals))
 
 
 def more(share: float, decimals: int = 2) -> str:
-    """`+75.83 %` of 0.7583."""
+    """Return a share in per cent, with a plus sign if positive: `+75.83 %` for 0.7583."""
     text = percent(share, decimals)
     return f"+{text}" if share > 0.0 else text
 
 
 def clock(seconds: float | None) -> str:
-    """`3:07` or `1:02:45` of seconds, cut to the whole second; "unknown" for NaN."""
+    """Return seconds as `3:07` or `1:02:45`, cut to whole seconds; `unknown` for NaN and None."""
     if not known(seconds):
         return say(UNKNOWN)
     whole = int(abs(seconds))
@@ -224,7 +235,7 @@ def clock(seconds: float | None) -> str:
 
 
 def duration(seconds: float | None) -> str:
-    """`3 min 28 s`, `12 s`, `0.4 s`."""
+    """Return seconds as `3 min 28 s`, `12 s` or `0.4 s`; `unknown` for NaN and None."""
     if not known(seconds):
         return say(UNKNOWN)
     if seconds < 10.0:
@@ -239,7 +250,7 @@ def duration(seconds: float | None) -> str:
 
 
 def area(square_metres: float | None) -> str:
-    """`0.84 ha`, or square metres below a tenth of a hectare."""
+    """Return square metres as `0.84 ha`; as `m²` below a tenth of a hectare."""
     if not known(square_metres):
         return say(UNKNOWN)
     if square_metres < 1000.0:
@@ -248,7 +259,8 @@ def area(square_metres: float | None) -> str:
 
 
 def place(north: float, east: float) -> str:
-    """`12 m north, 40 m west of the start`; empty when the position is unknown."""
+    """Return a position, m from the start, as `12 m north, 40 m west of the start`; empty if
+    unknown."""
     if not (known(north) and known(east)):
         return ""
     along = f"{abs(north):.0f} m {say('north' if north >= 0 else 'south')}"
@@ -257,7 +269,7 @@ def place(north: float, east: float) -> str:
 
 
 def from_direction(degrees: float) -> str:
-    """`from SE (142°)`; "unknown" for NaN."""
+    """Return a direction as `from SE (142°)`; `unknown` for NaN."""
     if not known(degrees):
         return say(UNKNOWN)
     names = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
@@ -284,19 +296,25 @@ CHANNEL_WORDS: Mapping[str, tuple[str, str, float]] = {
 
 
 def channel_name(channel: str) -> str:
-    """As people call it; the name itself where there is no other."""
-    return CHANNEL_WORDS[channel][0] if channel in CHANNEL_WORDS else channel.replace("_", " ")
+    """Return the usual name of a channel; without one, the channel's own name with spaces."""
+    if channel not in CHANNEL_WORDS:
+        return channel.replace("_", " ")
+    return say(CHANNEL_WORDS[channel][0])
 
 
 def channel_title(channel: str) -> str:
-    """The channel with its unit, for an axis."""
+    """Return the name of a channel with its unit, as the title of an axis."""
     unit = CHANNEL_WORDS[channel][1] if channel in CHANNEL_WORDS else ""
     return f"{channel_name(channel)}{f', {unit}' if unit else ''}"
 
 
 def chance(probability: float, flights: int = 0) -> str:
-    """`60 %` of 0.6; never 0 or 100 %. With the number of flights that say so, where given."""
-    by = f" by {flights} flight{'s' if flights > 1 else ''}" if flights else ""
+    """Return a probability as `60 %`, never as 0 or 100 %; with `by 3 flights` if `flights` is
+    given."""
+    share = say("over 99 %" if probability > 0.5 else "under 1 %")
     if 0.01 <= probability <= 0.99:
-        return percent(probability) + by
-    return ("over 99 %" if probability > 0.5 else "under 1 %") + by
+        share = percent(probability)
+    if not flights:
+        return share
+    words = "{share} by {count} flights" if flights > 1 else "{share} by {count} flight"
+    return say(words, share=share, count=flights)

@@ -1,9 +1,7 @@
-"""Words of the 3D scene and of the view's own data, and the catalogue of what the page says.
+"""Words of the live screens: 3D scene, page, terminal and log.
 
-The catalogue is one file a language beside this one.
-
-What terminal, page and log say while vehicles fly: of a figure that is unknown and of what
-helps, of a vehicle's silence, of the link and the recording.
+They name figures that are unknown and what would help, silent vehicles, the link and the recording.
+The page's own words are in `page_words.toml`, their translations in the `.po` files.
 """
 
 from __future__ import annotations
@@ -50,39 +48,47 @@ def page_words(language: str) -> dict[str, dict[str, str]]:
 
 
 def wind_words(speed: float) -> str:
+    """Return the wind speed, m/s, in words."""
     return f"wind {speed:.1f} m/s"
 
 
 def margin_ahead(share: float) -> str:
-    """What lasts; turns and climbs take more for moments, and gusts are not in it."""
+    """Return the sustained margin of the rest of the route; turns and climbs need more for
+    moments."""
     return f"rest of the route: {margin_or_beyond(share)} that lasts, less for moments in turns"
 
 
 def model_with(effects: Sequence[str]) -> str:
+    """Return the words that list the effects in the model."""
     return f"model with {', '.join(effects)}" if effects else "model without effects"
 
 
 def measured_share(basis: str, share: float) -> str:
+    """Return the words for rotor speeds that are measured, or else known, for `share` of the
+    time."""
     return f"{basis} for {100 * share:.0f} %, predicted for the rest"
 
 
 def drawn_larger(scale: float) -> str:
+    """Return the words for the scale at which the aircraft is drawn."""
     return f"aircraft drawn {scale:.0f} x its size" if scale > 1.0 else "true size"
 
 
 def grid_words(cell: float) -> str:
+    """Return the size of a cell of the ground grid, m, in words."""
     return f"grid {cell:g} m"
 
 
 @dataclass(frozen=True, slots=True)
 class WhyUnknown:
-    """Why something is unknown, and the option that asks the vehicle for it, if one does."""
+    """The reason why a figure is unknown, and the option that requests it from the vehicle, if
+    any."""
 
     words: str
     option: str = ""
 
     def text(self, asked: Collection[str] = ()) -> str:
-        """For people; `asked` are the options that are on, which need no advice."""
+        """Return the reason for people; options in `asked` are on already and are not advised."""
         words = say(self.words)
         if not self.option:
             return words
@@ -91,7 +97,7 @@ class WhyUnknown:
         return say("{words}; {option} asks for it", words=words, option=self.option)
 
 
-#: Options by which a vehicle is asked.
+#: Options that request messages from a vehicle.
 RATES, FETCH = "--request-rates", "--fetch-mission"
 #: Why a figure is unknown.
 NO_SPEEDS = WhyUnknown("no rotor speeds (ESC telemetry) and no motor outputs heard", RATES)
@@ -112,11 +118,11 @@ NO_ROWS = WhyUnknown(
 AIRFRAME_NOT_YET = "airframe not known yet: hover 5 s"
 AIRFRAME_UNKNOWN = "airframe not known"
 
-#: Figures by the name that a reason is given for.
+#: Figures that can be unknown, by the name beside the reason.
 MEASURED_MARGIN, PREDICTED_MARGIN = "measured margin", "predicted margin"
 TANK, TANK_BY_THRUST, TIME_TO_EMPTY = "tank", "tank by thrust", "time to empty"
 ROUTE_AHEAD, FULL_MARGIN = "route ahead", "margin with a full tank"
-#: Fields of the vehicle's reports that may grow old.
+#: Reported field -> its name in a line about old values.
 FIELD_WORDS: Mapping[str, str] = {
     "attitude": "attitude",
     "position_ned": "position",
@@ -148,10 +154,10 @@ LEGEND = (
     f"held over weight, {SPINS} · route ahead: what lasts, less for moments in turns · "
     f"{BEYOND}: beyond the ceiling · ~ old, the last that was known"
 )
-#: A line of status that begins so is made to stand out.
+#: Beginnings of status lines that are highlighted.
 NOT_RECORDING, BEHIND = "NOT RECORDING", "this computer is"
 STOPPED = "STOPPED BY AN ERROR"
-#: What was lost of a link, by the counter of its status.
+#: Counter of lost frames in the status -> its words.
 LOST: Mapping[str, str] = {
     "bad_checksum": "with a wrong checksum",
     "bytes_skipped": "bytes skipped",
@@ -162,33 +168,35 @@ LOST: Mapping[str, str] = {
 
 
 def behind_words(behind_s: float, *, page: bool = False) -> str:
-    """That what is shown is late because the computer is, and what helps."""
+    """Return the line about a computer that is too slow, `behind_s` late, and the remedy."""
     helps = "closing the 3D page" if page else "closing other programs"
     return f"{BEHIND} {behind_s:.0f} s behind: {helps} helps"
 
 
 def not_read_again(error: BaseException) -> str:
-    """That the whole of a flight that is over was not read, by an error of this program."""
+    """Return the line about a landed flight that could not be read as a whole, with the error."""
     why = f"{type(error).__name__}: {error}"
     return f"the last flight cannot be read as a whole: its answer is that of the flight ({why})"
 
 
 def output_failed(name: str, error: BaseException) -> str:
-    """Return the line on an output of the monitor that an error of this program has ended."""
+    """Return the line about an output of the monitor that an error of this program has ended."""
     why = f"{type(error).__name__}: {error}"
     return f"{STOPPED}: {name} ({why}); all else goes on; start the monitor again to have it back"
 
 
 def of_vehicle(number: int, words: str) -> str:
+    """Return `words` with the vehicle's number in front."""
     return f"vehicle {number}: {words}"
 
 
 def not_heard_on(urls: Iterable[str]) -> str:
+    """Return the line about addresses on which no vehicle was heard."""
     return f"{NO_VEHICLE} on {', '.join(urls)}"
 
 
 def two_vehicles(system: int) -> str:
-    """That one id is used twice, what that means and what to do."""
+    """Return the line about two vehicles with the same system id, and the remedy."""
     return (
         f"two vehicles send as system {system}: nothing is computed; "
         "give each its own id (SYSID_THISMAV or MAV_SYSID)"
@@ -196,12 +204,12 @@ def two_vehicles(system: int) -> str:
 
 
 def copies_words(count: int) -> str:
-    """That so many frames came again and were dropped."""
+    """Return the line about `count` frames that were received twice and dropped."""
     return f"{count} frame(s) came twice (a second link or router): copies dropped"
 
 
 def two_autopilots(system: int, chosen: int, others: Iterable[int]) -> str:
-    """That one system id has several autopilots, of which component `chosen` is read."""
+    """Return the line about a system id with several autopilots; component `chosen` is read."""
     ids = ", ".join(map(str, others))
     return (
         f"more than one autopilot sends as system {system}: component {chosen} is read, "
@@ -210,19 +218,23 @@ def two_autopilots(system: int, chosen: int, others: Iterable[int]) -> str:
 
 
 def silent_words(number: int, gone_s: float) -> str:
+    """Return the line about a vehicle that has been silent for `gone_s`."""
     return f"vehicle {number} silent for {gone_s:.0f} s"
 
 
 def heard_words(number: int, *, again: bool = False) -> str:
+    """Return the line about a vehicle that is heard, for the first time or again."""
     return f"vehicle {number} heard{' again' if again else ''}"
 
 
 def unknown_words(figures: Iterable[str], reason: str) -> str:
+    """Return the line about unknown figures with one reason."""
     return f"unknown: {', '.join(figures)}: {reason}"
 
 
 def stale_words(ages: Mapping[str, float]) -> str:
-    """Fields no longer reported, by their words, with their age, s; empty when all is fresh."""
+    """Return the line about fields that are no longer reported, oldest first, with ages in s; empty
+    if none."""
     if not ages:
         return ""
     parts = [f"{words} ({age:.0f} s)" for words, age in sorted(ages.items(), key=lambda a: -a[1])]
@@ -230,7 +242,8 @@ def stale_words(ages: Mapping[str, float]) -> str:
 
 
 def not_followed_words(rates: Mapping[str, tuple[float, float]]) -> str:
-    """Messages that do not come as asked, by name: Hz at which they come, and asked for."""
+    """Return the line about messages slower than requested, by name: received and requested Hz;
+    empty if none."""
     if not rates:
         return ""
     parts = (f"{name} {came:.1f} of {asked:g} Hz" for name, (came, asked) in rates.items())
@@ -238,15 +251,17 @@ def not_followed_words(rates: Mapping[str, tuple[float, float]]) -> str:
 
 
 def no_escs(source: Provenance) -> str:
+    """Return the line about rotor speeds from `source` without ESC telemetry."""
     return f"no ESC telemetry: rotor speeds {source.words}"
 
 
 def tank_by(source: Provenance) -> str:
+    """Return the words for the source of the tank level."""
     return f"tank {by_source(source)}"
 
 
 def by_source(source: Provenance) -> str:
-    """`by NAMED_VALUE_FLOAT TANK`, `stated: 8 kg`; empty where nothing gives it."""
+    """Return a source in words, `by NAMED_VALUE_FLOAT TANK` or `stated: 8 kg`; empty if absent."""
     if source.kind is SourceKind.ABSENT:
         return ""
     reported = source.kind is not SourceKind.STATED and source.meaning is not Meaning.HOVER_THRUST
@@ -254,24 +269,25 @@ def by_source(source: Provenance) -> str:
 
 
 def order_assumed(words: str, asked: Collection[str]) -> str:
-    """How the motors are ordered until the vehicle has reported it."""
+    """Return the line about the motor order assumed until the vehicle reports it."""
     return WhyUnknown(words, RATES).text(asked)
 
 
 def messages_words(frames: int, lost: Mapping[str, int], refused_why: str = "") -> str:
-    """How many messages came, and what was lost, by the counters of `LOST`."""
+    """Return the line about received frames, lost ones by the counters of LOST, and refusals."""
     parts = [f"{lost[name]} {words}" for name, words in LOST.items() if lost.get(name)]
     line = f"{frames} messages" + (f" ({', '.join(parts)})" if parts else "")
     return f"{line}; refused: {refused_why}" if refused_why else line
 
 
 def recording_words(folder: str, frames: int, rows: int, lost: int) -> str:
+    """Return the line about a recording: folder, messages, samples, and messages lost earlier."""
     earlier = f", {lost} lost earlier" if lost else ""
     return f"recording to {folder}: {frames} messages, {rows} samples{earlier}"
 
 
 def not_recording(trouble: str, lost: int | None = None) -> str:
-    """That nothing is recorded and why; `lost` messages so far, and what to do."""
+    """Return the line about a recording that has stopped; with `lost` messages, also the remedy."""
     line = f"{NOT_RECORDING}: {trouble}"
     if lost is None:
         return line
@@ -279,7 +295,7 @@ def not_recording(trouble: str, lost: int | None = None) -> str:
 
 
 def tried_words(tried: Mapping[str, str]) -> str:
-    """Endpoints that were tried without a vehicle, by what became of them."""
+    """Return the line about addresses tried without a vehicle, grouped by the reason of each."""
     by_why: dict[str, list[str]] = {}
     for url, why in tried.items():
         by_why.setdefault(why, []).append(url)

@@ -1,14 +1,14 @@
-"""Colours that can be read in sunlight and by colour-blind pilots, and their legends.
+"""Colours readable in sunlight and by colour-blind pilots, with their legends.
 
-Light background and two families: blue where all is well, orange to dark red where it is not, with
-a jump at the limit that matters (50 % of thrust in use, redundancy 1.0). Every common kind of
-colour blindness can distinguish blue from orange; within a family darker means worse. The
-residual's scale is dark in the middle, so that only what differs shines. Grey is "no data", always.
+Two families on a light background: blue for good values, orange to dark red for bad ones, with a
+jump at the limit (50 % of thrust in use, redundancy 1.0). All common kinds of colour blindness
+distinguish blue from orange; within a family darker is worse. The scale of residuals is dark in the
+middle, so that only differences stand out. Grey always means "no data".
 
-All colours here are those on the screen. viser draws lines, and the instances of a batched mesh,
-through three.js's filmic tone mapping: a colour sent is not the colour seen, (0, 255, 0) shows as
-(147, 228, 89). `sent_for` inverts that, so that a line shows the palette's own colour to within 4
-of 255 and a legend can show them plainly. A mesh shows the same under ambient light of strength pi.
+Colours are those seen on the screen. viser draws lines and batched meshes through three.js's filmic
+tone mapping, which changes them: (0, 255, 0) appears as (147, 228, 89). `sent_for` inverts that to
+within 4 of 255, so that lines and legends match. A mesh has the same mapping under ambient light of
+strength pi.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ BAD = ((240, 160, 48), (222, 96, 26), (178, 22, 24))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColourScale:
-    """A map from a number to a colour on the screen; beyond `low` and `high` the ends hold."""
+    """A map from numbers to screen colours; numbers beyond `low` and `high` have the colours of the
+    ends."""
 
     title: str
     unit: str  # as printed after a number: " %", " x", " rpm"
@@ -43,14 +44,17 @@ class ColourScale:
 
     @property
     def low(self) -> float:
+        """Return the lowest value of the scale."""
         return self.stops[0][0]
 
     @property
     def high(self) -> float:
+        """Return the highest value of the scale."""
         return self.stops[-1][0]
 
     def screen(self, values: ArrayLike) -> Colours:
-        """(..., 3) colours as seen; NaN is grey. At a jump the upper side's colour is taken."""
+        """Return the screen colours (..., 3) of values; NaN is grey. A value at a jump has the
+        upper colour."""
         values = np.asarray(values, dtype=np.float64)
         at = np.array([s for s, _ in self.stops])
         rgb = np.array([c for _, c in self.stops], dtype=np.float64)
@@ -58,14 +62,15 @@ class ColourScale:
         return np.where(np.isfinite(values)[..., None], mixed, NO_DATA).astype(np.uint8)
 
     def number(self, value: float) -> str:
-        """The value as people read it, with its unit; "no data" for NaN."""
+        """Return the value with its unit as text; `no data` for NaN."""
         if not np.isfinite(value):
             return "no data"
         return f"{value * self.factor:{self.form}}{self.unit}"
 
 
 def _two_sided(low: float, middle: float, high: float, low_side, high_side):
-    """Stops of a scale with a jump at `middle`; each side lists its colours outwards in."""
+    """Return the stops of a scale with a jump at `middle`; `low_side` and `high_side` are colours
+    in ascending order of value."""
     left = np.linspace(low, middle, len(low_side)).tolist()
     right = np.linspace(middle, high, len(high_side)).tolist()
     return (*zip(left, low_side, strict=True), *zip(right, high_side, strict=True))
@@ -104,7 +109,7 @@ REDUNDANCY = ColourScale(
 
 
 def moved(scale: ColourScale, limit: float) -> ColourScale:
-    """The scale of thrust in use with its jump at `limit` instead of 50 %."""
+    """Return the scale of thrust in use with its jump at `limit` instead of 50 %."""
     if limit == 0.5:
         return scale
 
@@ -119,7 +124,8 @@ def moved(scale: ColourScale, limit: float) -> ColourScale:
 
 
 def residual_scale(limit_rpm: float) -> ColourScale:
-    """The diverging scale of measured minus predicted rotor speed, to +-`limit_rpm`."""
+    """Return the diverging scale of measured minus predicted rotor speed, from -limit_rpm to
+    limit_rpm."""
     colours = ((92, 190, 222), (36, 112, 190), (98, 90, 126), (214, 84, 16), (238, 165, 45))
     at = np.linspace(-limit_rpm, limit_rpm, len(colours)).tolist()
     return ColourScale(
@@ -133,7 +139,7 @@ def residual_scale(limit_rpm: float) -> ColourScale:
 
 
 def tank_scale(full_kg: float) -> ColourScale:
-    """The scale of what is in the tank, darkest where it is as full as at take-off."""
+    """Return the scale of tank level, kg, darkest at `full_kg`, the level at take-off."""
     top = max(full_kg, 0.1)
     return ColourScale(
         title="In the tank",
@@ -146,28 +152,29 @@ def tank_scale(full_kg: float) -> ColourScale:
 
 
 def css(colour: ArrayLike) -> str:
-    """`#rrggbb` of one colour."""
+    """Return a colour (3,) of 0 to 255 as `#rrggbb`."""
     red, green, blue = (int(c) for c in np.asarray(colour))
     return f"#{red:02x}{green:02x}{blue:02x}"
 
 
 def _linear(seen: ArrayLike) -> NDArray[np.float64]:
-    """Light of sRGB colours of 0 to 255."""
+    """Return the linear light, 0 to 1, of sRGB colours of 0 to 255."""
     encoded = np.asarray(seen, dtype=np.float64) / 255
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
 def ink_on(paper: ArrayLike) -> str:
-    """Black or white, whichever stands out more on `paper` (WCAG relative luminance)."""
+    """Return black or white, whichever has more contrast on `paper` (WCAG relative luminance)."""
     luminance = float(_linear(paper) @ np.array([0.2126, 0.7152, 0.0722]))
     # Pure black: with any lighter one some colour would have neither ink at a contrast of 4.5.
     return "#fff" if 1.05 / (luminance + 0.05) > (luminance + 0.05) / 0.05 else "#000"
 
 
 def legend(scale: ColourScale, note: str = "") -> dict[str, Any]:
-    """The scale as data for a page: places are percent of its length, texts are to be escaped.
+    """Return the scale as JSON values for a page: positions are per cent of its length.
 
-    `jumps` are where its colours change at once; `note` says what the values rest on.
+    `jumps` are positions of sudden colour changes; `note` is passed on. The page must escape the
+    texts.
     """
 
     def place(value: float) -> float:
@@ -197,7 +204,8 @@ _EXPOSURE = 1 / 0.6
 
 
 def sent_for(seen: ArrayLike) -> Colours:
-    """(..., 3) line colours to send so that a browser shows `seen`, as near as 8 bits allow."""
+    """Return the line colours (..., 3) to send for colours `seen` on the screen, as close as 8 bits
+    allow."""
     a, b, c, d, e = _CURVE
     target = np.clip(_linear(seen) @ np.linalg.inv(_OUTPUT).T, 0.0, None)
     # (v² + a v - b) = target (c v² + d v + e), the positive root.
@@ -208,8 +216,8 @@ def sent_for(seen: ArrayLike) -> Colours:
 
 
 def line_colours(count: int, seen: ArrayLike) -> Colours:
-    """(count, 2, 3) colours of line segments that all show `seen`.
+    """Return the colours (count, 2, 3) for line segments that all appear as `seen`.
 
-    A colour for each end, because viser treats one colour for a whole node in another way.
+    Each end has a colour, because viser treats one colour for a whole node differently.
     """
     return np.tile(sent_for(seen), (count, 2, 1))

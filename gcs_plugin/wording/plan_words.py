@@ -1,6 +1,6 @@
-"""Plans in words: what of one is not understood, what is wrong with it, what a route covers.
+"""Describe plans in words: items that are not understood, faults, and the comparison with a flight.
 
-Reasons and faults come as the data of `mission.steps` and `mission.plan_check`.
+Reasons and faults are data of `mission.steps` and `mission.plan_check`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from thrustmargin.mission.plan_items import NotUnderstood
 from thrustmargin.mission.plan_tracking.blame import Off
 from thrustmargin.mission.plan_tracking.stretches import StretchBeside
 
-#: Why an item is not understood -> what is so, and what to do.
+#: Reason why an item is not understood -> its words, and the action.
 NOT_UNDERSTOOD: Mapping[str, tuple[str, str]] = {
     "unknown command": ("what this command does is not known", "take it out, or allow for it"),
     "pattern rebuilt": (
@@ -46,7 +46,7 @@ NOT_UNDERSTOOD: Mapping[str, tuple[str, str]] = {
         "give it fewer repeats",
     ),
 }
-#: Fault -> what is so, and what to do.
+#: Fault of a plan -> its words, and the action.
 FAULTS: Mapping[str, tuple[str, str]] = {
     "pump never on": ("the pump is never switched on", "add DO_SPRAYER at the start of a line"),
     "pump never off": ("the pump is still on when the mission ends", "add DO_SPRAYER off"),
@@ -85,21 +85,21 @@ FAULTS: Mapping[str, tuple[str, str]] = {
     ),
     "far away": ("places are over 20 km apart", "check latitude and longitude"),
 }
-_SHOWN = 5  # items that are listed
+_SHOWN = 5  # items listed of one fault
 
 
 def not_understood_words(one: NotUnderstood) -> str:
-    """`item 12 (MAV_CMD 42): what this command does is not known; take it out, or allow for it
-    (distance, time not reckoned)`."""
+    """Return `item 12 (MAV_CMD 42): what this command does is not known; take it out, ... (touches
+    time)`."""
     what, to_do = NOT_UNDERSTOOD[one.why]
     of = say("touches {what}", what=", ".join(map(say, one.touches)))
     return f"{say('item')} {one.item} (MAV_CMD {one.command}): {say(what)}; {say(to_do)} ({of})"
 
 
 def fault_words(fault: str, items: Sequence[int], height: float = math.nan) -> str:
-    """`items 4, 7, 9: the pump stays on in turns; switch it off at the line end`.
+    """Return `items 4, 7, 9: the pump stays on in turns; switch it off at the line end`.
 
-    `height` is m above home, of faults of height.
+    `height` is m above home, for faults of height.
     """
     what, to_do = FAULTS[fault]
     words = f"{say(what, height=number(abs(height), 'm', 0))}; {say(to_do)}"
@@ -111,12 +111,12 @@ def fault_words(fault: str, items: Sequence[int], height: float = math.nan) -> s
 
 
 def hectares(area: float) -> str:
-    """`12.34 ha` of an area in m²."""
+    """Return an area in m² as `12.34 ha`."""
     return number(area / 1e4, "ha", 2)
 
 
 NOT_BESIDE = "the plan could not be put beside the flight"
-#: Assumption -> what is so of it, and the unit and digits of what was flown and forecast.
+#: Assumption -> its sentence, and unit and decimals of the flown and the forecast amount.
 _OFF: Mapping[str, tuple[str, str, int]] = {
     "wind": ("wind of {flown}, {forecast} assumed", "m/s", 1),
     "fill": ("took off with {flown}, {forecast} assumed", "kg", 1),
@@ -137,7 +137,7 @@ _OFF: Mapping[str, tuple[str, str, int]] = {
 
 
 def off_sentence(off: Off) -> str:
-    """`took off with 16.0 kg, 13.0 kg assumed`."""
+    """Return one difference between plan and flight: `took off with 16.0 kg, 13.0 kg assumed`."""
     sentence, unit, digits = _OFF[off.what]
     flown, forecast = off.amount.flown, off.amount.forecast
     percents = 100.0 if unit == "%" else 1.0
@@ -153,7 +153,8 @@ def off_sentence(off: Off) -> str:
 
 
 def stretch_words(stretch: StretchBeside) -> str:
-    """`leg to item 5: 23 s (22 s), 3.9 m/s (4.0 m/s), ...` as flown, the forecast in brackets."""
+    """Return a stretch as flown, with the forecast in brackets: `leg to item 5: 23 s (22 s),
+    ...`."""
     used = stretch.utilisation_mean, stretch.utilisation_peak
     mean, most = (f"{percent(p.flown)} ({percent(p.forecast)})" for p in used)
     figures = (

@@ -1,7 +1,8 @@
-"""What the margin report and the fill page say of a log, of the prediction and of a table's use.
+"""Words of the margin report and the fill page: the log, the prediction, the tables, and unknown
+aircraft.
 
-At the end: what a log of an aircraft that is not known shows, and what its owner is asked. The
-questions of a report and of `airframe new` are these, in this order.
+For an aircraft without an airframe they describe what its log shows and what the owner must state.
+The report and `airframe new` have the same questions, in the same order.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from thrustmargin.gcs_plugin.wording.margin_verdict import Fact
 from thrustmargin.models.model.advice import Advice, FlightLevel
 from thrustmargin.models.model.model_misfit import MarginCheck
 
-#: What a flight without a channel cannot say; channels that nothing depends on are left out.
+#: Missing channel -> what is unknown without it; channels without consequences are not listed.
 WITHOUT: Mapping[str, str] = {
     "rotor_speed_rpm": "no rotor speeds in this log: all figures are predicted",
     "tank_kg": "no tank level: weight, redundancy and largest fill are unknown",
@@ -48,7 +49,7 @@ LOAD_INFERRED, TANK_SPRAYING = "load inferred, 90 % interval", "tank while spray
 MEASURED_MINUS_PREDICTED = "measured minus predicted"
 NOT_SPRAYING = "flying, not spraying"
 
-#: Why the prediction is or is not checked.
+#: Reasons why the prediction is checked or not.
 TRAINED_ON = (
     "The network learnt from a flight of this name: the error on a new flight is likely larger."
 )
@@ -58,7 +59,8 @@ NO_ROW_OF_BOTH = "No airborne row has both a measured and a predicted rotor spee
 
 
 def prediction_checked(check: MarginCheck, *, trained_on: bool) -> str:
-    """Thrust in use as predicted and as measured, and how often the interval held."""
+    """Return thrust in use as predicted and measured, the interval's coverage, and whether the
+    model was trained on this flight."""
     steps = ", ".join(
         f"{say(step.name)} {percent(step.predicted)} ({percent(step.measured)})"
         for step in check.steps
@@ -74,7 +76,7 @@ def prediction_checked(check: MarginCheck, *, trained_on: bool) -> str:
     return "; ".join(parts)
 
 
-#: Of a table of fills.
+#: Words of a table of fills.
 NOTHING_KEPT_BACK = (
     "Turns, climbs and gusts take more; nothing is kept back for the moment of a failure."
 )
@@ -85,6 +87,8 @@ NO_MAKERS_LIMIT = "The airframe file has no max_takeoff_mass: the maker's limit 
 
 
 def other_kind(learnt: str, here: str) -> str:
+    """Return the words about a model trained on another kind of rotor speeds than this flight
+    has."""
     return say(
         "it learnt from rotor speeds {learnt} and this flight's are {here}: part of the "
         "difference from the prediction is that of the two kinds",
@@ -96,6 +100,8 @@ def other_kind(learnt: str, here: str) -> str:
 def trained_at(
     airspeed: Sequence[float], tank_kg: Sequence[float], density: Sequence[float]
 ) -> str:
+    """Return the training domain: airspeed, m/s, tank level, kg, and air density, kg/m³, as (low,
+    high)."""
     return say(
         "trained at {airspeed} m/s airspeed, {load} kg on board, {density} kg/m³",
         airspeed=f"{airspeed[0]:.1f} to {airspeed[1]:.1f}",
@@ -105,6 +111,7 @@ def trained_at(
 
 
 def interval_made(coverage: float, flights: int) -> str:
+    """Return the words about the interval's nominal coverage."""
     return say(
         "interval made to hold {share} on flights like its {count} training flights",
         share=percent(coverage),
@@ -113,6 +120,7 @@ def interval_made(coverage: float, flights: int) -> str:
 
 
 def in_brackets(confidence: float, blocks: int, block_s: float) -> str:
+    """Return the sentence about the intervals in brackets, from blocks of `block_s` seconds."""
     return say(
         "In brackets the {share} interval, from {blocks} blocks of {length} of this flight: it "
         "covers its gusts and turns, not other days.",
@@ -123,6 +131,7 @@ def in_brackets(confidence: float, blocks: int, block_s: float) -> str:
 
 
 def no_intervals(blocks: int, fewest: int, block_s: float) -> str:
+    """Return the sentence about a flight with too few blocks for intervals."""
     return say(
         "No intervals: the flight has {blocks} blocks of {length}, and fewer than {fewest} cannot "
         "show how sure a figure is.",
@@ -133,37 +142,42 @@ def no_intervals(blocks: int, fewest: int, block_s: float) -> str:
 
 
 def not_measured(basis: str) -> str:
+    """Return the sentence about rotor speeds that cannot check the prediction, being `basis`."""
     words = "The rotor speeds are {basis}: they cannot check the prediction."
     return say(words, basis=say(basis))
 
 
 def no_error(why: str) -> str:
+    """Return the sentence about a missing prediction error, with the reason."""
     return say("No prediction error: {why}.", why=say(why))
 
 
 def fill_line(limit: float) -> str:
+    """Return the label of the fill line at the limit."""
     return say("most for {share} in steady flight", share=percent(limit))
 
 
 def fill_limit(limit: float, *, rotor_lost: bool) -> str:
+    """Return the sentence about the limits of a fill, with the loss of a rotor if `rotor_lost`."""
     also = f", {say('and')} {say(ONE_LOST)}: {say(SPINS)}." if rotor_lost else "."
     words = "Limit: {share} of a rotor's maximum thrust in steady flight"
     return f"{say(words, share=percent(limit))}{also}"
 
 
 def guessed(names: Sequence[str]) -> str:
+    """Return the sentence that lists guessed values of the airframe file."""
     return f"{say('Guessed in the airframe file')}: {', '.join(names)}."
 
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What only the owner knows: how it is written as an option, and what it means."""
+    """A value that only the owner knows: the option that states it, and its meaning."""
 
-    option: str  # capitals are to be replaced
+    option: str  # with capitals in place of the value
     words: str
 
 
-#: Field of the owner's statement -> the question for it.
+#: Field of the airframe -> the question about it.
 QUESTIONS: Mapping[str, Asked] = {
     "layout": Asked("--layout LAYOUT", "layout of the motors, such as quad-x or hexa-x"),
     "cells": Asked("--cells COUNT", "battery cells in series"),
@@ -183,36 +197,37 @@ QUESTIONS: Mapping[str, Asked] = {
         "--load KG", "liquid or payload on board when that flight began, in kg; 0 for none"
     ),
 }
-#: Behind the propeller: a set that ships needs no data sheet.
+#: Appended to the propeller question: a shipped power set needs no data sheet.
 _OR_POWER_SET = "; or both as --power-set NAME, one of `thrustmargin airframe list`"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FirstContact:
-    """What one log shows of an aircraft of which no airframe is known. NaN is unknown."""
+    """The facts that one log shows of an aircraft without an airframe. NaN is unknown."""
 
     basis: Literal["motor outputs", "rotor speeds"]
     median_use: float  # 0..1 of full output, or of the highest speed seen; of all motors
-    worst_use: float  # of one motor, the same
-    worst_motor: int  # from 1
+    worst_use: float  # likewise, of the motor with the most
+    worst_motor: int  # 1-based
     worst_time_s: float  # s since the first row
-    highest_rpm: float  # that was seen
+    highest_rpm: float  # highest rotor speed seen
     motors: int
     layout: str | None
     motor_order_known: bool
     cells: int  # 0: not known
-    cells_guessed: bool  # one figure alone says them, or chemistries differ
-    hover_s: float  # steady, in which weight can be compared with speeds or outputs
+    cells_guessed: bool  # from one figure alone, or different for another chemistry
+    hover_s: float  # steady hover, which compares weight with speeds or outputs
     esc_speeds: bool
-    gauge: bool  # of the tank
-    airspeed: bool  # of a sensor
+    gauge: bool  # tank level is reported
+    airspeed: bool  # measured by a sensor
     autopilot: str
-    asked: tuple[str, ...]  # keys of QUESTIONS that the log leaves open
-    log: str  # as a shell takes it
+    asked: tuple[str, ...]  # keys of QUESTIONS that the log does not answer
+    log: str  # path, quoted for a shell
 
 
 def contact_headline(contact: FirstContact) -> str:
-    """`Motors at 63 %, worst 83 %`: outputs or speeds for what they are, no thrust."""
+    """Return `Motors at 63 %, worst 83 %` for an unknown aircraft; outputs and speeds are no
+    thrust."""
     median, worst = percent(contact.median_use), percent(contact.worst_use)
     if contact.basis == "motor outputs":
         return say("Motors at {median}, worst {worst}", median=median, worst=worst)
@@ -220,19 +235,23 @@ def contact_headline(contact: FirstContact) -> str:
 
 
 def first_line(advice: Advice, contact: FirstContact | None) -> str:
-    """The headline; of an aircraft that is not known what its log shows, unless the flight says
-    more: that control was lost is to be seen without an airframe."""
+    """Return the headline of a flight.
+
+    For an unknown aircraft (`contact`) without a level it describes motor outputs or rotor speeds.
+    A level that needs no airframe, such as lost control, comes first.
+    """
     unknown = contact is not None and advice.level is FlightLevel.UNKNOWN
     return contact_headline(contact) if contact and unknown else headline(advice)
 
 
 def contact_use(contact: FirstContact) -> Fact:
-    """How hard its motors worked: all that helps while it flies."""
+    """Return the fact about how hard the motors worked."""
     return Fact(contact.basis, _use_words(contact))
 
 
 def contact_facts(contact: FirstContact) -> tuple[Fact, ...]:
-    """What was found, what is asked, and the line to copy."""
+    """Return all facts of an unknown aircraft: its use, the log, the questions, and the commands to
+    copy."""
     return (
         contact_use(contact),
         Fact("in the log", found_words(contact)),
@@ -243,11 +262,12 @@ def contact_facts(contact: FirstContact) -> tuple[Fact, ...]:
     )
 
 
-#: Labels of what can be copied: a line whose capitals are to be replaced, and one that asks.
+#: Labels of commands to copy: one with capitals to replace, and one that asks questions.
 TO_COPY = ("to copy", "or be asked")
 
 
 def _use_words(contact: FirstContact) -> str:
+    """Return median and highest motor output, or rotor speed, with motor and time."""
     known_use = {
         "median": percent(contact.median_use),
         "worst": percent(contact.worst_use),
@@ -269,7 +289,7 @@ def _use_words(contact: FirstContact) -> str:
 
 
 def found_words(contact: FirstContact) -> str:
-    """What the log says of the aircraft, as a list."""
+    """List what the log shows of the aircraft: motors, layout, cells, hover, sensors, autopilot."""
     layout = contact.layout or say("layout not known")
     order = say("in its motor order" if contact.motor_order_known else "motor order not known")
     cells = say("{count} cells" if contact.cells != 1 else "{count} cell", count=contact.cells)
@@ -297,7 +317,8 @@ def found_words(contact: FirstContact) -> str:
 
 
 def option_words(asked: Sequence[str]) -> list[tuple[str, str]]:
-    """Option and meaning of each question; motor and propeller by the maker's data sheet."""
+    """Return option and meaning of each question; `power_set` becomes propeller and maximum
+    thrust."""
     names: list[str] = []
     for name in asked:
         names += ("propeller", "max_thrust_kgf") if name == "power_set" else (name,)
@@ -312,12 +333,12 @@ def option_words(asked: Sequence[str]) -> list[tuple[str, str]]:
 
 
 def command(contact: FirstContact) -> str:
-    """The line that makes the airframe file once its capitals are replaced by numbers."""
+    """Return the command that makes the airframe file, with capitals to replace by numbers."""
     options = " ".join(option for option, _ in option_words(contact.asked))
     return f"thrustmargin airframe new --from {contact.log} {options}"
 
 
 def boxes(box: str, letters: Sequence[str]) -> str:
-    """What the boxes on paper stand for."""
+    """Return the words about letters that the PDF cannot print and shows as boxes."""
     codes = ", ".join(f"U+{ord(letter):04X}" for letter in letters)
     return f"{box}: letters that cannot be printed here ({codes}); the other files have them"

@@ -1,1 +1,1 @@
-"""The workshop: what engineers and maintainers use. Every folder is one extra, as in the office."""
+"""Commands for engineers and maintainers; every folder is an extra, which can be deleted."""

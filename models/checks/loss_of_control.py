@@ -82,7 +82,7 @@ LASTS_S: Mapping[LossKind, float] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Movements:
-    """Which of T rows show signs of a loss of control, and which show calm flight."""
+    """Signs of a loss of control, and calm flight, in each of T rows."""
 
     calm: Bools  # (T,)
     signs: Mapping[LossKind, tuple[Bools, Floats]]  # (T,) whether it shows, and its size

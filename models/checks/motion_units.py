@@ -114,8 +114,12 @@ def height_ratio(track: FlightTrack) -> Bounds | None:
 
 
 def tilt_ratio(track: FlightTrack) -> Bounds | None:
-    """Bound the ratio of changes of roll and pitch to their rates times seconds; None if not
-    shown."""
+    """Bound the ratio of changes in roll and pitch to their rates times the seconds between rows.
+
+    The ratio is 1 in consistent units. Return (lower, upper) of roll and pitch together; the rates
+    follow from the body rates. None with too few steps or where changes and rates correlate too
+    little.
+    """
     change = _shorter_way(np.diff(track.attitude[:, :2], axis=0))
     return _slope_bounds(track.time_s, change, angle_rates(track)[:, :2])
 

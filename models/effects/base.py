@@ -38,7 +38,7 @@ SAME_SIZE = 0.01  # share by which mass or arm may differ from it and nothing is
 
 
 class Kind(StrEnum):
-    """Which of the four quantities an effect changes, in their order."""
+    """The quantity that an effect changes; effects are applied in this order."""
 
     INPUT = "input"
     DEMAND = "demand"

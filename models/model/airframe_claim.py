@@ -44,6 +44,7 @@ class AirframeClaim:
     basis: AirframeBasis = "given"
     words: str = ""  # for people
     withheld: tuple[str, ...] = ()  # why no margin is claimed; empty if nothing contradicts
+    contradicted: tuple[str, ...] = ()  # names of the comparisons that contradict a given airframe
     unlike: str = ""  # why the flight is not recognised, if no airframe was given
     source: str = "LOG"  # log or link of the flight, as a shell takes it
     #: Contradictions found later in a flight that was accepted before: findings.
@@ -112,6 +113,7 @@ def airframe_claim(
         return AirframeClaim(
             words=words,
             withheld=against,
+            contradicted=tuple(c.check for c in found if c.verdict == "contradicts"),
             source=track.name,
             odd_voltage=odd,
             outputs=outputs,

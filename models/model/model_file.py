@@ -18,6 +18,7 @@ import numpy as np
 from thrustmargin.models.effects.compose import EffectRecord
 from thrustmargin.models.errors import AirframeError, ModelError
 from thrustmargin.models.json_values import from_json_values, to_json_values
+from thrustmargin.models.model.mode_walk import ModeState
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.model.thermometer import Thermometer
 from thrustmargin.models.network.network import RotorNetwork
@@ -182,6 +183,7 @@ def _metadata(model: RotorModel) -> dict[str, Any]:
         "schema": SCHEMA,
         "airframe": airframe_table(model.airframe),
         **{key: to_json_values(getattr(model, field)) for key, field, _ in JSON_FIELDS},
+        **({} if model.state is None else {"state": to_json_values(model.state)}),
     }
 
 
@@ -191,7 +193,8 @@ def _model(data: Any, tensors: dict[str, np.ndarray]) -> RotorModel:
     schema = data.get("schema") if isinstance(data, dict) else None
     if schema != SCHEMA:
         raise ModelError(f"its schema is {schema!r}, this version reads {SCHEMA!r}")
-    data = {"forward_flight": None, "good_flights": None, "thermometer": None, **data}
+    later = ("forward_flight", "good_flights", "thermometer", "state")
+    data = {**dict.fromkeys(later), **data}
     missing = sorted({"airframe", *(key for key, _, _ in JSON_FIELDS)} - data.keys())
     if missing or not isinstance(data["airframe"], dict):
         raise ModelError(f"its metadata lacks {(missing or ['airframe'])[0]!r}")
@@ -199,4 +202,5 @@ def _model(data: Any, tensors: dict[str, np.ndarray]) -> RotorModel:
         airframe=airframe_from_table(data["airframe"], "the airframe in it"),
         network=_network(tensors),
         **{field: from_json_values(kind, data[key], key) for key, field, kind in JSON_FIELDS},
+        state=from_json_values(ModeState | None, data["state"], "state"),
     )

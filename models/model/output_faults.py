@@ -55,11 +55,11 @@ LEAST_MISREAD = 0.04  # of thrust, 2 % of speed: less is no ESC that a pilot has
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MisreadSpeed:
-    """A rotor whose reported speed is off at an output as it should be."""
+    """A rotor whose reported speed is wrong by a factor, or, without motor outputs, may be."""
 
     rotor: int  # from 0
     factor: float  # the reported speed over the true one
-    #: False without outputs: it may turn so slowly, with a propeller that makes more.
+    #: False without outputs: the speed may be right, of a propeller with more thrust.
     witnessed: bool = True
 
 
@@ -102,7 +102,7 @@ class Deviations:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Shown:
-    """What outputs showed of a fault of one rotor when it had this `size`."""
+    """The motor outputs' evidence about a fault of one rotor, at its size then."""
 
     size: float
     misread: bool = False  # its ESC

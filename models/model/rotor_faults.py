@@ -56,7 +56,13 @@ from thrustmargin.models.model.output_faults import (
     undecided,
 )
 from thrustmargin.models.model.rotor_fade import UNKNOWN_DRIFT, RotorFade
-from thrustmargin.models.model.rotor_model import RotorModel, model_channels, predict, table_of
+from thrustmargin.models.model.rotor_model import (
+    RotorModel,
+    model_channels,
+    predict,
+    table_of,
+    without_state,
+)
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.margin import mixer
@@ -93,7 +99,9 @@ class RowLimit(IntEnum):
 
 @lru_cache(maxsize=8)
 def fault_model(model: RotorModel) -> RotorModel:
-    """Return the model that faults are sought against: without the effects of AS_INPUTS."""
+    """Return the model that faults are sought against: without the effects of AS_INPUTS, and
+    without the state of later flights, which may contain the fault."""
+    model = without_state(model)
     kept = tuple(effect for effect in model.effects if effect.name not in AS_INPUTS)
     return model if len(kept) == len(model.effects) else replace(model, effects=kept)
 
@@ -366,17 +374,25 @@ def _hover_rpm(model: RotorModel) -> Floats:
 
 
 def fault_signals(analysis: FlightAnalysis, rows: slice) -> Floats:
-    """Return the inputs (N, 7 + 3 R) of the tests in each of N rows.
+    """Return the inputs (N, 7 + 3 R) of the fault tests, for the N rows `rows` of R rotors.
 
-    Time; for each rotor the excess of its squared speed over the model's, as a share of the mean,
-    then ln N² - ln f, then ln f; load factor - 1 and the body's rates, 0 where unknown; the
-    standard error due to coarse steps of the speeds, as a share of thrust; `RowLimit`. The rows at
-    least `fault_model(model).look_ahead_s` before the last of the analysis are final.
+    Columns, with N_r the measured rotor speed and f_r the thrust over that of full output, which
+    `output_curve` gives from the motor output:
 
-    Where the speeds of all rotors are from motor outputs, the excess is that of the outputs, and
-    the comparison of a motor's speed with its output is NaN (`output_faults`). Where those of some
-    are, these rotors are NaN, because motors differ from each other by more than the faults
-    searched for.
+    - 1: time, s
+    - R: N_r² less the predicted square, over the mean predicted square of all rotors
+    - R: ln N_r² - ln f_r, rpm²
+    - R: ln f_r
+    - 4: load factor - 1, then the body rates, rad/s; 0 where unknown
+    - 1: standard error due to coarsely stepped speeds, as a share of thrust; equal in all rows
+    - 1: `RowLimit`
+
+    ln f_r is NaN where f_r is at or below IDLING or unknown. Later rows still change the last
+    `fault_model(model).look_ahead_s` of the analysis; rows before them are final.
+
+    Where the speeds of all rotors are inferred from motor outputs, the excess is that of the
+    outputs, and ln N_r² - ln f_r is NaN (`output_faults`). Where those of some are, these rotors
+    are NaN, because motors differ from each other by more than the faults searched for.
     """
     track = analysis.track
     measured = np.where(analysis.from_outputs[rows], np.nan, track.rotor_speed_rpm[rows])

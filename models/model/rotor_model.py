@@ -44,6 +44,7 @@ from thrustmargin.models.effects.compose import (
 )
 from thrustmargin.models.errors import AirframeError, ModelError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.model.mode_walk import ModeState, shift_rpm
 from thrustmargin.models.model.thermometer import Thermometer
 from thrustmargin.models.network.network import CHUNK_ROWS, RotorNetwork, ensemble_speed
 from thrustmargin.models.network.records import GoodFlights, TrainingRecord
@@ -70,6 +71,7 @@ class RotorModel:
     background_rpm: tuple[float, ...] = ()  # spread of good flights' mean residual, by mode
     good_flights: GoodFlights | None = None
     thermometer: Thermometer | None = None  # for logs that do not state where their thermometer is
+    state: ModeState | None = None  # of an aircraft that is followed, before the flight predicted
     placed: tuple[Placed, ...] = field(init=False, repr=False)  # the effects, ready to compose
 
     def __post_init__(self) -> None:
@@ -89,6 +91,10 @@ class RotorModel:
         shown = self.good_flights.mode_scatter_rpm if self.good_flights else ()
         if shown and len(shown) != rotors:
             raise ModelError(f"its good flights show {len(shown)} modes of {rotors} rotors")
+        if self.state is not None and len(self.state.offset) != rotors:
+            raise ModelError(
+                f"its mode state has {len(self.state.offset)} modes of {rotors} rotors"
+            )
         if not self.reference_density > 0.0:
             raise ModelError(f"reference density {self.reference_density} must be above 0")
 
@@ -237,6 +243,11 @@ def physics_model(airframe: Airframe) -> RotorModel:
     )
 
 
+def without_state(model: RotorModel) -> RotorModel:
+    """Return the model as it was made, without the offsets of later flights."""
+    return model if model.state is None else replace(model, state=None)
+
+
 def heavier_model(model: RotorModel, mass: float) -> RotorModel:
     """Return the model of the same aircraft with `mass` kg that no gauge reports.
 
@@ -372,7 +383,8 @@ def predict(
     plus 10 % of what physics adds; rows outside the range of an effect are widened alike. Between
     the training range and its tolerance both change step by step. Thrust is
     by the thrust curve, in reference air for network rows because the network learnt in it. A
-    model's identified effects apply to every row. Raises AirframeError when the rotor count
+    model's identified effects apply to every row. The mode state of a followed aircraft offsets
+    every rotor and widens the interval by its own error. Raises AirframeError when the rotor count
     differs. `start` is the state of the effects before the first row of a window (see `analyse`).
     """
     airframe = model.airframe
@@ -442,6 +454,11 @@ def predict(
             wide[held_at_edge[beyond]] *= EXTRAPOLATED
             half[beyond] = _mixed(half[beyond], wide, share)
             coverage = interval.coverage
+    if model.state is not None:
+        shift, error = shift_rpm(model.state, airframe, speed)
+        speed = speed + shift
+        if np.isfinite(coverage):
+            half = np.hypot(half, NormalDist().inv_cdf((1.0 + coverage) / 2.0) * error)
     return Prediction(
         rotor_speed_rpm=speed,
         lower_rpm=np.maximum(speed - half, 0.0),

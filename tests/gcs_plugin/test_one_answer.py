@@ -19,6 +19,7 @@ from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.claimed_flights import claimed_flights
 from thrustmargin.gcs_plugin.mavproxy_worker import reading, summary
 from thrustmargin.gcs_plugin.office.season.season_flight import IngestSettings, season_flights
+from thrustmargin.gcs_plugin.office.season.stored_words import flight_action, flight_reason
 from thrustmargin.gcs_plugin.reports.margin.summary import report_flight
 from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
@@ -55,8 +56,7 @@ def test_report_page_json_console_replay_store_and_python_agree(
     assert (view.whole.headline, view.whole.action) == (first, do)
     (stored,) = season_flights(path, "0" * 16, IngestSettings(store=""), name=path.name)
     assert stored.summary["verdict"] == verdict["level"]
-    assert stored.summary["verdict_reason"] == first
-    assert stored.summary["action"] == do
+    assert (flight_reason(stored.summary), flight_action(stored.summary)) == (first, do)
     advice = advise(analyse(read_log(path).track, shipped_model())).advice
     assert (headline(advice), action(advice)) == (first, do)
     bad = FlightLevel.DAMAGED in advice.levels

@@ -1,6 +1,7 @@
 """Dataclasses as JSON values and back: what is of another type is refused with its place."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -40,6 +41,14 @@ def test_there_and_back():
     assert from_json_values(Whole, PLAIN, "it") == WHOLE
     given = {**PLAIN, "maybe": {"size": 2, "count": 1}}
     assert from_json_values(Whole, given, "it").maybe == Part(2.0, 1)
+
+
+def test_one_of_several_texts_is_read_and_another_is_refused():
+    kind = Literal["propeller", "motor"] | None
+    assert from_json_values(kind, "motor", "it") == "motor"
+    assert from_json_values(kind, None, "it") is None
+    with pytest.raises(ValueError, match="it is 'wing', none of propeller, motor"):
+        from_json_values(kind, "wing", "it")
 
 
 def test_what_is_no_number_is_null_and_null_is_no_number():

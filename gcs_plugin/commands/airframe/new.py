@@ -79,6 +79,25 @@ class AirframeNew:
 
     def run(self) -> int:
         from thrustmargin.gcs_plugin.commands.airframe.check import print_airframe
+
+        console = Terminal()
+        made = self.made(console)
+        print_airframe(console, made.craft)
+        for note in made.notes:
+            console.print(f"note: {note}", soft_wrap=True)
+        console.print(f"wrote {self.out}", soft_wrap=True)
+        if made.log is not None and not made.hover:
+            console.print("note: its hover is not used, for the load is not known: give --load KG")
+        if made.log is not None:
+            print_answer(console, made.log, self.out, made.reading)
+        return 0 if made.fits or not self.hover else 1
+
+    def made(self, console: Console) -> MadeAirframe:
+        """Write the airframe file and return what it was made of; ask in a terminal.
+
+        Raises UsageError for options that are missing or cannot be, DataError where the file
+        cannot be written.
+        """
         from thrustmargin.gcs_plugin.commands.airframe.fitted import Fitted, bench_quantities
         from thrustmargin.gcs_plugin.commands.airframe.questions import (
             VehicleParameters,
@@ -89,7 +108,7 @@ class AirframeNew:
         reading_keywords(self.reading)
         check_numbers(self.owner)
         check_range("--timeout", self.timeout, 0.0, LONGEST_S, "s")
-        console, asks = Terminal(), sys.stdin.isatty()
+        asks = sys.stdin.isatty()
         source = self.source or (str(self.hover[0]) if self.hover else None)
         here = logs_here(Path()) if source is None and self.bench is None else []
         if len(here) == 1:
@@ -130,16 +149,26 @@ class AirframeNew:
                 draft.write_text(airframe_toml(craft, heading), encoding="utf-8")
         except OSError as error:
             raise DataError(f"cannot write {self.out}: {error.strerror or error}") from error
-        print_airframe(console, craft)
-        for note in (*reported.notes, *_guessed_cells(craft), *fitted.notes, *notes):
-            console.print(f"note: {note}", soft_wrap=True)
-        console.print(f"wrote {self.out}", soft_wrap=True)
-        log = hover[0] if hover else found.log
-        if log is not None and not hover:
-            console.print("note: its hover is not used, for the load is not known: give --load KG")
-        if log is not None:
-            print_answer(console, log, self.out, reading)
-        return 0 if fits or not self.hover else 1
+        return MadeAirframe(
+            craft=craft,
+            notes=(*reported.notes, *_guessed_cells(craft), *fitted.notes, *notes),
+            reading=reading,
+            hover=tuple(hover),
+            log=hover[0] if hover else found.log,
+            fits=fits,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MadeAirframe:
+    """An airframe that was made, and what it was made of."""
+
+    craft: Airframe
+    notes: tuple[str, ...]
+    reading: ReadingOptions  # with the load that was asked for
+    hover: tuple[Path, ...]
+    log: Path | None  # of which a verdict can be shown
+    fits: bool  # every flight of hover could be used
 
 
 def _reported(found: VehicleParameters, owner: OwnerStatement, fitted: Fitted) -> ReportedAirframe:

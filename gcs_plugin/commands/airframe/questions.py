@@ -111,6 +111,7 @@ def _fetched(url: str, vehicle: int | None, timeout: float) -> VehicleParameters
     return VehicleParameters(parameters=found, words=f"vehicle {number} at {url}")
 
 
+LARGEST = 1e6  # of any number that an owner states, in its unit
 #: A power set that does not ship: its propeller and thrust are stated.
 OTHER = "other"
 #: option -> quantity, unit of the file, and what the stated number is multiplied by.
@@ -212,6 +213,8 @@ def check_numbers(owner: OwnerStatement) -> None:
             continue
         if not isfinite(value) or value < 0 or (value == 0 and option != "tank_litres"):
             raise UsageError(f"{_flag(option)} {value:g} is not a number above 0")
+        if value > LARGEST:
+            raise UsageError(f"{_flag(option)} {value:g} is more than any aircraft has")
 
 
 def _flag(option: str) -> str:

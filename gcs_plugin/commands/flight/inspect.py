@@ -134,15 +134,28 @@ def inspect(
 def _inspect(inputs: Inputs, console: Console) -> list[Inspection]:
     """Inspect every sortie of the one log of `inputs`."""
     from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
+    from thrustmargin.gcs_plugin.logs.findings import gravest_first
     from thrustmargin.gcs_plugin.logs.inspection import inspect_log
+    from thrustmargin.gcs_plugin.logs.log_answer import answer_log, verdict_findings
+    from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
     from thrustmargin.models.model.rotor_model import physics_model
 
     (path,) = inputs.logs
     inputs = with_recorded(inputs, console)
-    craft = inputs.rotor_model().airframe
+    model = inputs.rotor_model()
+    craft = model.airframe
     options = {"given": inputs.given, "reading": inputs.reading}
     read = read_flights(path, physics_model(craft), **options, any_vehicle=True)
-    return [inspect_log(log, craft, claim) for log, claim in read]
+    made = []
+    for log, claim in read:
+        inspection = inspect_log(log, craft, claim)
+        if not claim.withheld:
+            flown = analysis_for_verdict(analyse(log.track, model, claim=claim))
+            found = verdict_findings(answer_log(log, flown, inputs.limit).made.advice)
+            findings = gravest_first([*found, *inspection.findings])
+            inspection = replace(inspection, findings=findings)
+        made.append(inspection)
+    return made
 
 
 def _print(console: Console, inspection: Inspection) -> None:

@@ -17,8 +17,10 @@ from tyro.conf import Positional, UseAppendAction
 from thrustmargin.gcs_plugin.commands.shared.analysed import OPTIONS
 from thrustmargin.gcs_plugin.commands.shared.extras import extras
 from thrustmargin.gcs_plugin.commands.shared.inputs import (
+    ANY_KNOWN,
     AS_HEARD,
     Inputs,
+    Known,
     Reading,
     Share,
     reading_keywords,
@@ -63,6 +65,7 @@ def monitor(
     model: Path | None = None,
     airframe: str | None = None,
     reading: Reading = AS_HEARD,
+    known: Known = ANY_KNOWN,
     max_utilisation: Share = 0.5,
     announce: bool = False,
     announce_battery: bool = False,
@@ -104,6 +107,7 @@ def monitor(
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the
             model's, else that of topxgun-f16-sitl for a flight that is recognised as one of it.
         reading: How the link is read.
+        known: The known aircraft on the link; see `thrustmargin learn`.
         max_utilisation: Largest share of a rotor's maximum thrust that may be in use; above it an
             alarm is raised.
         announce: Send alarms and figures to vehicles and ground stations as STATUSTEXT and
@@ -178,7 +182,11 @@ def monitor(
         accept, why = guard.accept, lambda: guard.counts.reasons
         sign = Signer(key, after=lambda: guard.latest).sign
     inputs = Inputs(
-        model=model, airframe=airframe, max_utilisation=max_utilisation, reading=reading
+        model=model,
+        airframe=airframe,
+        max_utilisation=max_utilisation,
+        reading=reading,
+        known=known,
     )
     settings = MonitorSettings(
         urls=(url,),

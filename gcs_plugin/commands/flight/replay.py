@@ -10,13 +10,16 @@ from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.analysed import with_recorded
 from thrustmargin.gcs_plugin.commands.shared.inputs import (
+    ANY_KNOWN,
     AS_HEARD,
     LIMIT,
     Inputs,
+    Known,
     Reading,
     ReadingOptions,
     reading_keywords,
 )
+from thrustmargin.gcs_plugin.commands.shared.known import model_of_log
 from thrustmargin.gcs_plugin.commands.shared.options import (
     UsageError,
     check_port,
@@ -42,6 +45,7 @@ def replay(
     before: Path | None = None,
     airframe: str | None = None,
     reading: Reading = AS_HEARD,
+    known: Known = ANY_KNOWN,
     sortie: int | None = None,
     port: int = 8080,
     host: str = "127.0.0.1",
@@ -67,6 +71,7 @@ def replay(
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the
             model's, else that of topxgun-f16-sitl for a flight that is recognised as one of it.
         reading: How the log is read.
+        known: The known aircraft that flew; see `thrustmargin learn`.
         sortie: Number of the sortie to show, of a log that holds several; without it the worst.
         port: Port of the page.
         host: Address to serve the page on; only this computer can reach 127.0.0.1. On any other a
@@ -91,14 +96,18 @@ def replay(
         more = f" and {len(logs) - MOST_NAMED} more" if len(logs) > MOST_NAMED else ""
         raise UsageError(f"{log} holds {len(logs)} logs; name one of them: {names}{more}")
     inputs = with_recorded(
-        Inputs(logs=logs, model=model, airframe=airframe, reading=reading),
+        Inputs(logs=logs, model=model, airframe=airframe, reading=reading, known=known),
         Terminal(stderr=True, soft_wrap=True),
     )
-    rotor_model = inputs.rotor_model()
+    rotor_model = model_of_log(inputs, logs[0], Terminal(stderr=True, soft_wrap=True))
     older = None if before is None else chosen_model(before, rotor_model.airframe.name)
     options = {"host": host, "port": port, "token": page_token(host, token_file)}
     options |= {"speed": speed, "paused": start_paused}
-    options |= {"given": inputs.given, "reading": inputs.reading, "limit": inputs.limit}
+    options |= {
+        "given": inputs.given or rotor_model.state is not None,
+        "reading": inputs.reading,
+        "limit": inputs.limit,
+    }
     view = replay_view(first, rotor_model, older, sortie=sortie, **options)
     run_replay(view, browser=browser)
 

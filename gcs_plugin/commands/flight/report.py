@@ -11,7 +11,14 @@ from rich.console import Console
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.analysed import flights_of, with_recorded
-from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Inputs, Reading, Share
+from thrustmargin.gcs_plugin.commands.shared.inputs import (
+    ANY_KNOWN,
+    AS_HEARD,
+    Inputs,
+    Known,
+    Reading,
+    Share,
+)
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
     OutputFile,
@@ -35,6 +42,7 @@ def report(
     model: Path | None = None,
     airframe: str | None = None,
     reading: Reading = AS_HEARD,
+    known: Known = ANY_KNOWN,
     out: Path | None = None,
     json: Path | None = None,
     pdf: Path | None = None,
@@ -59,6 +67,7 @@ def report(
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the
             model's, else that of topxgun-f16-sitl for a flight that is recognised as one of it.
         reading: How the logs are read.
+        known: The known aircraft that flew; see `thrustmargin learn`.
         out: Page to write, to look at (.html) or to print (.pdf); without it report.html, unless
             --json or --pdf is given.
         json: Write the numbers as JSON to this file (.json); - is standard output, and nothing
@@ -90,6 +99,7 @@ def report(
         airframe=airframe,
         max_utilisation=max_utilisation,
         reading=reading,
+        known=known,
     )
     inputs = with_recorded(inputs, console)
     check_utilisation(inputs.limit)

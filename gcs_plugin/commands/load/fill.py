@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from thrustmargin.gcs_plugin.commands.shared.inputs import Share
+from thrustmargin.gcs_plugin.commands.shared.inputs import ANY_KNOWN, Known, Share
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
     OutputFile,
@@ -33,6 +33,7 @@ ALTITUDES = (0.0, 500.0, 1000.0, 1500.0, 2000.0, 3000.0)  # m AMSL
 def fill(
     *,
     model: Path | None = None,
+    known: Known = ANY_KNOWN,
     airframe: str | None = None,
     day: Path | None = None,
     air_temperature: float | None = None,
@@ -58,6 +59,7 @@ def fill(
 
     Args:
         model: Rotor speed model file of this aircraft.
+        known: The known aircraft; see `thrustmargin learn`.
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the model's.
         day: File (.toml, .json) with the day: air_temperature_c, altitude, pressure_hpa, wind,
             gusts, battery_voltage, battery_capacity_ah, battery_resistance_mohm. Without it, and
@@ -82,9 +84,9 @@ def fill(
     from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
     from thrustmargin.gcs_plugin.reports.fill import fill_table as made
 
-    inputs = Inputs(model=model, airframe=airframe, max_utilisation=max_utilisation)
+    inputs = Inputs(model=model, airframe=airframe, max_utilisation=max_utilisation, known=known)
     if not inputs.given:
-        raise UsageError("no aircraft given; name one with --airframe or --model")
+        raise UsageError("no aircraft given; name one with --aircraft, --airframe or --model")
     check_utilisation(inputs.limit)
     check_range("--speed", speed, 0.0, 60.0, "m/s")
     stated = stated_day(

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional, UseAppendAction
 
-from thrustmargin.gcs_plugin.commands.shared.inputs import Share
+from thrustmargin.gcs_plugin.commands.shared.inputs import ANY_KNOWN, Known, Share
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
     OutputFile,
@@ -45,6 +45,7 @@ def forecast(
     *,
     fill: str,
     model: Path | None = None,
+    whose: Known = ANY_KNOWN,
     airframe: str | None = None,
     parameters: Path | None = None,
     day: Path | None = None,
@@ -84,6 +85,7 @@ def forecast(
         plan: Plan (.plan, .waypoints, .mission) or a log that holds the mission.
         fill: In the tank at take-off: kg, or litres as 16L.
         model: Rotor speed model file of this aircraft.
+        whose: The known aircraft; see `thrustmargin learn`.
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the model's.
         parameters: Parameter file of the autopilot (.param, .parm, .params); of a log, its own.
         day: File (.toml, .json) with the day: air_temperature_c, altitude, pressure_hpa, wind,
@@ -163,7 +165,7 @@ def forecast(
     from thrustmargin.mission.forecast.battery import stated_capacity
     from thrustmargin.models.physics.day import Day, DaySource, DayValue
 
-    inputs = Inputs(model=model, airframe=airframe, max_utilisation=max_utilisation)
+    inputs = Inputs(model=model, airframe=airframe, max_utilisation=max_utilisation, known=whose)
     rotor_model = inputs.rotor_model()
     craft = rotor_model.airframe
     liquid = craft.liquid_density

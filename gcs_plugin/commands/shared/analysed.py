@@ -22,6 +22,7 @@ from thrustmargin.gcs_plugin.commands.shared.inputs import (
     ReadingOptions,
     reading_keywords,
 )
+from thrustmargin.gcs_plugin.commands.shared.known import known_flights
 from thrustmargin.gcs_plugin.commands.shared.options import UsageError, check_utilisation
 from thrustmargin.models.errors import DataError, ThrustMarginError
 from thrustmargin.models.json_values import from_json_values
@@ -57,15 +58,22 @@ def flights_of(
     from thrustmargin.gcs_plugin.commands.shared.inputs import listed, read_logs
     from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
 
-    model = inputs.rotor_model()
     unread: list[UnusedLog] = []
-    read = read_logs(inputs, unread, console, model=model, skipped=ThrustMarginError)
-    flights = [
-        (analysis_for_verdict(analyse(log.track, model, claim=claim)), log) for log, claim in read
-    ]
-    if not flights:
+    learnt = [] if inputs.by_file else known_flights(inputs, unread, console)
+    of_known = {log.path for _, log in learnt}
+    rest = tuple(path for path in inputs.logs if path not in of_known)
+    if rest or not learnt:
+        model = inputs.rotor_model()
+        others = replace(inputs, logs=rest)
+        read = read_logs(others, unread, console, model=model, skipped=ThrustMarginError)
+        learnt += [
+            (analysis_for_verdict(analyse(log.track, model, claim=claim)), log)
+            for log, claim in read
+        ]
+    if not learnt:
         raise DataError(listed(unread))
-    return flights, unread
+    order = {path: place for place, path in reversed(list(enumerate(inputs.logs)))}
+    return sorted(learnt, key=lambda one: (order[one[1].path], one[1].sortie)), unread
 
 
 OPTIONS = "options.json"
@@ -105,6 +113,7 @@ def with_recorded(user: Inputs, console: Console) -> Inputs:
         airframe=taken.airframe or user.airframe,
         max_utilisation=user.max_utilisation or taken.max_utilisation,
         reading=taken.reading if user.reading == AS_HEARD else user.reading,
+        known=user.known,
     )
 
 

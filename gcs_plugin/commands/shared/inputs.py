@@ -133,6 +133,28 @@ def reading_keywords(reading: ReadingOptions) -> dict[str, Any]:
     }
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KnownOptions:
+    """The known aircraft that a command works with.
+
+    Example: --aircraft north-field-2
+    """
+
+    aircraft: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
+    """Name of a known aircraft, as `thrustmargin aircraft` lists them; without it the aircraft is
+    recognised by its autopilot and sensors."""
+    hangar: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None
+    """Folder of the known aircraft; else THRUSTMARGIN_HANGAR, else the user's data folder."""
+    no_learn: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Write nothing to the hangar."""
+
+
+#: No aircraft is named; the hangar is the usual one.
+ANY_KNOWN = KnownOptions()
+#: As a parameter of a command: its options appear among the command's own.
+Known = Annotated[KnownOptions, tyro.conf.OmitArgPrefixes]
+
+
 #: Airframe of the shipped model: taken where none is given, for a flight recognised as one of it.
 SHIPPED_AIRFRAME = "topxgun-f16-sitl"
 LIMIT = 0.5  # share of a rotor's maximum thrust, where nobody names another
@@ -171,17 +193,24 @@ def _same_numbers(one: Airframe, other: Airframe) -> bool:
     return one.name == other.name and values[0] == values[1] and placed
 
 
-def starting_model(model: Path | None, airframe: str | None) -> tuple[RotorModel, str]:
+def starting_model(inputs: Inputs) -> tuple[RotorModel, str]:
     """Return the model that a search starts from, and its name for the result.
 
-    It is the shipped model if neither is given. Unlike in `chosen_model`, an airframe alone always
-    means its weight and thrust curve, so that the search can begin without what a network has
-    learnt. Raises as `chosen_model`.
+    Of a known aircraft it is the model as it was made, without what later flights taught: that is
+    what the search is to explain. It is the shipped model if no aircraft is given. Unlike in
+    `chosen_model`, an airframe alone always means its weight and thrust curve, so that the search
+    can begin without what a network has learnt. Raises as `chosen_model`.
     """
     from thrustmargin.models.model.model_file import shipped_model
     from thrustmargin.models.model.rotor_model import physics_model
     from thrustmargin.models.physics.airframe import load_airframe
 
+    model, airframe = inputs.model, inputs.airframe
+    if inputs.known.aircraft is not None and not inputs.by_file:
+        from thrustmargin.gcs_plugin.store.hangar import open_hangar
+
+        name = inputs.known.aircraft
+        return open_hangar(inputs.known.hangar).load(name).model(), f"aircraft {name}"
     if model is not None:
         return _model_of(model, airframe), str(model)
     if airframe is None:
@@ -234,10 +263,16 @@ class Inputs:
     airframe: str | None = None  # name of a shipped airframe, or an airframe file
     max_utilisation: float | None = None
     reading: ReadingOptions = AS_HEARD
+    known: KnownOptions = ANY_KNOWN
 
     @property
     def given(self) -> bool:
-        """Whether the user named the aircraft, by a model or an airframe."""
+        """Whether the user named the aircraft: by a model, an airframe or its name."""
+        return self.by_file or self.known.aircraft is not None
+
+    @property
+    def by_file(self) -> bool:
+        """Whether the user named the aircraft by a model or an airframe."""
         return self.model is not None or self.airframe is not None
 
     @property
@@ -251,8 +286,16 @@ class Inputs:
         return [*self.logs, self.model, self.airframe]
 
     def rotor_model(self) -> RotorModel:
-        """Load the model; see `chosen_model`."""
-        return chosen_model(self.model, self.airframe)
+        """Load the model: of the known aircraft that is named, with its state now; else see
+        `chosen_model`.
+        """
+        if self.known.aircraft is None or self.by_file:
+            return chosen_model(self.model, self.airframe)
+        import time
+
+        from thrustmargin.gcs_plugin.store.hangar import open_hangar
+
+        return open_hangar(self.known.hangar).load(self.known.aircraft).model_before(time.time())
 
     @property
     def words(self) -> str:
@@ -260,6 +303,7 @@ class Inputs:
         named = {
             "--model": self.model,
             "--airframe": self.airframe,
+            "--aircraft": self.known.aircraft,
             "--max-utilisation": self.max_utilisation,
             "--vehicle": self.reading.vehicle,
             "--tank": self.reading.tank if self.reading.tank != AS_HEARD.tank else None,

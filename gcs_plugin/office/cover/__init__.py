@@ -1,4 +1,4 @@
-"""The route that sprays a field."""
+"""Plan the route that sprays a field."""
 
 #: Subcommand -> the first words of the docstring of its function.
 COMMANDS = {

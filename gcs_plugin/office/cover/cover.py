@@ -1,10 +1,10 @@
-"""`thrustmargin cover`: the route that sprays a field, as a plan for the ground station."""
+"""`thrustmargin cover`: plan the route that sprays a field, for the ground station."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import tyro
 from tyro.conf import Positional, UseAppendAction
@@ -18,10 +18,6 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
 from thrustmargin.gcs_plugin.commands.shared.plan_source import pump_of
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import require
-
-if TYPE_CHECKING:
-    pass
-
 
 PLANS = (".plan", ".waypoints", ".txt")
 
@@ -122,6 +118,10 @@ def cover(
 
 
 def _home(words: str) -> tuple[float, float, float]:
+    """Return latitude and longitude, degrees, and m AMSL (NaN if not given) of option --home.
+
+    Raises UsageError for another text.
+    """
     try:
         values = [float(word) for word in words.split(",")]
     except ValueError:

@@ -1,4 +1,4 @@
-"""The route over a field in sentences."""
+"""Word the result of `cover`: areas, lines and ways of the route over a field."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from thrustmargin.gcs_plugin.wording.plan_words import hectares
 
 
 def coverage_words(found: Coverage) -> tuple[str, ...]:
-    """The route over a field in sentences."""
+    """Return the sentences about a route over a field, in the order of the terminal."""
     lines, spacing = found.lines, found.lines.spacing
     headings = sorted({round(h) % 180 for h in lines.heading_deg})
     listed = ", ".join(f"{h}°" for h in headings[:3]) + (" ..." if len(headings) > 3 else "")

@@ -140,6 +140,7 @@ def cover_field(
 
 
 def _polygons(area: shapely.Geometry) -> shapely.MultiPolygon:
+    """Return the polygons of a geometry, without its lines and points."""
     return shapely.MultiPolygon([p for p in shapely.get_parts(area) if p.geom_type == "Polygon"])
 
 
@@ -200,6 +201,11 @@ class _Way:
         self._to(line[0] + along * at, on=False)
 
     def _cross(self, start: Floats, end: Floats) -> None:
+        """Append the corners of the shortest way from `start` (2,) to `end` (2,), pump off.
+
+        It may leave the field, and is then counted in `outside`. Raises PlanError if obstacles
+        block every way.
+        """
         corners = self.inside.way(start, end)
         if corners is None:
             self.outside += 1
@@ -212,6 +218,7 @@ class _Way:
         self.transit += float(np.sum(np.hypot(*np.diff(every, axis=0).T)))
 
     def _to(self, point: Floats, *, on: bool) -> None:
+        """Append a point (2,); the pump is `on` from there."""
         self.points.append(point)
         self.turns.append(on)
 
@@ -219,6 +226,10 @@ class _Way:
 def _plan(
     way: _Way, places: Floats, home: tuple[float, float, float], order: CoverageOrder
 ) -> MissionPlan:
+    """Return the mission of a route whose points are at `places` (N, 2), latitude and longitude.
+
+    Raises PlanError for more items than a mission can have.
+    """
     frame = FRAME_ABOVE_GROUND if order.above_ground else FRAME_ABOVE_HOME
     yaw = math.nan if order.px4 else 0.0  # PX4 turns the nose to it, north for 0
 

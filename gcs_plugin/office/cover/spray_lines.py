@@ -21,11 +21,11 @@ from scipy.sparse.csgraph import dijkstra
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import Floats
 
-#: Lines may be wider apart than a swath by this share, rather than one more line be flown.
+#: Share by which lines may be wider apart than a swath, to avoid one more line.
 LOOSE = 0.02
 #: m below which a piece of a line is not worth flying to.
 SHORTEST = 0.5
-#: Lines that no mission has room for.
+#: Lines, at most: a mission has no room for more.
 MOST_LINES = 16_000
 #: Cells of a field with a hundred trees are some hundreds.
 MOST_CELLS = 1000
@@ -105,8 +105,9 @@ def _turned(points: Floats, heading_deg: float, *, back: bool = False) -> Floats
 
 
 def _count(width: float, swath: float) -> int:
-    """Return the number of lines over a strip `width` m wide: the nearest, one more if they
-    would leave gaps.
+    """Return the number of lines over a strip `width` m wide, at least 1.
+
+    It is the rounded number of swaths; one more if lines would be over LOOSE wider apart than one.
     """
     exact = width / swath
     near = max(round(min(exact, 1e9)), 1)
@@ -177,6 +178,7 @@ def _cells(part: shapely.Polygon, swath: float, heading: float) -> tuple[list[li
 
 
 def _overlap(a: Floats, b: Floats) -> bool:
+    """Return whether two pieces (2, 2) of neighbouring lines overlap along the lines."""
     return bool(a[0, 0] < b[1, 0] and b[0, 0] < a[1, 0])
 
 
@@ -200,9 +202,9 @@ def _tour(cells: Sequence[Sequence[Floats]], start: Floats) -> Floats:
     return np.array(lines)
 
 
-#: m by which a way may be outside, which is rounding and no leaving.
+#: m by which a way may leave the area, to allow for rounding.
 CLOSE = 0.02
-#: Corners to turn at, at most; an area with more is made simpler, on its inside.
+#: Corners of an area, at most; one with more is simplified towards its inside.
 MOST_CORNERS = 150
 
 
@@ -266,6 +268,7 @@ def _inner_corners(area: shapely.Geometry) -> Floats:
 
 
 def _reflex(area: shapely.Geometry) -> Floats:
+    """Return the reflex corners (C, 2) of an area, at which its inner angle exceeds 180°."""
     found = [np.empty((0, 2))]
     for part in shapely.get_parts(area):
         if part.geom_type != "Polygon" or part.is_empty:

@@ -1,4 +1,4 @@
-"""The record of a spraying job, as the law asks for it."""
+"""Write the record of a spraying job that the law of a country requires."""
 
 #: Subcommand -> the first words of the docstring of its function.
 COMMANDS = {

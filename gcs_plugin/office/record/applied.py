@@ -1,9 +1,8 @@
-"""Which logs are of one flight, as autopilot, ground stations and copies record it.
+"""Compute the area that a job treated and the liquid that it used, from its logs.
 
-What was applied: the swaths of all sorties on one plane, their area, and the liquid used.
-
-The area is that under the track with the pump on, as wide as a swath, and ground that was sprayed
-twice counts once, whichever sortie it was. Liquid is taken from up to three independent estimates.
+The area is the union of the swaths: the track with the pump on, widened to the swath. Ground that
+was sprayed twice counts once, also across sorties. The liquid is estimated independently by gauge,
+pump and thrust. Of several logs of one flight (autopilot, ground stations, copies) one counts.
 """
 
 from __future__ import annotations
@@ -24,34 +23,43 @@ from thrustmargin.models.physics.smoothing import known_median
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
 CLOCKS_APART = 5.0  # s, by which the clocks of autopilot and ground may differ
-STEP = 0.5  # s
-#: m within which it is the same aircraft: a GPS reads so, and no two fly so close.
+STEP = 0.5  # s between the times at which two tracks are compared
+#: m within which two tracks are of one aircraft: GPS is that accurate, and no two fly so close.
 SAME_PLACE = 3.0
-#: Share of a rotor's speed, and kg in the tank, by which two logs of one flight may differ. Flights
-#: that simulators make at once are at one place too.
+#: Share of a rotor's speed, and kg in the tank, by which two logs of one flight may differ. They
+#: distinguish simulated aircraft, which may fly at one time and place.
 SAME_SPEED, SAME_TANK = 0.01, 0.2
 
 
-def each_once(logs: Sequence[FlightLog]) -> list[int | None]:
-    """(n,) for each log None, or the place of the log of the same flight that knows more of it."""
-    best = sorted(range(len(logs)), key=lambda k: -_known_s(logs[k].track))
+def better_logs(logs: Sequence[FlightLog]) -> list[int | None]:
+    """Return for each log the index of the log of the same flight that replaces it; None if it
+    counts.
+
+    The one that counts knows pump and position for the longest time in the air.
+    """
+    best = sorted(range(len(logs)), key=lambda k: -_known_airborne_s(logs[k].track))
     stands: list[int | None] = [None] * len(logs)
     for at, k in enumerate(best):
         stands[k] = next(
-            (o for o in best[:at] if stands[o] is None and _same(logs[o], logs[k])), None
+            (o for o in best[:at] if stands[o] is None and _same_flight(logs[o], logs[k])), None
         )
     return stands
 
 
-def _known_s(track: FlightTrack) -> float:
-    """s in the air of which pump and place are known."""
+def _known_airborne_s(track: FlightTrack) -> float:
+    """Return the time in the air, s, with known pump and position."""
     known = track.flying & np.isfinite(track.spraying)
     known &= np.all(np.isfinite(track.position_ned), axis=1)
     return float(np.diff(track.time_s)[known[:-1] & known[1:]].sum())
 
 
-def _same(one: FlightLog, other: FlightLog) -> bool:
-    """At one time at one place; where no place is known, of one autopilot; without a date equal."""
+def _same_flight(one: FlightLog, other: FlightLog) -> bool:
+    """Return whether two logs record the same flight.
+
+    Their times overlap by more than half of the shorter one, they are at the same places, and rotor
+    speeds and tank agree. Without positions they are of the same autopilot. Undated logs must be
+    identical.
+    """
     first, second = one.track, other.track
     if first.start_unix_s is None or second.start_unix_s is None:
         return all(
@@ -65,15 +73,20 @@ def _same(one: FlightLog, other: FlightLog) -> bool:
     if first.origin is None or second.origin is None:
         return one.hardware_id == other.hardware_id != ""
     times = np.arange(begin, end, STEP)
-    here = _places(first, first.origin, times)
+    here = _places_at(first, first.origin, times)
     shifts = np.arange(-CLOCKS_APART, CLOCKS_APART + STEP, STEP)
-    apart = [np.hypot(*(here - _places(second, first.origin, times + s)).T) for s in shifts]
+    apart = [np.hypot(*(here - _places_at(second, first.origin, times + s)).T) for s in shifts]
     met = any(np.nanmedian(a) < SAME_PLACE for a in apart if np.isfinite(a).any())
-    return met and _read_alike(first, second, (begin, end))
+    return met and _speeds_and_tank_agree(first, second, (begin, end))
 
 
-def _read_alike(first: FlightTrack, second: FlightTrack, within: tuple[float, float]) -> bool:
-    """Whether rotor speeds, and gauges where both have one, are alike in the air at Unix times."""
+def _speeds_and_tank_agree(
+    first: FlightTrack, second: FlightTrack, within: tuple[float, float]
+) -> bool:
+    """Return whether the median rotor speeds and gauge readings of two tracks agree in the air.
+
+    `within` are the first and the last Unix time, s. A value that one track lacks agrees.
+    """
     speeds, tanks = [], []
     for track in (first, second):
         unix_s = track.time_s + (track.start_unix_s or 0.0)
@@ -83,18 +96,21 @@ def _read_alike(first: FlightTrack, second: FlightTrack, within: tuple[float, fl
         tanks.append(known_median(track.tank_kg[rows]) if gauge else np.nan)
     if speeds[0].shape != speeds[1].shape:
         return False
-    # NaN, which one of them does not report, is never far.
+    # Comparisons with NaN, a value that one of them does not report, are False.
     far = np.abs(speeds[0] - speeds[1]) > SAME_SPEED * np.maximum(*speeds)
     return not (far.any() or abs(tanks[0] - tanks[1]) > SAME_TANK)
 
 
-def _places(track: FlightTrack, origin: Origin, unix_s: Floats) -> Floats:
-    """(n, 2) north and east in m from `origin` at Unix times; NaN where it is not known."""
-    ned, start = places_from(origin, track), track.start_unix_s or 0.0
+def _places_at(track: FlightTrack, origin: Origin, unix_s: Floats) -> Floats:
+    """Return positions (N, 2), north and east of `origin`, m, at Unix times (N,), s.
+
+    NaN where the position is unknown.
+    """
+    ned, start = positions_from(origin, track), track.start_unix_s or 0.0
     return np.stack([np.interp(unix_s - start, track.time_s, ned[:, k]) for k in (0, 1)], axis=-1)
 
 
-#: Rows at either end of a flight whose median is the level there.
+#: Samples at either end of a flight whose median is the tank level there.
 END_ROWS = 10
 #: Share by which two estimates of the liquid may differ and still agree, beside their intervals.
 AGREE_SHARE = 0.1
@@ -102,7 +118,7 @@ AGREE_SHARE = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pass:
-    """One stretch with the pump on, of sortie `flight` (its place in the job, from 1)."""
+    """One stretch with the pump on, of sortie `flight`, numbered from 1 within the job."""
 
     flight: int
     start_unix_s: float | None
@@ -114,22 +130,22 @@ class Pass:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Applied:
-    """The swaths of a job. Areas are m², NaN where the width is not known."""
+    """The treated area of a job and its passes; areas are m², NaN if the swath is unknown."""
 
     passes: tuple[Pass, ...]
     field: Field  # on one plane
-    ground: shapely.MultiPolygon | None  # degrees, of all passes; None without swath or place
+    ground: shapely.MultiPolygon | None  # of all passes, degrees; None without swath or place
     inside: tuple[float, float] | None  # latitude, longitude of a point of the ground
     area: float
-    swath_from_lines: bool  # the spacing of neighbouring lines, nobody stated it
-    pump: Provenance  # what says that the pump was on
-    start_unix_s: float | None  # of the first moment with the pump on, the end of the last
-    end_unix_s: float | None
+    swath_from_lines: bool  # the swath is the spacing of neighbouring lines, and was not stated
+    pump: Provenance  # source of the pump's state
+    start_unix_s: float | None  # first sample with the pump on
+    end_unix_s: float | None  # last sample with the pump on
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Liquid:
-    """kg that left the tank by one estimate, half of its 90 % interval, and its source."""
+    """One estimate of the liquid used: kg, half width of its 90 % interval, and its source."""
 
     by: str  # gauge, pump or thrust
     kg: float
@@ -137,16 +153,16 @@ class Liquid:
     source: str
 
 
-def applied(logs: Sequence[FlightLog], swath: float | None) -> Applied | None:
-    """The swaths of all sorties; None where the pump was never heard to be on.
+def applied_swaths(logs: Sequence[FlightLog], swath: float | None) -> Applied | None:
+    """Return the treated area of all sorties; None if no log shows the pump on.
 
-    Without a `swath` in m it is the spacing of neighbouring lines. Sorties without a place on the
-    globe have no area beside others, for what they share is not known.
+    Without a `swath`, m, it is the spacing of neighbouring lines. The area is NaN for several
+    sorties if one has no place on the globe, because their overlap is then unknown.
     """
     tracks = [log.track for log in logs]
     placed = all(track.origin is not None for track in tracks)
     origin = next((t.origin for t in tracks), None) if placed else None
-    rows = np.concatenate([_rows(*one, origin) for one in enumerate(tracks, 1)])
+    rows = np.concatenate([_sortie_rows(*one, origin) for one in enumerate(tracks, 1)])
     pump = rows[:, 6]
     field = sprayed_field(rows[:, 2], rows[:, 3:6], pump, swath_width=swath)
     if field is None:
@@ -156,11 +172,11 @@ def applied(logs: Sequence[FlightLog], swath: float | None) -> Applied | None:
     width = field.swath_width
     ground, inside = None, None
     if origin and np.isfinite(width):
-        ground = _degrees(field.ground, origin)
+        ground = _to_degrees(field.ground, origin)
         if not field.ground.is_empty:
-            point = _degrees(field.ground.representative_point(), origin)
+            point = _to_degrees(field.ground.representative_point(), origin)
             inside = (point.y, (point.x + 180.0) % 360.0 - 180.0)
-    passes = (_pass(rows[run], width, origin) for run in field.rows)
+    passes = (_pass_of_rows(rows[run], width, origin) for run in field.rows)
     return Applied(
         passes=tuple(one for one in passes if one is not None),
         field=field,
@@ -174,21 +190,24 @@ def applied(logs: Sequence[FlightLog], swath: float | None) -> Applied | None:
     )
 
 
-def places_from(origin: Origin | None, track: FlightTrack) -> Floats:
-    """(T, 3) the track's positions in m from `origin`; as they are without one."""
+def positions_from(origin: Origin | None, track: FlightTrack) -> Floats:
+    """Return the track's positions (T, 3), m from `origin`, north, east, down.
+
+    They are returned unchanged without an origin.
+    """
     zero = track.origin
     if origin is None or zero is None or zero == origin:
         return track.position_ned
     return origin.ned(zero.geodetic(track.position_ned))
 
 
-def _rows(number: int, track: FlightTrack, origin: Origin | None) -> Floats:
-    """(T + 1, 7) of the sortie of that number: number, Unix time, s, position, pump.
+def _sortie_rows(number: int, track: FlightTrack, origin: Origin | None) -> Floats:
+    """Return rows (T + 1, 7) of one sortie: number, Unix time, time, north, east, down, pump.
 
-    Positions are in m from `origin`, as they are without one. In the last row the pump is off and
-    no place is known: nothing is sprayed from one sortie to the next.
+    Times are s, positions m from `origin`. A last row with the pump off and no position keeps
+    sorties apart, so that no swath leads from one to the next.
     """
-    time_s, plan = track.time_s, places_from(origin, track)
+    time_s, plan = track.time_s, positions_from(origin, track)
     unix_s = time_s + (np.nan if track.start_unix_s is None else track.start_unix_s)
     pump = np.where(track.flying, track.spraying, 0.0)
     whose = np.full(time_s.size, float(number))
@@ -196,15 +215,15 @@ def _rows(number: int, track: FlightTrack, origin: Origin | None) -> Floats:
     return np.append(rows, [[number, np.nan, time_s[-1], np.nan, np.nan, np.nan, 0.0]], axis=0)
 
 
-def _pass(rows: Floats, width: float, origin: Origin | None) -> Pass | None:
-    """The stretch of such rows; None where it stood."""
+def _pass_of_rows(rows: Floats, width: float, origin: Origin | None) -> Pass | None:
+    """Return the pass of consecutive rows of `_sortie_rows`; None if the vehicle did not move."""
     line = shapely.simplify(shapely.LineString(rows[:, 3:5]), 0.1)
     if line.length == 0.0:
         return None
     strip = None
     if origin is not None and np.isfinite(width):
         flat = shapely.buffer(line, width / 2, cap_style="flat", join_style="mitre")
-        strip = _degrees(flat, origin)
+        strip = _to_degrees(flat, origin)
     (start, begin), (end, last) = rows[0, 1:3], rows[-1, 1:3]
     return Pass(
         flight=int(rows[0, 0]),
@@ -216,10 +235,10 @@ def _pass(rows: Floats, width: float, origin: Origin | None) -> Pass | None:
     )
 
 
-def _degrees(geometry: Any, origin: Origin) -> Any:
-    """A geometry of (north, east) in m as one of (longitude, latitude) in degrees.
+def _to_degrees(geometry: Any, origin: Origin) -> Any:
+    """Convert a geometry from (north, east), m from `origin`, to (longitude, latitude), degrees.
 
-    Longitudes go on beyond 180° from an origin before the date line, so that no shape is torn.
+    Longitudes continue beyond 180° across the date line, so that no shape is cut.
     """
 
     def degrees(points: Floats) -> Floats:
@@ -232,8 +251,7 @@ def _degrees(geometry: Any, origin: Origin) -> Any:
 
 
 def cut_at_date_line(shape: Any) -> Any:
-    """A geometry in degrees whose longitudes may go beyond 180°, with each part on its own side, as
-    RFC 7946 wants it."""
+    """Cut a geometry, whose longitudes may exceed 180°, at the date line, as RFC 7946 requires."""
     west, _, east, _ = shape.bounds
     if west >= -180.0 and east <= 180.0:
         return shape
@@ -245,32 +263,42 @@ def cut_at_date_line(shape: Any) -> Any:
     return shapely.MultiPolygon(parts)
 
 
-def by_gauge(track: FlightTrack) -> Liquid | None:
-    """What the level fell by in the air; None where no gauge reports it, or it rose."""
+def gauge_estimate(track: FlightTrack) -> Liquid | None:
+    """Estimate the liquid by the fall of the gauge in the air.
+
+    None if no gauge reports the level, or if the level rose.
+    """
     source = track.source("tank_kg")
     if not source.reported:
         return None
-    fall, _ = _fall(track)
+    fall, _ = _level_fall(track)
     return Liquid(by="gauge", kg=fall, within_kg=0.0, source=source.words) if fall >= 0.0 else None
 
 
-def by_pump(track: FlightTrack) -> Liquid | None:
-    """What the pump's output summed up to, of a track whose tank level was read from it; None where
-    the log pauses in the air, and nothing says what the pump did."""
+def pump_estimate(track: FlightTrack) -> Liquid | None:
+    """Estimate the liquid by the pump's output, of a track whose tank level was read from it.
+
+    None if the level has another source, if the log pauses in the air, when the pump's state is
+    unknown, or if the pump's flow is unknown.
+    """
     source = track.source("tank_kg")
     if source.kind is not SourceKind.INFERRED or source.meaning is Meaning.HOVER_THRUST:
         return None
     pauses = np.diff(track.time_s) > TRACK_CHANNELS["tank_kg"].max_age
     if np.any(pauses & track.flying[:-1] & track.flying[1:]):
         return None
-    fall, _ = _fall(track)
-    # Of a pump whose flow is not known nothing sums up. What the level began with is no part of it.
+    fall, _ = _level_fall(track)
+    # The fall is 0 for a pump of unknown flow. Earlier remarks of the source are about the level
+    # at the start, which does not matter here.
     whose = f"{source.name}: {source.remarks[-1]}"
     return Liquid(by="pump", kg=fall, within_kg=0.0, source=whose) if fall > 0.0 else None
 
 
-def by_thrust(track: FlightTrack, airframe: Airframe) -> Liquid | None:
-    """What the rotors carried less at the end, whatever gauge there is; None where too unsure."""
+def thrust_estimate(track: FlightTrack, airframe: Airframe) -> Liquid | None:
+    """Estimate the liquid by the fall of the load that the rotors carry, without the gauge.
+
+    None if the load cannot be inferred, or if it rose.
+    """
     hidden = replace(
         track,
         tank_kg=np.full(track.time_s.size, np.nan),
@@ -281,28 +309,31 @@ def by_thrust(track: FlightTrack, airframe: Airframe) -> Liquid | None:
     source = shown.source("tank_kg")
     if source.meaning is not Meaning.HOVER_THRUST:
         return None
-    fall, error = _fall(shown)
+    fall, error = _level_fall(shown)
     within = NINETY * error
     if not fall >= 0.0:
         return None
     return Liquid(by="thrust", kg=fall, within_kg=within, source=source.words)
 
 
-def _fall(track: FlightTrack) -> tuple[float, float]:
-    """kg from the first to the last known level in the air, and its standard error at most."""
+def _level_fall(track: FlightTrack) -> tuple[float, float]:
+    """Return the fall of the tank level in the air, kg, and an upper bound of its standard error.
+
+    Both are NaN with fewer than 2 END_ROWS known levels.
+    """
     known = np.flatnonzero(track.flying & np.isfinite(track.tank_kg))
     if known.size < 2 * END_ROWS:
         return float("nan"), float("nan")
     ends = known[:END_ROWS], known[-END_ROWS:]
     first, last = (float(np.median(track.tank_kg[rows])) for rows in ends)
     errors = track.standard_errors.get("tank_kg", np.zeros(track.time_s.size))
-    # As if the two ends had nothing in common: it is never less.
+    # Errors of the two ends are added as independent; a shared part would cancel.
     before, after = (float(np.median(errors[rows])) for rows in ends)
     return first - last, float(np.hypot(before, after))
 
 
-def in_all(parts: Sequence[Liquid | None]) -> Liquid | None:
-    """One estimate of the whole job; None where a sortie has none."""
+def job_estimate(parts: Sequence[Liquid | None]) -> Liquid | None:
+    """Return the sum of the sorties' estimates; None if one sortie has none."""
     known = [part for part in parts if part is not None]
     if not known or len(known) < len(parts):
         return None
@@ -312,7 +343,10 @@ def in_all(parts: Sequence[Liquid | None]) -> Liquid | None:
 
 
 def differences(found: Sequence[Liquid]) -> list[dict[str, object]]:
-    """Each two of the estimates: by how many kg they differ, and whether they agree."""
+    """Return a dict for each pair of estimates: `between`, `difference_kg`, `allowed_kg`, `agree`.
+
+    The allowed difference is both intervals in quadrature, and AGREE_SHARE of the larger estimate.
+    """
     made: list[dict[str, object]] = []
     for k, one in enumerate(found):
         for other in found[k + 1 :]:

@@ -1,4 +1,4 @@
-"""The record of a job as data: every field with its value, its unit and where it comes from."""
+"""Build the record of a job as data: fields with value, unit and source, and the laws' demands."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ from thrustmargin.models.provenance import Meaning, SourceKind
 
 @dataclass(frozen=True, slots=True)
 class RuleItem:
-    """One thing that a rule asks for, the fields that answer it, and when it is due at all."""
+    """One item that a rule requires: its words, the fields that answer it, and its condition."""
 
     asks: str
     fields: Sequence[str]
-    when: str = ""  # empty: always
+    when: str = ""  # condition under which it is required, in words; empty: always
 
 
 @dataclass(frozen=True, slots=True)
 class JobRule:
-    """One rule: its title, how long its record is kept, and within how many hours it is due."""
+    """One country's rule: its title, items, how long the record is kept, and when it is due."""
 
     name: str
     title: str
@@ -46,7 +46,7 @@ class JobRule:
 
 @cache
 def job_rules() -> Mapping[str, JobRule]:
-    """Name of each rule -> the rule."""
+    """Return the rules of rules.toml by name."""
     text = (resources.files(__package__ or "") / "rules.toml").read_text("utf-8")
     found = {}
     for name, rule in tomllib.loads(text).items():
@@ -56,7 +56,11 @@ def job_rules() -> Mapping[str, JobRule]:
 
 
 def open_items(rule: JobRule, known: Collection[str]) -> list[dict[str, Any]]:
-    """The rule's items that the `known` fields do not answer: what, which fields, and when due."""
+    """Return a dict for each item of the rule that lacks fields.
+
+    Its keys are `asks`, the item in words, `fields`, the names that are not in `known`, and `when`,
+    the condition in words under which the item is required (empty: always).
+    """
     return [
         {"asks": item.asks, "fields": lacking, "when": item.when}
         for item in rule.items
@@ -65,14 +69,14 @@ def open_items(rule: JobRule, known: Collection[str]) -> list[dict[str, Any]]:
 
 
 def due_utc(rule: JobRule, finished: datetime | None) -> datetime | None:
-    """When the record of a job that finished then is due; None where the rule sets no time."""
+    """Return when the record is due; None if the rule sets no time or the finish is unknown."""
     if rule.due_hours is None or finished is None:
         return None
     return finished + timedelta(hours=rule.due_hours)
 
 
-def fields_asked(rules: Sequence[JobRule]) -> tuple[str, ...]:
-    """Fields that the rules ask for without a condition, each once, in their order."""
+def required_fields(rules: Sequence[JobRule]) -> tuple[str, ...]:
+    """Return the fields that the rules require unconditionally, each once, in their order."""
     asked = [f for rule in rules for item in rule.items if not item.when for f in item.fields]
     return tuple(dict.fromkeys(asked))
 
@@ -82,21 +86,21 @@ HECTARE = 10_000.0  # m²
 
 
 class EntrySource(StrEnum):
-    """Where a field of the record comes from."""
+    """The source of a field of the record."""
 
     OPTION = "option"  # of the command line
-    TERMINAL = "terminal"  # asked and answered
+    TERMINAL = "terminal"  # answered there
     LOG = "log"
     COMPUTED = "computed"  # from other fields
-    FILE = "file"  # of the field
-    COMPUTER = "computer"  # its clock and zone
+    FILE = "file"  # of the field's outline
+    COMPUTER = "computer"  # its clock and time zone
     FORECAST = "forecast"
     STATION = "weather station"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """One field that is known."""
+    """One known field of the record: its value, unit and source."""
 
     value: Any
     unit: str = ""
@@ -104,24 +108,24 @@ class Entry:
     detail: str = ""  # the option, message or method
 
 
-_of_log = partial(Entry, source=EntrySource.LOG)
-_computed = partial(Entry, source=EntrySource.COMPUTED)
+_log_entry = partial(Entry, source=EntrySource.LOG)
+_computed_entry = partial(Entry, source=EntrySource.COMPUTED)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobRecord:
-    """The whole record; what is not in `fields` is not known."""
+    """The record of one job; a field that is missing from `fields` is unknown."""
 
     made_utc: str
     fields: Mapping[str, Entry]
     liquid: tuple[Liquid, ...]
     rules: tuple[JobRule, ...]
     logs: tuple[str, ...]
-    left_out: tuple[UnusedLog, ...] = ()  # logs and vehicles that are no part of it, and why
+    left_out: tuple[UnusedLog, ...] = ()  # unused logs and vehicles, and why
     finished: datetime | None
 
     def as_json(self) -> dict[str, Any]:
-        """The record as JSON values, schema "thrustmargin.record/1"."""
+        """Return the record as JSON values, schema "thrustmargin.record/1"."""
         return {
             "schema": SCHEMA,
             "made_utc": self.made_utc,
@@ -148,12 +152,13 @@ class JobRecord:
         }
 
 
-def from_logs(
+def log_entries(
     logs: Sequence[FlightLog], done: Applied | None, zone: tzinfo | None
 ) -> dict[str, Entry]:
-    """What the logs know: times, place, wind, the area treated.
+    """Return the fields that the logs contain: times, place, wind, temperature, treated area.
 
-    Local times are in `zone`, that of this computer without one; each states its offset.
+    `done` is the treated area, None if no pump was on. Local times are in `zone`, without one in
+    this computer's, and state their offset.
     """
     found: dict[str, Entry] = {}
     if done is not None and done.start_unix_s is not None and done.end_unix_s is not None:
@@ -163,12 +168,12 @@ def from_logs(
             local = when.astimezone(zone)
             at = EntrySource.COMPUTER if zone is None else EntrySource.OPTION
             whose = "zone of this computer" if zone is None else f"option --zone {zone}"
-            found[name] = _of_log(value=utc_text(when), detail=words)
+            found[name] = _log_entry(value=utc_text(when), detail=words)
             stamp = local.isoformat(timespec="seconds")
             found[f"{name}_local"] = Entry(value=stamp, source=at, detail=whose)
         days = [when.astimezone(zone).date().isoformat() for when in (first, last)]
         day = " to ".join(dict.fromkeys(days))
-        found["date"] = _of_log(value=day, detail=f"of start_local and finish_local; {words}")
+        found["date"] = _log_entry(value=day, detail=f"of start_local and finish_local; {words}")
     if done is not None and np.isfinite(done.area):
         how = "spacing of the lines" if done.swath_from_lines else "option --swath"
         kind = EntrySource.LOG if done.swath_from_lines else EntrySource.OPTION
@@ -178,9 +183,9 @@ def from_logs(
         if not done.field.whole:
             name, lost = "area_at_least", f"{done.field.lost_s:.0f} of {done.field.sprayed_s:.0f} s"
             how += f"; no place or no word of the pump is known of {lost}"
-        found[name] = _computed(value=done.area / HECTARE, unit="ha", detail=how)
+        found[name] = _computed_entry(value=done.area / HECTARE, unit="ha", detail=how)
     if done is not None and done.inside is not None:
-        found["location"] = _of_log(
+        found["location"] = _log_entry(
             value="{:.6f}, {:.6f}".format(*done.inside),
             unit="° latitude, longitude, WGS 84",
             detail="a point of the area treated; its outline: applied.geojson",
@@ -192,12 +197,15 @@ def from_logs(
     serials = sorted({log.hardware_id for log in logs if log.hardware_id})
     if serials:
         detail = "of the autopilot, not of the aircraft"
-        found["autopilot_serial"] = _of_log(value=", ".join(serials), detail=detail)
+        found["autopilot_serial"] = _log_entry(value=", ".join(serials), detail=detail)
     return found
 
 
 def _wind(logs: Sequence[FlightLog], done: Applied | None) -> Entry | None:
-    """The autopilot's estimate, mean over the rows with the pump on, its most at the end."""
+    """Return the autopilot's wind: mean and direction with the pump on, and the maximum.
+
+    None without an estimate.
+    """
     if done is None:
         return None
     parts = [log.track.wind_ned[(log.track.spraying > 0.5) & log.track.flying, :2] for log in logs]
@@ -208,7 +216,7 @@ def _wind(logs: Sequence[FlightLog], done: Applied | None) -> Entry | None:
     north, east = wind.mean(axis=0)
     most = float(np.hypot(*wind.T).max())
     comes = float(np.degrees(np.arctan2(-east, -north)) % 360.0)
-    return _of_log(
+    return _log_entry(
         value=f"{np.hypot(north, east):.1f} from {comes:.0f}°, at most {most:.1f}",
         unit="m/s",
         detail=f"estimated in flight: {logs[0].track.source('wind_ned').words}",
@@ -216,7 +224,10 @@ def _wind(logs: Sequence[FlightLog], done: Applied | None) -> Entry | None:
 
 
 def _temperature(logs: Sequence[FlightLog]) -> Entry | None:
-    """Of a sensor of the outside air; that of the autopilot's board is none."""
+    """Return the median temperature of the outside air, °C; None without a sensor of it.
+
+    The temperature of the autopilot's board is not that of the air.
+    """
     for log in logs:
         source = log.track.source("temperature")
         outside = source.kind is not SourceKind.ABSENT and source.meaning is Meaning.AS_NAMED
@@ -224,14 +235,14 @@ def _temperature(logs: Sequence[FlightLog]) -> Entry | None:
         kelvin = kelvin[np.isfinite(kelvin)]
         if outside and kelvin.size:
             celsius = float(np.median(kelvin)) - 273.15
-            return _of_log(value=round(celsius, 1), unit="°C", detail=source.words)
+            return _log_entry(value=round(celsius, 1), unit="°C", detail=source.words)
     return None
 
 
-def of_field(outline: FieldOutline, done: Applied | None) -> dict[str, Entry]:
-    """What the field's file adds: its area, and how much was treated outside.
+def field_entries(outline: FieldOutline, done: Applied | None) -> dict[str, Entry]:
+    """Return the field's area, and the area treated outside it, ha.
 
-    Raises DataError where nothing in it was treated: it is then another field.
+    Raises DataError if nothing in the field was treated: it is then another job's field.
     """
     detail = outline.name
     found = {
@@ -247,12 +258,12 @@ def of_field(outline: FieldOutline, done: Applied | None) -> dict[str, Entry]:
             )
         outside = ground.difference(outline.area).area / HECTARE
         how = "outline of the area treated, less the field"
-        found["area_outside_field"] = _computed(value=outside, unit="ha", detail=how)
+        found["area_outside_field"] = _computed_entry(value=outside, unit="ha", detail=how)
     return found
 
 
 ACRE = 4046.8564224  # m²
-#: A dose: a number without a mark between thousands, a unit, and the area.
+#: A dose: a number without a thousands separator, a unit, and a unit of area.
 DOSE = re.compile(
     r"\s*([0-9]{1,6}(?:[.,][0-9]{1,6})?)\s*(L|l|ml|mL|kg|g|gal|qt|pt|fl oz|lb|oz)\s*/"
     r"\s*(ha|ac|acre)\s*"
@@ -260,10 +271,10 @@ DOSE = re.compile(
 THOUSANDS = re.compile(r"\s*[1-9][0-9]{0,2},[0-9]{3}[^0-9]")
 
 
-def of_product(rate: str, area_ha: float | None) -> dict[str, Entry]:
-    """How much of the product the stated dose makes on the area treated.
+def product_entries(rate: str, area_ha: float | None) -> dict[str, Entry]:
+    """Return the quantity of the product: the stated dose `rate` times the treated area.
 
-    Raises DataError where the dose is none, or can be read as two.
+    Empty without an area. Raises DataError if the dose cannot be read, or in two ways.
     """
     found = DOSE.fullmatch(rate)
     if found is None or not (dose := float(found[1].replace(",", "."))) > 0.0:
@@ -277,26 +288,26 @@ def of_product(rate: str, area_ha: float | None) -> dict[str, Entry]:
         return {}
     amount = dose * (area_ha if found[3] == "ha" else area_ha * HECTARE / ACRE)
     detail = f"{dose:g} {found[2]}/{found[3]} as stated, by the area treated"
-    return {"product_quantity": _computed(value=amount, unit=found[2], detail=detail)}
+    return {"product_quantity": _computed_entry(value=amount, unit=found[2], detail=detail)}
 
 
-def of_liquid(
+def liquid_entries(
     found: Sequence[Liquid], density: float | None, area_ha: float | None
 ) -> dict[str, Entry]:
-    """Quantity and spray volume by the first estimate, which is the most direct.
+    """Return quantity and spray volume by the first estimate in `found`, the most direct one.
 
-    `density` is kg/L; without it litres are not known, and the quantity is in kg.
+    `density` is kg/L; without it the quantity is in kg. Empty without an estimate.
     """
     if not found:
         return {}
     first = found[0]
     detail = f"by {first.by}: {first.source}"
-    made = {"quantity_kg": _of_log(value=first.kg, unit="kg", detail=detail)}
+    made = {"quantity_kg": _log_entry(value=first.kg, unit="kg", detail=detail)}
     if density is None:
         return {**made, "quantity": made["quantity_kg"]}
     litres = first.kg / density
-    made["quantity"] = _computed(value=litres, unit="L", detail=f"{detail}; {density:g} kg/L")
+    made["quantity"] = _computed_entry(value=litres, unit="L", detail=f"{detail}; {density:g} kg/L")
     if area_ha:
         by = "quantity over area"
-        made["spray_volume"] = _computed(value=litres / area_ha, unit="L/ha", detail=by)
+        made["spray_volume"] = _computed_entry(value=litres / area_ha, unit="L/ha", detail=by)
     return made

@@ -1,4 +1,4 @@
-"""`thrustmargin record`: the record of a spraying job, from its logs and what its people state."""
+"""`thrustmargin record`: write the record of a spraying job from its logs and from statements."""
 
 from __future__ import annotations
 
@@ -12,7 +12,13 @@ import tyro
 from tyro.conf import Positional, UseAppendAction
 
 from thrustmargin.gcs_plugin.commands.shared.analysed import analysed_flights
-from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Inputs, Reading
+from thrustmargin.gcs_plugin.commands.shared.inputs import (
+    ANY_KNOWN,
+    AS_HEARD,
+    Inputs,
+    Known,
+    Reading,
+)
 from thrustmargin.gcs_plugin.commands.shared.options import UsageError, require_logs
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.reports.shared.page_shell import utc_text
@@ -28,7 +34,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobStatement:
-    """Of the job, what no log knows."""
+    """Statements about the job that no log contains; None where nothing is stated."""
 
     product: str | None = None
     """Full name of the product."""
@@ -86,7 +92,7 @@ class JobStatement:
 
 Statement = Annotated[JobStatement, tyro.conf.OmitArgPrefixes]
 NOTHING = JobStatement()
-LONGEST = 1000  # letters of a field: a row of the table on paper
+LONGEST = 1000  # letters of a field, at most: a row of the table on paper
 _WEATHER = ("wind", "temperature", "humidity", "inversion")
 
 
@@ -105,6 +111,7 @@ def record(
     model: Path | None = None,
     airframe: str | None = None,
     reading: Reading = AS_HEARD,
+    known: Known = ANY_KNOWN,
 ) -> int:
     """Write the record of a spraying job: what, where, how much, when, by whom.
 
@@ -128,18 +135,19 @@ def record(
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the
             model's, else that of topxgun-f16-sitl for a flight that is recognised as one of it.
         reading: How the logs are read.
+        known: The known aircraft that flew; see `thrustmargin learn`.
     """
-    from thrustmargin.gcs_plugin.office.record.applied import applied
+    from thrustmargin.gcs_plugin.office.record.applied import applied_swaths
     from thrustmargin.gcs_plugin.office.record.job_record import (
         Entry,
         EntrySource,
         JobRecord,
-        fields_asked,
-        from_logs,
+        field_entries,
         job_rules,
-        of_field,
-        of_liquid,
-        of_product,
+        liquid_entries,
+        log_entries,
+        product_entries,
+        required_fields,
     )
     from thrustmargin.gcs_plugin.office.record.record_files import makes_shapefiles, write_record
     from thrustmargin.gcs_plugin.office.record.record_words import (
@@ -154,38 +162,38 @@ def record(
     local = zone_of(zone)
     given = _stated_fields(stated, reading.air_temperature_c, weather_source)
     if stated.rate is not None:
-        of_product(stated.rate, None)  # before any work is done
+        product_entries(stated.rate, None)  # before any work is done
     logs = require_logs(logs)
     if out.exists() and not out.is_dir():
         raise DataError(f"{out} is a file; give a folder with --out")
     outline = None if field is None else read_field(field)
     console = Terminal(stderr=True, soft_wrap=True)
-    inputs = Inputs(logs=logs, model=model, airframe=airframe, reading=reading)
+    inputs = Inputs(logs=logs, model=model, airframe=airframe, reading=reading, known=known)
     flights, _, unread = analysed_flights(inputs, console)
     flights, left_out = counted_once(flights)
     sorties = [log for _, log in flights]
-    done = applied(sorties, swath)
+    done = applied_swaths(sorties, swath)
     amounts = liquids(flights)
     density = common_density(flights)
-    fields = from_logs(sorties, done, local)
+    fields = log_entries(sorties, done, local)
     area = fields.get("area")
     area_ha = None if area is None else area.value
-    fields |= of_liquid(amounts, density, area_ha)
+    fields |= liquid_entries(amounts, density, area_ha)
     if stated.rate is not None:
-        fields |= of_product(stated.rate, area_ha)
+        fields |= product_entries(stated.rate, area_ha)
     if outline is not None:
-        fields |= of_field(outline, done)
+        fields |= field_entries(outline, done)
         of_file = EntrySource.FILE
         fields["field"] = Entry(value=outline.name, source=of_file, detail="option --field")
     fields |= given
     rules = [one for name, one in job_rules().items() if not rule or name in rule]
     if sys.stdin.isatty():
-        for name in fields_asked(rules):
-            if name in fields or not (answer := _answer(name)):
+        for name in required_fields(rules):
+            if name in fields or not (answer := _ask(name)):
                 continue
             fields[name] = Entry(value=answer, source=EntrySource.TERMINAL)
             if name == "rate":
-                fields |= of_product(answer, area_ha)
+                fields |= product_entries(answer, area_ha)
     made = JobRecord(
         made_utc=utc_text(),
         fields=fields,
@@ -193,7 +201,7 @@ def record(
         rules=tuple(rules),
         logs=tuple(log.name for log in sorties),
         left_out=(*left_out, *unread),
-        finished=_finished(fields),
+        finished=_finish_time(fields),
     )
     out.mkdir(parents=True, exist_ok=True)
     written = write_record(made, done, out)
@@ -213,7 +221,10 @@ def record(
 
 
 def zone_of(name: str | None) -> tzinfo | None:
-    """The zone of a name such as Europe/Berlin; None without one. Raises UsageError."""
+    """Return the time zone of a name such as Europe/Berlin; None without a name.
+
+    Raises UsageError for an unknown name.
+    """
     import zoneinfo
 
     if name is None:
@@ -227,15 +238,18 @@ def zone_of(name: str | None) -> tzinfo | None:
 def counted_once(
     flights: list[tuple[FlightAnalysis, FlightLog]],
 ) -> tuple[list[tuple[FlightAnalysis, FlightLog]], list[UnusedLog]]:
-    """The flights, each by one log, and what is left out: other logs of it, other vehicles, and
-    stretches without a flight or that cannot be read."""
-    from thrustmargin.gcs_plugin.office.record.applied import each_once
+    """Return the flights, each from one log, and the unused logs with reasons.
+
+    Unused are second logs of a flight, other vehicles, and stretches without a flight or that
+    cannot be read.
+    """
+    from thrustmargin.gcs_plugin.office.record.applied import better_logs
     from thrustmargin.gcs_plugin.office.record.record_words import other_vehicles, same_flight
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 
     logs = [log for _, log in flights]
     kept, left = [], []
-    for flight, log, stands in zip(flights, logs, each_once(logs), strict=True):
+    for flight, log, stands in zip(flights, logs, better_logs(logs), strict=True):
         if stands is not None:
             left.append(UnusedLog(name=log.name, reason=same_flight(logs[stands].name)))
             continue
@@ -247,40 +261,40 @@ def counted_once(
 
 
 def liquids(flights: list[tuple[FlightAnalysis, FlightLog]]) -> list[Liquid]:
-    """The estimates that all sorties have, the most direct first: gauge, pump, thrust."""
+    """Return the estimates of the liquid that all sorties have: by gauge, pump, thrust."""
     from thrustmargin.gcs_plugin.office.record.applied import (
-        by_gauge,
-        by_pump,
-        by_thrust,
-        in_all,
+        gauge_estimate,
+        job_estimate,
+        pump_estimate,
+        thrust_estimate,
     )
     from thrustmargin.models.model.rotor_model import identified_airframe
 
     known = [not analysis.withheld for analysis, _ in flights]
-    gauge = [by_gauge(log.track) for _, log in flights]
-    pump = [by_pump(log.track) for _, log in _by_pump(flights)] if all(known) else []
+    gauge = [gauge_estimate(log.track) for _, log in flights]
+    pump = [pump_estimate(log.track) for _, log in _with_pump_level(flights)] if all(known) else []
     thrust = [
-        by_thrust(log.track, identified_airframe(analysis.model)) if claimed else None
+        thrust_estimate(log.track, identified_airframe(analysis.model)) if claimed else None
         for claimed, (analysis, log) in zip(known, flights, strict=True)
     ]
-    estimates = (in_all(gauge), in_all(pump), in_all(thrust))
+    estimates = (job_estimate(gauge), job_estimate(pump), job_estimate(thrust))
     return [one for one in estimates if one is not None]
 
 
 def common_density(flights: list[tuple[FlightAnalysis, FlightLog]]) -> float | None:
-    """kg/L of the liquid; None where flights have others, or an aircraft is not known."""
+    """Return the liquid's density, kg/L; None if flights differ in it or an aircraft is unknown."""
     known = {None if a.withheld else a.model.airframe.liquid_density for a, _ in flights}
     return known.pop() if len(known) == 1 else None
 
 
-#: kg that no tank holds: a level that the pump's output falls from and never reaches nothing.
+#: Starting level, kg, larger than any tank, so that the level by pump output never reaches 0.
 FULL_KG = 900.0
 
 
-def _by_pump(
+def _with_pump_level(
     flights: list[tuple[FlightAnalysis, FlightLog]],
 ) -> list[tuple[FlightAnalysis, FlightLog]]:
-    """The sorties with the tank level that the pump's output gives; none where one cannot be."""
+    """Read the sorties again with the tank level by the pump's output; empty if one cannot be."""
     from dataclasses import replace
 
     from thrustmargin.gcs_plugin.logs import read_sorties
@@ -306,6 +320,10 @@ def _by_pump(
 def _stated_fields(
     stated: JobStatement, air_temperature_c: float | None, weather: str
 ) -> dict[str, Entry]:
+    """Return the fields that options state; `weather` is the source of the stated weather.
+
+    Raises UsageError for a text of more than LONGEST letters.
+    """
     from thrustmargin.gcs_plugin.office.record.job_record import Entry, EntrySource
 
     sources = {
@@ -330,15 +348,16 @@ def _stated_fields(
     return made
 
 
-def _answer(name: str) -> str:
-    from thrustmargin.gcs_plugin.office.record.job_record import of_product
+def _ask(name: str) -> str:
+    """Ask for a field on the terminal and return the answer; empty if it is unknown."""
+    from thrustmargin.gcs_plugin.office.record.job_record import product_entries
     from thrustmargin.gcs_plugin.office.record.record_words import TITLES
 
     while True:
         try:
             answer = input(f"{TITLES[name]} (Enter: not known): ").strip()[:LONGEST]
             if answer and name == "rate":
-                of_product(answer, None)
+                product_entries(answer, None)
         except EOFError:
             return ""
         except DataError as error:  # asked again: what was answered before is not lost
@@ -347,5 +366,6 @@ def _answer(name: str) -> str:
         return answer
 
 
-def _finished(fields: dict[str, Entry]) -> datetime | None:
+def _finish_time(fields: dict[str, Entry]) -> datetime | None:
+    """Return the time at which the job finished; None if unknown."""
     return datetime.fromisoformat(fields["finish"].value) if "finish" in fields else None

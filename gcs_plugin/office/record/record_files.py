@@ -1,4 +1,4 @@
-"""The record as JSON, CSV and PDF, and what was applied as GeoJSON and shapefile."""
+"""Write the record as JSON, CSV and PDF, and the treated area as GeoJSON and shapefile."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from thrustmargin.gcs_plugin.reports.paper.pdf_page import pdf_bytes
 from thrustmargin.gcs_plugin.reports.shared import page_shell
 from thrustmargin.models.whole_file import whole_file
 
-#: WGS 84 as a .prj states it; what GIS programs expect beside a shapefile.
+#: WGS 84 as the .prj file that GIS programs expect beside a shapefile.
 WGS84 = (
     'GEOGCS["GCS_WGS_1984",DATUM["D_WGS_1984",SPHEROID["WGS_1984",6378137.0,298.257223563]],'
     'PRIMEM["Greenwich",0.0],UNIT["Degree",0.0174532925199433]]'
 )
 
 
-#: All files that a record can have; those of an earlier one must not stay beside it.
+#: All files that a record can have; files of an earlier record are deleted.
 NAMES = (
     *(f"record.{ending}" for ending in ("json", "csv", "pdf")),
     *(f"applied.{ending}" for ending in ("geojson", "shp", "shx", "dbf", "prj")),
@@ -39,10 +39,11 @@ NAMES = (
 
 
 def write_record(record: JobRecord, done: Applied | None, folder: Path) -> list[Path]:
-    """Write record.json, .csv and .pdf, and applied.geojson, .shp, .shx, .dbf and .prj where there
-    is a swath and a place; the last four where pyshp is installed. Returns the files.
+    """Write the files of a record into `folder` and return their paths.
 
-    They replace those of an earlier record when all are written, and not before. Raises OSError.
+    They are record.json, .csv and .pdf; with a known swath and place also applied.geojson, and with
+    pyshp applied.shp, .shx, .dbf and .prj. They replace those of an earlier record once all are
+    written. Raises OSError.
     """
     contents = {
         "record.json": page_shell.json_text(record.as_json()).encode("utf-8", "replace"),
@@ -65,7 +66,10 @@ def write_record(record: JobRecord, done: Applied | None, folder: Path) -> list[
 
 
 def csv_text(record: JobRecord) -> str:
-    """A line a field: name, value, unit, source, detail; no cell is a formula."""
+    """Return the record as CSV: name, value, unit, source and detail of each field.
+
+    Missing fields and unused logs follow. No cell can be taken for a formula.
+    """
     known = [
         (name, entry.value, entry.unit, str(entry.source), entry.detail)
         for name, entry in record.fields.items()
@@ -83,9 +87,9 @@ def csv_text(record: JobRecord) -> str:
 
 
 def html_text(record: JobRecord) -> str:
-    """The record as the simple page that becomes the PDF."""
+    """Return the record as the simple HTML page that becomes the PDF."""
     rows = "".join(
-        f"<tr><td>{escape(TITLES.get(name, name))}</td><td>{escape(_shown(entry.value))} "
+        f"<tr><td>{escape(TITLES.get(name, name))}</td><td>{escape(_value_text(entry.value))} "
         f"{escape(entry.unit)}</td><td>{escape(entry.source)}: {escape(entry.detail)}</td></tr>"
         for name, entry in record.fields.items()
     )
@@ -104,11 +108,13 @@ def html_text(record: JobRecord) -> str:
     )
 
 
-def _shown(value: Any) -> str:
+def _value_text(value: Any) -> str:
+    """Return a value for people, numbers with four significant digits."""
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def _of_pass(number: int, one: Pass) -> dict[str, Any]:
+def _pass_properties(number: int, one: Pass) -> dict[str, Any]:
+    """Return the properties of a pass for GeoJSON and shapefile; None where unknown."""
     return {
         "pass": number,
         "flight": one.flight,
@@ -120,21 +126,23 @@ def _of_pass(number: int, one: Pass) -> dict[str, Any]:
 
 
 def geojson(done: Applied) -> dict[str, Any]:
-    """The area treated as one feature, and each pass as another; RFC 7946, WGS 84."""
+    """Return the treated area and each pass as GeoJSON features (RFC 7946, WGS 84)."""
     area = {
         "part": "area",
         "area_ha": done.area / 1e4,
         "whole": done.field.whole,
         "swath_m": done.field.swath_width,
     }
-    shapes = [({"part": "pass", **_of_pass(n, p)}, p.strip) for n, p in enumerate(done.passes, 1)]
+    shapes = [
+        ({"part": "pass", **_pass_properties(n, p)}, p.strip) for n, p in enumerate(done.passes, 1)
+    ]
     return {
         "type": "FeatureCollection",
         "features": [
             {
                 "type": "Feature",
                 "properties": properties,
-                # Outlines run as the standard wants them.
+                # RFC 7946 requires outer rings to run counterclockwise.
                 "geometry": shapely.geometry.mapping(
                     shapely.orient_polygons(cut_at_date_line(shape))
                 ),
@@ -146,12 +154,12 @@ def geojson(done: Applied) -> dict[str, Any]:
 
 
 def makes_shapefiles() -> bool:
-    """Whether pyshp is installed, which the extra `field` holds."""
+    """Return whether pyshp is installed; it is part of the extra `field`."""
     return find_spec("shapefile") is not None
 
 
 def shapefile(done: Applied) -> dict[str, bytes]:
-    """Name -> content of the shapefile's parts, a polygon a pass."""
+    """Return the files of a shapefile by name, with a polygon for each pass."""
     import shapefile as pyshp
 
     parts = {ending: io.BytesIO() for ending in ("shp", "shx", "dbf")}
@@ -169,7 +177,7 @@ def shapefile(done: Applied) -> dict[str, bytes]:
     for number, one in enumerate(done.passes, 1):
         if one.strip is not None and not one.strip.is_empty:
             writer.shape(shapely.geometry.mapping(cut_at_date_line(one.strip)))
-            writer.record(*_of_pass(number, one).values())
+            writer.record(*_pass_properties(number, one).values())
     writer.close()
     contents = {f"applied.{ending}": part.getvalue() for ending, part in parts.items()}
     return {**contents, "applied.prj": WGS84.encode()}

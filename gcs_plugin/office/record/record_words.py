@@ -1,4 +1,4 @@
-"""Titles and questions of the record of a job, its liquid, and what is missing, in words."""
+"""Word the record of a job: titles of its fields, its liquid, and what rules require."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 from thrustmargin.gcs_plugin.wording.language import number
 
-#: Field of the record -> its title, which is the question on a terminal too.
+#: Field of the record -> its title, which is also the question on a terminal.
 TITLES: Mapping[str, str] = {
     "product": "product, full name",
     "registration": "registration or authorisation number of the product",
@@ -61,17 +61,17 @@ NO_SHAPEFILE = (
 )
 
 
-#: Heading of the logs and vehicles that are no part of the record.
+#: Heading of the list of unused logs and vehicles.
 LEFT_OUT = "Not in this record"
 
 
 def same_flight(name: str) -> str:
-    """Why a log is left out that is of the same flight as the log `name`."""
+    """Return why a log is left out: it records the same flight as the log `name`."""
     return f"the same flight as {name}, which counts once"
 
 
 def other_vehicles(chosen: int, others: Sequence[int]) -> str:
-    """Why vehicles of a log are left out."""
+    """Return why other vehicles of a log are left out: the vehicle `chosen` was read."""
     ids = ", ".join(map(str, others))
     return f"vehicle {ids} of the log: vehicle {chosen} is read; --vehicle chooses another"
 
@@ -79,7 +79,10 @@ def other_vehicles(chosen: int, others: Sequence[int]) -> str:
 def liquid_words(
     estimates: list[Mapping[str, Any]], apart: list[Mapping[str, Any]]
 ) -> Iterator[str]:
-    """Each estimate of the liquid, then each two that differ beyond what they may."""
+    """Yield a line for each estimate of the liquid, and for each pair in `apart` that disagrees.
+
+    `estimates` are `Liquid` as JSON values, `apart` the result of `differences`.
+    """
     for one in estimates:
         within = f" ± {number(one['within_kg'], 'kg')}" if one["within_kg"] else ""
         yield f"by {one['by']}: {number(one['kg'], 'kg')}{within} ({one['source']})"
@@ -92,7 +95,10 @@ def liquid_words(
 
 
 def missing_words(rules: list[Mapping[str, Any]]) -> Iterator[str]:
-    """Each thing that a rule asks for and nothing says; and records that are late."""
+    """Yield a line for each item that a rule requires and that is missing, and for late records.
+
+    `rules` are those of `JobRecord.as_json`.
+    """
     for rule in rules:
         for item in rule["missing"]:
             lacking = ", ".join(TITLES.get(name, name) for name in item["fields"])

@@ -1,4 +1,4 @@
-"""One aircraft's season from the store: what changed, what it flew, and what to do about it."""
+"""Find, in the stored flights of one aircraft, what changed, what was wrong and what to do."""
 
 from __future__ import annotations
 
@@ -9,7 +9,12 @@ from typing import Any
 
 from thrustmargin.gcs_plugin.office.season import fleet_words as words
 from thrustmargin.gcs_plugin.office.season.parts import Part, PartHistory
-from thrustmargin.gcs_plugin.office.season.same_aircraft import at_once, boards_in_turns, each_once
+from thrustmargin.gcs_plugin.office.season.same_aircraft import (
+    alternating_boards,
+    overlap_count,
+    unique_flights,
+)
+from thrustmargin.gcs_plugin.office.season.stored_words import flight_action, flight_alarms
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.language import known as finite
 from thrustmargin.gcs_plugin.wording.language import say
@@ -29,14 +34,16 @@ from thrustmargin.models.model.advice import FlightLevel
 
 FIRST, LOAD, ACT, WATCH = "look first", "fill less", "at the next service", "watch"
 NONE, CHECK, FINE = "no verdict", "check the instrument", "sound"
-#: Worst first: the aircraft itself, its loads, then what its instruments say of them.
+#: Levels of a finding, the most urgent first: the aircraft, its loads, then its instruments.
 LEVELS = (FIRST, ACT, LOAD, NONE, CHECK, WATCH, FINE)
-INSTRUMENTS = ("tank gauge", "airspeed sensor", "settings", "logs")  # parts of actions
-#: times what sound aircraft differ by, now or, as it goes on, in RECENT flights
+#: Parts of actions that make a finding one about an instrument.
+INSTRUMENTS = ("tank gauge", "airspeed sensor", "settings", "logs")
+#: A value's change, in multiples of the usual difference between sound aircraft, from which on to
+#: act at the next service and to look first. A ramp counts as it will be after RECENT flights.
 ACTS, FIRSTS = 3.0, 10.0
-GRAVE = 1e3  # weight of a verdict that goes before all else of its level
-#: Verdicts after which an aircraft is looked at first, the gravest first; what to do where the
-#: store does not say.
+GRAVE = 1e3  # weight of a verdict, which puts it before all changes of its level
+#: Verdicts after which an aircraft is looked at first, the gravest first -> the action if the
+#: flight's row has none.
 GROUNDING = {
     "damaged": actions.GROUND_IT,
     "lost": actions.GROUND_WRECK,
@@ -49,72 +56,84 @@ RECENT, DAY = 10, 86400.0  # flights; s
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeasonFinding:
-    """One reason to look at an aircraft."""
+    """One reason to look at an aircraft, in words, and its rank."""
 
-    level: str  # of LEVELS
-    weight: float  # within its level
+    level: str  # one of LEVELS
+    weight: float  # rank within its level, the largest first
     sentence: str
     action: str
-    verdict: str = ""  # of the flights that it is about
-    flight: int | None = None  # from 0
-    then: str = ""  # what was reported then
+    verdict: str = ""  # level of the flights that it is about; empty for a change of a value
+    flight: int | None = None  # index of the flight with the change
+    then: str = ""  # alarms around that flight
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AircraftSeason:
-    """F flights of one aircraft, oldest first."""
+    """The flights of one aircraft, oldest first, and the findings about them."""
 
     name: str
     flights: tuple[Mapping[str, Any], ...]  # rows of the store
-    twice: int  # more logs of the same flights, left out
-    several: str  # why it is more than one aircraft; empty where nothing says so
-    counted: tuple[int, ...]  # places among them of the flights that `changes` is about
+    twice: int  # number of second logs of these flights, which were dropped
+    several: str  # why the name seems to be that of several aircraft; else empty
+    mixed: bool  # certainly several aircraft, so that no change over time is followed
+    counted: tuple[int, ...]  # indices of the flights whose sums `changes` rests on
     changes: SeasonChanges | None
-    no_changes: str  # why there are none
-    findings: tuple[SeasonFinding, ...]  # the first one first
-    parts: tuple[PartHistory, ...] = ()  # that flew on it
+    no_changes: str  # why `changes` is None, or flights are missing from it
+    findings: tuple[SeasonFinding, ...]  # the most urgent first
+    parts: tuple[PartHistory, ...] = ()  # parts that flew on it
 
     @property
     def level(self) -> str:
+        """Return the level of the most urgent finding; FINE without one."""
         return self.findings[0].level if self.findings else FINE
 
     @property
     def hours(self) -> float:
-        return sum_of(self.flights, "flying_s") / 3600.0
+        """Return the hours in the air of all flights that know theirs."""
+        return known_sum(self.flights, "flying_s") / 3600.0
 
     @property
     def worst(self) -> Mapping[str, Any] | None:
-        """The flight with the least margin."""
+        """Return the flight with the smallest thrust margin; None if none has a margin."""
         known = [f for f in self.flights if finite(f["worst_margin"])]
         return min(known, key=lambda f: f["worst_margin"], default=None)
 
     @property
     def above_limit(self) -> list[Mapping[str, Any]]:
+        """Return the flights whose verdict is OVER or graver."""
         grave = [one for one in FlightLevel if one.gravity <= FlightLevel.OVER.gravity]
         return [f for f in self.flights if f["verdict"] in grave]
 
     @property
     def without_verdict(self) -> list[Mapping[str, Any]]:
+        """Return the flights whose verdict is unknown."""
         return [f for f in self.flights if f["verdict"] in (None, "unknown")]
 
     @property
     def rotors(self) -> list[Trend]:
-        """The losses of its rotors, in their order."""
+        """Return the trends of thrust loss, one per rotor, in the order of the rotors."""
         trends = self.changes.trends if self.changes else ()
         own = [(words.rotor_of(t.name), t) for t in trends]
         return [t for _, t in sorted((r, t) for r, t in own if r is not None)]
 
     @property
     def least_seen(self) -> float:
-        """The smallest loss of any rotor in the last flights that would have been seen by now."""
+        """Return the smallest loss that would have been found on every rotor in the last flights.
+
+        It is a share of thrust; NaN if no loss is followed.
+        """
         return max((t.least_seen for t in self.rotors), default=float("nan"))
 
     def started(self, counted: int) -> float | None:
-        """Unix time of one of the flights that `changes` is about."""
+        """Return the start, Unix s, of the flight of index `counted` in `counted`; None if unknown.
+
+        An index beyond the last flight is that of the last one.
+        """
         return self.flights[self.counted[min(counted, len(self.counted) - 1)]]["started_unix_s"]
 
 
-def sum_of(flights: Iterable[Mapping[str, Any]], name: str) -> float:
+def known_sum(flights: Iterable[Mapping[str, Any]], name: str) -> float:
+    """Return the sum of a column over the flights that know it."""
     return float(sum(f[name] for f in flights if finite(f[name])))
 
 
@@ -125,71 +144,90 @@ def aircraft_season(
     parts: Sequence[Part] = (),
     frames: Mapping[str, int] = MappingProxyType({}),
 ) -> AircraftSeason:
-    """From rows of the store, oldest first; sums that are about an older model are left out.
+    """Return the season of one aircraft from its rows of `flights` and `sums`, oldest first.
 
-    `frames` are the flights of each aircraft that has this name; what parts do by themselves is
-    added by `with_parts`.
+    Sums of another model than the newest one's are left out. `frames` has the number of flights of
+    each aircraft of this name, by its frame, if there are several. `with_parts` adds the parts.
     """
-    flights, given = each_once(flights), len(flights)
+    flights, given = unique_flights(flights), len(flights)
     order = {f["flight"]: k for k, f in enumerate(flights)}
     sums = [s for s in sums if s["flight"] in order]
-    readable = [(s, evidence) for s in sums if (evidence := _evidence(s)) is not None]
+    readable = [(s, evidence) for s in sums if (evidence := _read_evidence(s)) is not None]
     digest = readable[-1][0]["model_digest"] if readable else None
     kept = [one for one in readable if one[0]["model_digest"] == digest]
-    found, missing = None, words.NO_SUMS
-    if kept:
+    together = 0 if len(frames) > 1 else overlap_count(flights)
+    # Logs of one flight that are not recognised as such can make half of them at most.
+    mixed = 2 * together > len(flights)
+    found, missing = None, words.MIXED if mixed else words.NO_SUMS
+    if kept and not mixed:
         try:
             found, missing = season_changes(season_sums([evidence for _, evidence in kept])), ""
         except DataError as error:
             missing = str(error)
-    if len(kept) < len(sums):
+    if len(kept) < len(sums) and not mixed:
         missing = words.older_model(len(sums) - len(kept))
     several = ""
     if len(frames) > 1:
         several = words.one_name(frames)
-    elif boards := boards_in_turns(flights):
+    elif boards := alternating_boards(flights):
         several = words.several_boards(boards)
-    elif together := at_once(flights):
+    elif together:
         several = words.several_aircraft(together, len(flights))
     season = AircraftSeason(
         name=name,
         flights=tuple(flights),
         twice=given - len(flights),
         several=several,
+        mixed=mixed,
         counted=tuple(order[s["flight"]] for s, _ in kept),
         changes=found,
         no_changes=say(missing),
         findings=(),
     )
     mine = [p for p in parts if p.aircraft == name]
-    findings = [*_changed(season, mine), *_shared(season), *_margins(season)]
+    findings = [
+        *_change_findings(season, mine),
+        *_shared_findings(season),
+        *_verdict_findings(season),
+    ]
     if several:
         first, do = float("inf"), say(words.NAME_EACH)
         findings.append(SeasonFinding(level=ACT, weight=first, sentence=several, action=do))
-    return replace(season, findings=in_order(findings))
+    return replace(season, findings=sort_findings(findings))
 
 
-def _evidence(sums: Mapping[str, Any]) -> FlightEvidence | None:
-    """None of sums that another version laid out."""
+def _read_evidence(sums: Mapping[str, Any]) -> FlightEvidence | None:
+    """Return the evidence in a row of `sums`; None if another version wrote it differently."""
     try:
         return from_arrays(sums["arrays"])
     except DataError:
         return None
 
 
-def in_order(findings: Iterable[SeasonFinding]) -> tuple[SeasonFinding, ...]:
-    """The first one first."""
+def sort_findings(findings: Iterable[SeasonFinding]) -> tuple[SeasonFinding, ...]:
+    """Return the findings sorted by level and weight, the most urgent first."""
     return tuple(sorted(findings, key=lambda f: (LEVELS.index(f.level), -f.weight)))
 
 
-def level_of(ratio: float, acts: float = ACTS, firsts: float = FIRSTS, *, part: str = "") -> str:
-    """By how many times what sound aircraft differ by; `part` is what is to be looked at."""
+def change_level(
+    ratio: float, acts: float = ACTS, firsts: float = FIRSTS, *, part: str = ""
+) -> str:
+    """Return the level of a change by its `ratio` to the usual difference between sound aircraft.
+
+    From `acts` and `firsts` on it is ACT and FIRST; CHECK if the `part` to look at is an
+    instrument.
+    """
     if ratio >= acts and part in INSTRUMENTS:
         return CHECK
     return FIRST if ratio >= firsts else ACT if ratio >= acts else WATCH
 
 
-def _changed(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[SeasonFinding]:
+def _change_findings(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[SeasonFinding]:
+    """Yield a finding for each change of a value over the season.
+
+    Only the last change of a value counts as a reason to act, and a rotor that is sound again does
+    not.
+    """
     count = len(season.counted)
     for trend in season.changes.trends if season.changes else ():
         for entry in trend.changes:
@@ -208,18 +246,22 @@ def _changed(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[SeasonFi
                 action = f"{say('it has stopped')}; {action}"
             when = words.flight_words(at, season.flights[at]["started_unix_s"])
             yield SeasonFinding(
-                level=level_of(ratio, part=advised.part) if counts else FINE,
+                level=change_level(ratio, part=advised.part) if counts else FINE,
                 weight=ratio,
                 sentence=words.entry_sentence(trend.name, entry, when, ended),
-                action=_swapped(season, trend, entry, parts) if swap else action,
+                action=_swap_words(season, trend, entry, parts) if swap else action,
                 flight=at,
                 then=reported_then(season, at),
             )
 
 
-def _swapped(
+def _swap_words(
     season: AircraftSeason, trend: Trend, entry: SeasonEntry, parts: Sequence[Part]
 ) -> str:
+    """Return, in words, the part that was installed on a rotor when its loss became smaller.
+
+    Without one in `parts` return the request to enter it into parts.csv.
+    """
     rotor = words.rotor_of(trend.name)
     before = season.started(max(entry.earliest - 1, 0))
     after = season.started(entry.latest)
@@ -232,20 +274,21 @@ def _swapped(
 
 
 def reported_then(season: AircraftSeason, at: int) -> str:
-    """The alarms around one of its flights."""
+    """Return up to three alarms of the flight of index `at` and of those before and after it."""
     near = season.flights[max(at - 1, 0) : at + 2]
-    texts = dict.fromkeys(text for f in near for text in f["alarms"] or ())
+    texts = dict.fromkeys(text for f in near for text in flight_alarms(f))
     return "; ".join(list(texts)[:3]) or say(words.SILENT)
 
 
-def _shared(season: AircraftSeason) -> Iterable[SeasonFinding]:
+def _shared_findings(season: AircraftSeason) -> Iterable[SeasonFinding]:
+    """Yield a finding for each model error that all flights share."""
     for one in season.changes.shared if season.changes else ():
         trend = season.changes.trend(one.name) if season.changes else None
         ratio = abs(one.value) / trend.usual if trend else 0.0
         words_of = words.value_words(one.name)
         also = [say(words.value_words(n).title) for n in one.instead[:3]]
         yield SeasonFinding(
-            level=level_of(ratio, part=words_of.action.part),
+            level=change_level(ratio, part=words_of.action.part),
             weight=ratio,
             sentence=words.shared_sentence(one.name, one.value, one.error),
             action=words_of.action.text
@@ -253,35 +296,36 @@ def _shared(season: AircraftSeason) -> Iterable[SeasonFinding]:
         )
 
 
-def _verdict_of(flight: Mapping[str, Any]) -> str | None:
-    """Its verdict; one that shows a margin of 0 % has no thrust left."""
+def _season_verdict(flight: Mapping[str, Any]) -> str | None:
+    """Return a flight's verdict, `no_thrust` for one above a limit whose margin rounds to 0 %."""
     verdict, margin = flight["verdict"], flight["worst_margin"]
     none_left = verdict in ("critical", "over") and finite(margin) and margin < 0.005
     return "no_thrust" if none_left else verdict
 
 
-def _margins(season: AircraftSeason) -> Iterable[SeasonFinding]:
+def _verdict_findings(season: AircraftSeason) -> Iterable[SeasonFinding]:
+    """Yield a finding for each bad verdict of the last RECENT flights, and for missing verdicts."""
     count = len(season.flights)
     recent = season.flights[-RECENT:]
     for gravity, (verdict, action) in enumerate(GROUNDING.items()):
-        bad = [f for f in recent if _verdict_of(f) == verdict]
+        bad = [f for f in recent if _season_verdict(f) == verdict]
         if bad:
             yield SeasonFinding(
                 level=FIRST,
                 weight=GRAVE - gravity,
                 sentence=words.grounding_sentence(verdict, len(bad), len(recent), bad[-1]),
-                action=bad[-1]["action"] or action.text,
+                action=flight_action(bad[-1]) or action.text,
                 verdict=verdict,
             )
     for gravity, verdict in enumerate(("critical", "over", "near"), start=1):
-        heavy = [f for f in recent if _verdict_of(f) == verdict]
+        heavy = [f for f in recent if _season_verdict(f) == verdict]
         if heavy:
             worst = min(heavy, key=lambda f: f["worst_margin"])
             yield SeasonFinding(
                 level=LOAD,
                 weight=GRAVE / gravity + len(heavy),
                 sentence=words.margin_sentence(verdict, len(heavy), len(recent), worst),
-                action=worst["action"] or actions.FILL_LESS.text,
+                action=flight_action(worst) or actions.FILL_LESS.text,
                 verdict=verdict,
             )
     if season.without_verdict and len(season.without_verdict) * 2 > count:

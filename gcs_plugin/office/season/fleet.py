@@ -1,4 +1,4 @@
-"""`thrustmargin fleet`: which aircraft of a season to look at first, and why."""
+"""`thrustmargin fleet`: show which aircraft of a season to look at first, and why."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 PARTS = "parts.csv"
-#: Columns that --compare sets side by side, by their medians.
+#: Columns whose medians --compare shows side by side.
 COMPARED = (
     *("worst_margin", "mean_margin", "rows_above_limit_s", "prediction_rmse_rpm", "fill_kg"),
     *("battery_ohm", "voltage_min", "flying_s", "litres", "hectares"),
@@ -51,7 +51,7 @@ def fleet(
     """Show which aircraft of a season to look at first, and why.
 
     Every rotor's thrust, the balance, the gauge and the battery are followed over all flights, and
-    what changed is dated. What all aircraft are is in the store that `ingest` made.
+    what changed is mark_old_text. What all aircraft are is in the store that `ingest` made.
 
     Example: thrustmargin fleet season --out fleet.html
 
@@ -82,9 +82,10 @@ def fleet(
     if not opened.keys("flights"):
         raise DataError(f"no flights in {store}; take logs in with: thrustmargin ingest")
     if sql is not None:
+        from thrustmargin.gcs_plugin.office.season.stored_words import SQL_WORDS
         from thrustmargin.gcs_plugin.store.season_store import query
 
-        answer = query(opened, sql)
+        answer = query(opened, sql, SQL_WORDS)
         _print_rows(answer.column_names, [list(r.values()) for r in answer.to_pylist()], csv)
         return
     if compare is not None:
@@ -115,6 +116,7 @@ def fleet(
 
 
 def _write(path: Path, text: str) -> None:
+    """Write a text to a file in one step, or to standard output."""
     if path == STDOUT:
         sys.stdout.write(text)
         return
@@ -123,6 +125,10 @@ def _write(path: Path, text: str) -> None:
 
 
 def _parts(store: SeasonStore, file: Path | None) -> list[Part]:
+    """Read parts from `file`, else from the store's parts.csv; empty without either.
+
+    Raises DataError for a file that cannot be read.
+    """
     from thrustmargin.gcs_plugin.office.season.parts import read_parts
 
     if file is not None:
@@ -138,6 +144,11 @@ def _parts(store: SeasonStore, file: Path | None) -> list[Part]:
 
 
 def _side_by_side(store: SeasonStore, names: tuple[str, str]) -> list[list[Any]]:
+    """Return a row for each figure of COMPARED: its name, and its median for each of two names.
+
+    A name is that of an aircraft, a flight or a model's digest. The first row is the number of
+    flights. Raises DataError for a name that no flight has.
+    """
     from statistics import median
 
     keys = ["aircraft", "flight", "model_digest"]
@@ -156,6 +167,7 @@ def _side_by_side(store: SeasonStore, names: tuple[str, str]) -> list[list[Any]]
 
 
 def _print_rows(heads: Sequence[str], rows: Sequence[Sequence[Any]], file: Path | None) -> None:
+    """Print a table, or write it to a CSV file if one is given."""
     if file is not None:
         _write(file, csv_text(heads, rows))
         return
@@ -167,6 +179,7 @@ def _print_rows(heads: Sequence[str], rows: Sequence[Sequence[Any]], file: Path 
 
 
 def _table(season: FleetSeason) -> Table:
+    """Return the terminal's table of all aircraft: the first six columns of the page."""
     from thrustmargin.gcs_plugin.office.season.fleet_page import HEADS, cells
 
     return grid([*map(say, HEADS[:6])], [cells(one)[:6] for one in season.aircraft], left=(0, 1))

@@ -1,4 +1,4 @@
-"""A fleet's season as one page, as JSON, as CSV and as the lines of a table."""
+"""Show a fleet's season as one page, as JSON, as CSV and as the lines of a table."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from markupsafe import Markup
 
 from thrustmargin.gcs_plugin.office.season import aircraft_season as seasons
 from thrustmargin.gcs_plugin.office.season import fleet_words as words
+from thrustmargin.gcs_plugin.office.season.stored_words import flight_doing, flight_reason
 from thrustmargin.gcs_plugin.reports.shared.page_shell import (
     csv_text,
     json_text,
@@ -34,25 +35,26 @@ COLOURS = {
     seasons.FINE: "under",
 }
 MOST_LISTED = 20
-WIDE, HIGH = 520.0, 96.0  # of a small chart, in its own units
+WIDE, HIGH = 520.0, 96.0  # size of a small chart, in its own units
 HEADS = ("aircraft", "look", "flights", "hours", "worst margin", "to act on", "why", "do")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FleetSeason:
-    """All aircraft, those to look at first at the top."""
+    """All aircraft of a store, the most urgent first."""
 
     store: str
     aircraft: tuple[seasons.AircraftSeason, ...]
-    rejected: int  # logs that were no flights
+    rejected: int  # number of logs of which no flight was made
 
     @property
     def flights(self) -> int:
+        """Return the number of flights of all aircraft."""
         return sum(len(a.flights) for a in self.aircraft)
 
     @property
     def call(self) -> str:
-        """The one sentence to act on."""
+        """Return the sentence at the head of the page: the first aircraft and its action."""
         first = self.aircraft[0] if self.aircraft else None
         if first is None:
             return say("no flights in the store")
@@ -62,30 +64,41 @@ class FleetSeason:
 
     @property
     def level(self) -> str:
+        """Return the level of the most urgent aircraft; WATCH without any."""
         return self.aircraft[0].level if self.aircraft else seasons.WATCH
 
     @property
     def drawn(self) -> list[seasons.AircraftSeason]:
-        """Those whose values a page shows: all of a few, else the first with findings."""
+        """Return the aircraft whose values the page draws.
+
+        They are all of up to MOST_LISTED aircraft, else the first MOST_LISTED with findings.
+        """
         few = len(self.aircraft) <= MOST_LISTED
         return [a for a in self.aircraft if few or a.findings][:MOST_LISTED]
 
     @property
     def days(self) -> str:
-        """First and last day of flying."""
+        """Return the first and the last day of flying; one day alone where they are equal."""
         known = [f["started_unix_s"] for a in self.aircraft for f in a.flights]
         known = [s for s in known if finite(s)]
-        return f"{words.day(min(known))} to {words.day(max(known))}" if known else say("no dates")
+        if not known:
+            return say("no dates")
+        first, last = words.day(min(known)), words.day(max(known))
+        return first if first == last else f"{first} {say('to')} {last}"
 
     @property
     def reasons(self) -> list[tuple[str, int]]:
-        """Why flights have no verdict, the usual reason first."""
+        """Return the reasons why flights have no verdict and their counts, the commonest first."""
         without = [f for a in self.aircraft for f in a.without_verdict]
-        return Counter(str(f["verdict_reason"] or "unknown") for f in without).most_common()
+        return Counter(flight_reason(f) for f in without).most_common()
 
     @property
     def above_limit(self) -> list[tuple[str, Any]]:
-        """Flights to act on: those without a margin, which were lost, then the least margin."""
+        """Return pairs of an aircraft's name and its row of a flight graded OVER or graver.
+
+        They are sorted by their smallest margin; those without a known margin, such as lost ones,
+        come first. At most MOST_LISTED are returned.
+        """
         found = [(a.name, f) for a in self.aircraft for f in a.above_limit]
 
         def margin(one: tuple[str, Any]) -> float:
@@ -95,10 +108,12 @@ class FleetSeason:
         return sorted(found, key=margin)[:MOST_LISTED]
 
 
-def ranked(
+def rank_aircraft(
     store: str, aircraft: Sequence[seasons.AircraftSeason], rejected: int = 0
 ) -> FleetSeason:
-    """The aircraft in the order in which to look at them."""
+    """Return the fleet with its aircraft sorted by urgency: level, weight of the first finding,
+    name.
+    """
 
     def urgency(one: seasons.AircraftSeason) -> tuple[int, float, str]:
         weight = one.findings[0].weight if one.findings else 0.0
@@ -109,7 +124,7 @@ def ranked(
 
 
 def cells(one: seasons.AircraftSeason) -> tuple[str, ...]:
-    """The row of an aircraft under HEADS."""
+    """Return the cells of an aircraft's row in the table under HEADS, in the chosen language."""
     top = one.findings[0] if one.findings and one.level != seasons.FINE else None
     worst = one.worst
     return (
@@ -125,7 +140,7 @@ def cells(one: seasons.AircraftSeason) -> tuple[str, ...]:
 
 
 def html_text(fleet: FleetSeason, *, alone: bool = False) -> str:
-    """The page; of one aircraft `alone` with all its flights."""
+    """Return the page; `alone` if it is of one aircraft, with a table of all its flights."""
     context = {
         "fleet": fleet,
         "alone": alone,
@@ -136,23 +151,25 @@ def html_text(fleet: FleetSeason, *, alone: bool = False) -> str:
         "day": words.day,
         "chart": chart,
         "title": lambda trend: words.value_words(trend.name).title,
-        "now": now,
+        "now": present_value,
         "least_loss": words.least_loss,
-        "listed": listed,
+        "second_recordings": words.second_recordings,
+        "listed": drawn_trends,
         "finite": finite,
+        "flight_doing": flight_doing,
     }
     return page_text("thrustmargin.gcs_plugin.office.season", context, draws=False)
 
 
-def listed(one: seasons.AircraftSeason) -> list[Trend]:
-    """The trends that a page draws: the rotors, then what changed, then the usual ones."""
+def drawn_trends(one: seasons.AircraftSeason) -> list[Trend]:
+    """Return the trends that the page draws: the rotors', then changed and usual values."""
     trends = one.changes.trends if one.changes else ()
     more = [t for t in trends if t not in one.rotors and (t.changes or t.name in words.TRENDS)]
     return [*one.rotors, *more]
 
 
-def now(trend: Trend) -> str:
-    """The value after the last flight with its interval."""
+def present_value(trend: Trend) -> str:
+    """Return the curve's value at the last known flight, and that flight's 95 % half width."""
     known = np.flatnonzero(np.isfinite(trend.value) & np.isfinite(trend.error))
     if not known.size:
         return "unknown"
@@ -162,7 +179,10 @@ def now(trend: Trend) -> str:
 
 
 def chart(trend: Trend) -> Markup:
-    """Each flight with its interval, the season's curve and the changes, as SVG."""
+    """Return an SVG with each flight's value and 95 % interval, the curve and the changes.
+
+    Empty with fewer than two known values.
+    """
     known = np.flatnonzero(np.isfinite(trend.value) & np.isfinite(trend.error))
     if known.size < 2:
         return Markup("")
@@ -197,7 +217,7 @@ def chart(trend: Trend) -> Markup:
 
 
 def as_json(fleet: FleetSeason) -> str:
-    """All of it; null where a value is unknown."""
+    """Return the fleet as JSON, schema thrustmargin.fleet/1; null where a value is unknown."""
     made = {
         "schema": "thrustmargin.fleet/1",
         "store": fleet.store,
@@ -211,6 +231,7 @@ def as_json(fleet: FleetSeason) -> str:
 
 
 def _json(one: seasons.AircraftSeason) -> dict[str, Any]:
+    """Return one aircraft's season as JSON values."""
     trends = [] if one.changes is None else list(one.changes.trends)
     return {
         "aircraft": one.name,
@@ -218,7 +239,7 @@ def _json(one: seasons.AircraftSeason) -> dict[str, Any]:
         "flights": len(one.flights),
         "hours": one.hours,
         **_hectares(one.flights),
-        "litres": seasons.sum_of(one.flights, "litres"),
+        "litres": seasons.known_sum(one.flights, "litres"),
         "worst_margin": one.worst["worst_margin"] if one.worst else None,
         "above_limit": len(one.above_limit),
         "without_verdict": len(one.without_verdict),
@@ -255,15 +276,18 @@ def _json(one: seasons.AircraftSeason) -> dict[str, Any]:
 
 
 def _hectares(flights: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """What all flights sprayed; `hectares_at_least` in its place where it is known of a part."""
+    """Return the area sprayed by all flights, ha, as `hectares` and `hectares_at_least`.
+
+    The first is NaN if a part of the area is unknown, else the second.
+    """
     whole = all(finite(f["hectares"]) or f["spraying_s"] == 0.0 for f in flights)
-    known = sum(seasons.sum_of(flights, name) for name in ("hectares", "hectares_at_least"))
+    known = sum(seasons.known_sum(flights, name) for name in ("hectares", "hectares_at_least"))
     nan = float("nan")
     return {"hectares": known if whole else nan, "hectares_at_least": nan if whole else known}
 
 
 def as_csv(fleet: FleetSeason) -> str:
-    """One row an aircraft; heads, levels and numbers are those of the file in every language."""
+    """Return one row per aircraft as CSV; heads, levels and numbers are English in any language."""
     own = ((one, cells(one)) for one in fleet.aircraft)
     rows = [(*c[:1], one.level, c[2], f"{one.hours:.1f}", *c[4:]) for one, c in own]
     return csv_text(HEADS, rows)

@@ -1,4 +1,4 @@
-"""The season of every aircraft of a store, with all cores where there are many."""
+"""Compute the season of every aircraft of a store, on all cores if there are many aircraft."""
 
 from __future__ import annotations
 
@@ -7,22 +7,25 @@ from concurrent.futures import as_completed
 
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal, steps
 from thrustmargin.gcs_plugin.office.season.aircraft_season import AircraftSeason, aircraft_season
-from thrustmargin.gcs_plugin.office.season.fleet_page import FleetSeason, ranked
+from thrustmargin.gcs_plugin.office.season.fleet_page import FleetSeason, rank_aircraft
 from thrustmargin.gcs_plugin.office.season.ingest import local_processes, own_cores
 from thrustmargin.gcs_plugin.office.season.part_history import with_parts
 from thrustmargin.gcs_plugin.office.season.parts import Part
-from thrustmargin.gcs_plugin.office.season.same_aircraft import by_frame
+from thrustmargin.gcs_plugin.office.season.same_aircraft import group_by_frame
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, read_flights, read_sums
 from thrustmargin.models.errors import DataError
 
-#: Aircraft from which on processes are worth their start, and so many are given to one at a time.
+#: Number of aircraft from which on other processes save time, and aircraft per task of a process.
 MANY, GIVEN = 24, 8
 
 
 def fleet_season(
     store: SeasonStore, aircraft: str | None = None, parts: Sequence[Part] = ()
 ) -> FleetSeason:
-    """The season of all aircraft of a store, or of one. Raises DataError where it is not there."""
+    """Return the season of all aircraft of a store, or of `aircraft` alone.
+
+    Raises DataError if the store has no such aircraft.
+    """
     names = store.aircraft()
     if aircraft is not None and aircraft not in names:
         raise DataError(f"no aircraft {aircraft!r} in the store; it has {', '.join(names)}")
@@ -34,13 +37,14 @@ def fleet_season(
             step(many[-1].name, float(min(len(done), len(chosen))))
     done.sort(key=lambda one: one.name)
     rejected = store.table("rejected", columns=["log_name"]).num_rows
-    where = store.url if store.names() is None else "anonymised"  # a path may name people
-    return ranked(where, with_parts(done, parts), rejected)
+    where = store.url if store.naming_key() is None else "anonymised"  # a path may name people
+    return rank_aircraft(where, with_parts(done, parts), rejected)
 
 
 def _seasons(
     store: SeasonStore, names: Sequence[str], parts: Sequence[Part]
 ) -> Iterator[list[AircraftSeason]]:
+    """Yield the seasons of GIVEN aircraft at a time, in the order in which they are computed."""
     groups = [names[k : k + GIVEN] for k in range(0, len(names), GIVEN)]
     if len(names) < MANY or own_cores() < 2:
         yield from (seasons_of(store.url, group, parts) for group in groups)
@@ -55,14 +59,14 @@ def _seasons(
 
 
 def seasons_of(url: str, names: Sequence[str], parts: Sequence[Part]) -> list[AircraftSeason]:
-    """The seasons of some aircraft; of a name that several have, one of each."""
+    """Return the seasons of the aircraft `names`; a name of several frames has one for each."""
     from threadpoolctl import threadpool_limits
 
     store, found = SeasonStore.open(url), []
     with threadpool_limits(1):  # small matrices: threads would only wait for each other
         for name in names:
             flights, sums = read_flights(store, name).to_pylist(), list(read_sums(store, name))
-            frames = by_frame(flights)
+            frames = group_by_frame(flights)
             counts = {words: len(own) for words, own in frames.items()}
             for words, own in frames.items():
                 whose = f"{name} ({words})" if len(frames) > 1 else name

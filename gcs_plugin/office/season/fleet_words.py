@@ -1,4 +1,4 @@
-"""What a season says of an aircraft, in words: what changed, when, and what to do."""
+"""Word the findings of a season: what changed on an aircraft, when, and what to do."""
 
 from __future__ import annotations
 
@@ -7,10 +7,15 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
+from thrustmargin.gcs_plugin.office.season.stored_words import (
+    flight_damage,
+    flight_doing,
+    flight_reason,
+)
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.actions import Action
 from thrustmargin.gcs_plugin.wording.effect_sentences import WORDS
-from thrustmargin.gcs_plugin.wording.language import known, number, say, within
+from thrustmargin.gcs_plugin.wording.language import known, number, say, shown_unit, within
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.identification.season.change_points import SeasonEntry
 from thrustmargin.models.identification.season.flight_sums import LOSS_NAME
@@ -18,7 +23,7 @@ from thrustmargin.models.identification.season.flight_sums import LOSS_NAME
 
 @dataclass(frozen=True, slots=True)
 class ValueWords:
-    """How one value of a season is called and written; its numbers are times `factor`."""
+    """The title, unit and action of one value of a season; shown numbers are times `factor`."""
 
     title: str
     unit: str
@@ -26,9 +31,17 @@ class ValueWords:
     decimals: int
     action: Action
 
-    def amount(self, value: float) -> str:
-        """`3.1 %`."""
-        return number(value * self.factor, self.unit, self.decimals)
+    def amount(self, value: float, decimals: int = 0) -> str:
+        """Return `3.1 %` of 0.031, with at least so many decimals."""
+        return number(value * self.factor, self.unit, max(decimals, self.decimals))
+
+    def amounts(self, before: float, after: float) -> tuple[str, str]:
+        """Return two amounts with as many decimals, up to four, as make them differ."""
+        for decimals in range(self.decimals, 5):
+            made = self.amount(before, decimals), self.amount(after, decimals)
+            if made[0] != made[1]:
+                break
+        return made
 
 
 BATTERY = "battery resistance"
@@ -36,6 +49,12 @@ VALUES: Mapping[str, ValueWords] = {
     "yaw_trim.moment": ValueWords("yaw moment", "N m", 1.0, 2, actions.LEVEL_MOTORS),
     "cg_offset.x": ValueWords("centre of gravity forward", "mm", 1e3, 0, actions.BALANCE),
     "cg_offset.y": ValueWords("centre of gravity to the right", "mm", 1e3, 0, actions.BALANCE),
+    "cg_offset:tank.x_full": ValueWords(
+        "centre of gravity forward with a full tank", "mm", 1e3, 0, actions.BALANCE
+    ),
+    "cg_offset:tank.y_full": ValueWords(
+        "centre of gravity to the right with a full tank", "mm", 1e3, 0, actions.BALANCE
+    ),
     "extra_mass.mass": ValueWords("mass not reported", "kg", 1.0, 2, actions.WEIGH),
     "tank_scale.gain": ValueWords("load above the tank gauge", "%", 100.0, 1, actions.SET_GAUGE),
     BATTERY: ValueWords(BATTERY, "m\N{GREEK CAPITAL LETTER OMEGA}", 1e3, 0, actions.TEST_BATTERY),
@@ -45,6 +64,11 @@ SWAP_UNKNOWN = "as after a new propeller or motor; enter it into parts.csv"
 SILENT = "nothing was reported then"
 HEALTHY = "nothing changed"
 NAME_EACH = "take its logs in with ingest --again --aircraft, a name for each aircraft"
+MIXED = (
+    "no change is followed: most flights are at the time of another one, so several aircraft have "
+    "this name"
+)
+BETTER_BATTERY = "nothing: a newer battery or a warmer day"
 NO_SUMS = "no flight has sums: they need measured rotor speeds and a model"
 SET_AIRFRAME = (
     "set the airframe: thrustmargin airframe new --from one of its logs, then "
@@ -57,12 +81,15 @@ OTHER_AIRFRAME = (
 
 
 def rotor_of(name: str) -> int | None:
-    """The rotor, from 1, of the name of a rotor's loss."""
+    """Return the rotor, from 1, whose loss has this name; None for another value."""
     return int(name.removeprefix(LOSS_NAME)) if name.startswith(LOSS_NAME) else None
 
 
 def value_words(name: str) -> ValueWords:
-    """The words of a value by its name in the sums of flights."""
+    """Return title, unit, scale factor, decimals and action of a value of a season, by its name.
+
+    An unknown name becomes the title itself, without a unit, and the action is IDENTIFY.
+    """
     rotor = rotor_of(name)
     if rotor is not None:
         action = actions.change_propeller(rotor)
@@ -74,37 +101,44 @@ def value_words(name: str) -> ValueWords:
     words = WORDS.get(effect) or WORDS.get(effect.partition(":")[0])
     table = BY_KEY.get(effect)
     if words is None or table is None:
-        return ValueWords(f"{effect} {value}".replace("_", " "), "", 1.0, 3, actions.IDENTIFY)
+        title = f"{effect} {value}".replace("_", " ").replace(":", ", ")
+        return ValueWords(title, "", 1.0, 3, actions.IDENTIFY)
     unit = next((p.unit for p in table.parameters if p.name == value), "1")
     of_the_model = (None, actions.KEEP, actions.ARMS_CARRY)
     action = actions.IDENTIFY if words.action in of_the_model else words.action
     title = f"{words.thing}, {value.replace('_', ' ')}"
-    return ValueWords(title, "" if unit == "1" else unit, 1.0, 3 if unit == "1" else 1, action)
+    if unit == "1":
+        return ValueWords(title, "", 1.0, 3, action)
+    factor, shown = shown_unit(unit)
+    return ValueWords(title, shown, factor, 0 if shown == "mm" else 1, action)
 
 
 def day(unix_s: float | None) -> str:
-    """`12 Jun 2026`; empty where the log does not tell."""
+    """Return a date such as `12 Jun 2026` in the chosen language; empty for an unknown time."""
     if not known(unix_s):
         return ""
     when = datetime.fromtimestamp(unix_s, tz=UTC)
-    return f"{when.day} {when:%b %Y}"
+    return f"{when.day} {say(f'{when:%b}')} {when.year}"
 
 
 def flight_words(index: int, unix_s: float | None) -> str:
-    """`flight 61 (12 Jun 2026)` of a flight counted from 0."""
+    """Return `flight 61 (12 Jun 2026)` for the flight of index 60."""
     date = day(unix_s)
     return f"{say('flight')} {index + 1}" + (f" ({date})" if date else "")
 
 
 def entry_sentence(name: str, entry: SeasonEntry, when: str, ended: bool) -> str:
-    """What changed and when, with the interval of the flight: 95 %."""
+    """Return which value changed, by how much and at which flight, with its 95 % interval.
+
+    `when` names the flight. `ended`: a ramp stopped before the last flight.
+    """
     words = value_words(name)
     since = when
     if entry.latest > entry.earliest:
         since += say(
             ", between {first} and {last}", first=entry.earliest + 1, last=entry.latest + 1
         )
-    start, end = words.amount(entry.before), words.amount(entry.after)
+    start, end = words.amounts(entry.before, entry.after)
     if entry.ramp:
         each = number(entry.per_flight * words.factor, words.unit, words.decimals + 1)
         until = say("still going on")
@@ -125,36 +159,39 @@ def entry_sentence(name: str, entry: SeasonEntry, when: str, ended: bool) -> str
 
 
 def back_to_sound(entry: SeasonEntry) -> bool:
-    """True for a step after which a rotor lacks less than before it."""
+    """Return whether an entry is a step to a smaller value, such as a new propeller."""
     return not entry.ramp and entry.size < 0.0 and abs(entry.after) < abs(entry.before)
 
 
 def shared_sentence(name: str, value: float, error: float) -> str:
-    """What all flights have in common that the model does not."""
+    """Return a sentence about a model error that all flights share.
+
+    `value` and its standard `error` are in the unit of the sums; the interval shown is 95 %.
+    """
     words = value_words(name)
     ends = (value - 1.96 * error, value + 1.96 * error)
     amount, interval = within(value, *ends, words.unit, factor=words.factor)
     return f"{say(words.title)}: {amount} {say('in all flights')} {interval}".rstrip()
 
 
-def several_aircraft(at_once: int, flights: int) -> str:
-    """Flights at the same time under one name."""
+def several_aircraft(overlap_count: int, flights: int) -> str:
+    """Return the finding that flights of one name overlap in time."""
     return say(
         "{count} of {all} flights are at the time of another one: more than one aircraft has this "
         "name, so its figures may mix them",
-        count=at_once,
+        count=overlap_count,
         all=flights,
     )
 
 
-def frame(rotors: int | None, layout: str | None) -> str:
-    """`6 rotors, hexa-x`."""
+def frame_words(rotors: int | None, layout: str | None) -> str:
+    """Return number and layout of rotors, such as `6 rotors, hexa-x`."""
     counted = say("rotors not known") if rotors is None else say("{count} rotors", count=rotors)
     return f"{counted}, {layout}" if layout else counted
 
 
 def one_name(frames: Mapping[str, int]) -> str:
-    """Aircraft that share a name, with the flights of each."""
+    """Return the finding that several aircraft share a name, with the flights of each."""
     each = "; ".join(
         f"{words}: {say('{count} flights', count=count)}" for words, count in frames.items()
     )
@@ -166,7 +203,7 @@ def one_name(frames: Mapping[str, int]) -> str:
 
 
 def several_boards(boards: int) -> str:
-    """Flights of several autopilots in turns."""
+    """Return the finding that several autopilots flew alternately under one name."""
     return say(
         "{count} autopilots flew in turns under this name: more than one aircraft has it, so its "
         "figures may mix them",
@@ -175,7 +212,7 @@ def several_boards(boards: int) -> str:
 
 
 def older_model(flights: int) -> str:
-    """Sums that cannot be read or compared with the newest."""
+    """Return the remark that sums of older models or versions are left out, and the remedy."""
     return say(
         "{count} flights are about an older model, or of an older version, and are left out; "
         "ingest --again takes them in",
@@ -183,15 +220,18 @@ def older_model(flights: int) -> str:
     )
 
 
-def of_battery(name: str, elsewhere: str) -> str:
-    """Whose resistance it is: `battery B-3 (then on sprayer-2): `."""
+def battery_prefix(name: str, elsewhere: str) -> str:
+    """Return the start of a battery's sentence, such as `B-3 (then on sprayer-2), `.
+
+    Empty for an unnamed battery. `elsewhere` is the aircraft of the time of the change, if another.
+    """
     then = say(" (then on {aircraft})", aircraft=elsewhere) if elsewhere else ""
     return f"{name}{then}, " if name else ""
 
 
 def no_verdict(flight: Mapping[str, Any]) -> tuple[str, str]:
-    """Why a flight has no verdict, and what helps."""
-    reason = str(flight["verdict_reason"] or say("not known why"))
+    """Return why a flight has no verdict, and the action that helps."""
+    reason = flight_reason(flight)
     if flight["airframe_basis"] == "not known":
         return reason, say(SET_AIRFRAME)
     if flight["airframe_basis"] is not None and flight["airframe"] is None:
@@ -204,13 +244,21 @@ def no_verdict(flight: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def least_loss(least: float) -> str:
-    """The sensitivity of a season."""
+    """Return the smallest loss, a share of thrust, that the season would have shown, in words."""
     words = "a loss of {loss} in the last 10 flights would have been seen"
     return say(words, loss=number(100 * least, "%", 2))
 
 
-#: What a verdict is called where its flights are counted.
-_FLOWN: Mapping[str, str] = {
+def second_recordings(count: int) -> str:
+    """Return how many logs, one or more, record flights that other logs record too."""
+    if count == 1:
+        return say("One log is a second recording of the same flight and is left out.")
+    words = "{count} logs are second recordings of the same flights and are left out."
+    return say(words, count=count)
+
+
+#: Verdict -> its words in a count of flights.
+_VERDICTS: Mapping[str, str] = {
     "damaged": "a rotor or motor was bad",
     "lost": "lost control",
     "battery": "the battery collapsed",
@@ -223,32 +271,34 @@ _FLOWN: Mapping[str, str] = {
 
 
 def grounding_sentence(verdict: str, count: int, recent: int, last: Mapping[str, Any]) -> str:
-    """Flights after which nobody flies before it is known why, and the words of the last."""
-    cause = "; ".join(last["alarms"] or ()) if verdict == "damaged" else ""
+    """Return how many recent flights ended with a grounding verdict, and the cause of the last."""
+    cause = flight_damage(last) if verdict == "damaged" else ""
     if verdict == "no_thrust" and known(last["worst_margin"]):
-        cause = _least(last)
+        cause = _least_margin_words(last)
     tail = f": {cause}" if cause else ""
-    return _counted(verdict, count, recent) + tail
+    return _count_words(verdict, count, recent) + tail
 
 
-def _counted(verdict: str, count: int, recent: int) -> str:
+def _count_words(verdict: str, count: int, recent: int) -> str:
+    """Return how many of the `recent` flights had a verdict."""
     words = "{what} in {count} of the last {recent} flights"
-    return say(words, what=say(_FLOWN[verdict]), count=count, recent=recent)
+    return say(words, what=say(_VERDICTS[verdict]), count=count, recent=recent)
 
 
-def _least(flight: Mapping[str, Any]) -> str:
+def _least_margin_words(flight: Mapping[str, Any]) -> str:
+    """Return a flight's smallest margin and its rotor."""
     words = "least thrust margin {margin}, rotor {rotor}"
     margin = number(100.0 * flight["worst_margin"], "%", 0)
     return say(words, margin=margin, rotor=flight["worst_rotor"])
 
 
 def margin_sentence(verdict: str, bad: int, recent: int, worst: Mapping[str, Any]) -> str:
-    """Flights that were too heavy, or may have been."""
-    doing = f", {worst['worst_doing']}" if worst["worst_doing"] else ""
-    return f"{_counted(verdict, bad, recent)}; {_least(worst)}{doing}"
+    """Return how many recent flights were too heavy or may have been, and the worst moment."""
+    parts = filter(None, (_least_margin_words(worst), flight_doing(worst)))
+    return f"{_count_words(verdict, bad, recent)}; {', '.join(parts)}"
 
 
 def without_verdict(without: int, flights: int, reason: str) -> str:
-    """Flights of which nothing can be said, and why the last has none."""
+    """Return how many flights have no verdict, and why the last one has none."""
     words = "{count} of {all} flights have no verdict: {reason}"
     return say(words, count=without, all=flights, reason=reason)

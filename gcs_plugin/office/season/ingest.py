@@ -1,4 +1,4 @@
-"""`thrustmargin ingest`: logs of a season into its store, with all cores or a cluster."""
+"""`thrustmargin ingest`: read the logs of a season into its store, on all cores or a cluster."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 
 SCHEMA = "thrustmargin.ingest/1"
-#: A file of a live recording that changed so many seconds ago may still grow.
+#: Seconds after its last change up to which a file of a live recording may still grow.
 STILL_RECORDED_S = 60.0
 NO_FILE = "it is no file: a link to nothing, a pipe or a device"
 LIVE_LOG = "telemetry.tlog"
@@ -98,7 +98,7 @@ def ingest(
         season_model,
         stage_log,
     )
-    from thrustmargin.gcs_plugin.store.ingest_run import address, ingest_logs
+    from thrustmargin.gcs_plugin.store.ingest_run import ingest_logs, is_address
     from thrustmargin.gcs_plugin.store.season_store import SeasonStore, checked_aircraft
     from thrustmargin.gcs_plugin.store.writer_lock import writer_lock
 
@@ -108,7 +108,7 @@ def ingest(
     check_outputs([OutputFile("--json", json, endings=(".json",))], inputs=[model, airframe])
     check_range("--workers", workers, 1, 1024)
     reading_keywords(reading)
-    where = store if address(store) else str(Path(store).absolute())
+    where = store if is_address(store) else str(Path(store).absolute())
     settings = IngestSettings(
         store=where,
         model=None if model is None else str(model.absolute()),
@@ -127,7 +127,7 @@ def ingest(
         else:
             client = stack.enter_context(_client(cluster))
             make, at_once = partial(client.get_executor, pure=False, retries=3), 4 * _cores(client)
-        still_held = stack.enter_context(writer_lock(target))
+        check_lock = stack.enter_context(writer_lock(target))
         _check_kind(target, None if settings.key is None else pseudonym(settings.key, "store"))
         announce, show = stack.enter_context(transfer_bar())
 
@@ -141,7 +141,7 @@ def ingest(
             partial(stage_log, settings=settings),
             executor=make,
             at_once=at_once,
-            still_held=still_held,
+            check_lock=check_lock,
             show=progress,
             refused=refused,
             again=again,
@@ -161,13 +161,14 @@ def ingest(
 
 
 def _check_kind(store: SeasonStore, names: str | None) -> None:
-    """Raise DataError unless flights are named in this store as they are to be in this run.
+    """Raise DataError if the store names flights in another way than this run does.
 
-    A log would else be another flight in each way. `names` is None, or known by its key.
+    Otherwise a log would be stored twice, under two names. `names` is the name of the key of this
+    run's pseudonyms; None without pseudonyms. An empty store takes over the run's way.
     """
     from thrustmargin.gcs_plugin.store.season_store import NAMES
 
-    held = store.names()
+    held = store.naming_key()
     if held is None and not store.keys("flights") and not store.files.exists(store.path(NAMES)):
         names_text = json_module.dumps({"names": names})
         store.put(NAMES, lambda draft: draft.write_text(names_text, "utf-8"))
@@ -181,33 +182,33 @@ def _check_kind(store: SeasonStore, names: str | None) -> None:
 
 
 def own_cores() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     if sys.platform == "linux":
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def _absolute(airframe: str | None) -> str | None:
-    """A file by its whole path, so that every process finds it; a name as it is."""
+    """Return the absolute path of an airframe file, which every process finds; else the name."""
     return str(Path(airframe).absolute()) if airframe and Path(airframe).is_file() else airframe
 
 
 def find_logs(words: tuple[str, ...]) -> tuple[list[LogSource], list[tuple[str, str]]]:
-    """The logs that files, folders, patterns and addresses name, each once, by their paths; and
-    (name, reason) of those that may not be read yet.
+    """Return the logs that files, folders, patterns and addresses name, each once and sorted.
 
-    Raises DataError when a word names nothing.
+    Also return name and reason of logs that cannot be read, or not yet. Raises DataError if one of
+    `words` names no log.
     """
     import glob
 
     from thrustmargin.gcs_plugin.logs.read import log_endings
-    from thrustmargin.gcs_plugin.store.ingest_run import LogSource, address
+    from thrustmargin.gcs_plugin.store.ingest_run import LogSource, is_address
 
     endings = log_endings()
     found: dict[str, LogSource] = {}
     refused: list[tuple[str, str]] = []
     for word in words:
-        if address(word):
+        if is_address(word):
             sizes = _at_address(word, endings)
         else:
             path = Path(word)
@@ -228,7 +229,7 @@ def find_logs(words: tuple[str, ...]) -> tuple[list[LogSource], list[tuple[str, 
             name = f"{whole.parent.name}/{whole.name}" if live else whole.name
             if (
                 live
-                and not address(path)
+                and not is_address(path)
                 and time.time() - whole.stat().st_mtime < STILL_RECORDED_S
             ):
                 refused.append((name, "it is still being recorded; run ingest again afterwards"))
@@ -238,6 +239,7 @@ def find_logs(words: tuple[str, ...]) -> tuple[list[LogSource], list[tuple[str, 
 
 
 def _at_address(word: str, endings: set[str]) -> dict[str, int]:
+    """Return the size in bytes of each log at an address or pattern of fsspec, by its address."""
     from fsspec.core import url_to_fs
 
     try:
@@ -256,7 +258,7 @@ def _at_address(word: str, endings: set[str]) -> dict[str, int]:
 
 
 def local_processes(cores: int) -> tuple[Callable[[], Executor], int]:
-    """Processes of this machine, and how many logs to give them at once."""
+    """Return a function that starts `cores` processes, and the number of logs to submit at once."""
 
     def make() -> Executor:
         fresh = multiprocessing.get_context("spawn")  # no lock or socket of this process in them
@@ -266,7 +268,10 @@ def local_processes(cores: int) -> tuple[Callable[[], Executor], int]:
 
 
 def _begin_worker() -> None:
-    """Ctrl-C is for the process that gives out the work; when that is gone, this one goes too."""
+    """Ignore Ctrl-C in a worker process, and end the worker when its parent has ended.
+
+    The parent receives Ctrl-C and ends its workers.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent: Any = multiprocessing.parent_process()
 
@@ -278,7 +283,10 @@ def _begin_worker() -> None:
 
 
 def _client(scheduler: str) -> Any:
-    """Of a Dask cluster, to be closed. Raises InstallError or DataError where there is none."""
+    """Return a client of the Dask cluster at `scheduler`, to be closed.
+
+    Raises InstallError without Dask, DataError if no scheduler answers.
+    """
     require("--cluster", "distributed")
     from distributed import Client
 
@@ -289,10 +297,12 @@ def _client(scheduler: str) -> Any:
 
 
 def _cores(client: Any) -> int:
+    """Return the number of threads of all workers of a cluster, at least 2."""
     return max(sum(client.nthreads().values()), 2)
 
 
 def _print(outcome: IngestOutcome, store: str, *, quiet: bool) -> None:
+    """Print how many flights were stored, and each rejected log with its reason."""
     words = [f"flights taken into {store}: {len(outcome.flights)}"]
     words += [f"logs there already: {outcome.already}"] if outcome.already else []
     words += [f"logs not taken: {len(outcome.rejected)}"] if outcome.rejected else []
@@ -303,6 +313,7 @@ def _print(outcome: IngestOutcome, store: str, *, quiet: bool) -> None:
 
 
 def _as_json(outcome: IngestOutcome, store: str) -> dict[str, Any]:
+    """Return the outcome as JSON values, schema thrustmargin.ingest/1."""
     return {
         "schema": SCHEMA,
         "store": store,

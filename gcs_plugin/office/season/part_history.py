@@ -1,8 +1,8 @@
-"""What each part has flown, and how it does: its history goes with it from aircraft to aircraft.
+"""Follow each part of parts.csv over its flights on all aircraft.
 
-Parts are those of parts.csv. A battery's resistance is followed over the flights that it flew,
-wherever; flights of an aircraft with none of its batteries are its own unnamed battery's. Two that
-fly together are one circuit, and each has that circuit's resistance.
+A propeller or motor has the present loss of its rotor, a battery its resistance over its flights.
+Flights without a named battery count for the aircraft's unnamed battery. Batteries that fly
+together are one circuit, and each has that circuit's resistance.
 """
 
 from __future__ import annotations
@@ -17,36 +17,43 @@ from thrustmargin.gcs_plugin.office.season import aircraft_season
 from thrustmargin.gcs_plugin.office.season import fleet_words as words
 from thrustmargin.gcs_plugin.office.season.parts import NAN, Part, PartHistory
 from thrustmargin.gcs_plugin.wording import actions
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.season import change_points
 from thrustmargin.models.identification.season.season_changes import Trend
 
-RESISTANCE = (0.3, 1.0)  # rise of a battery's resistance to act on; a doubled one is worn out
-OTHERS = 10  # values that an aircraft's false entries are of, beside a battery's resistance
+#: Relative rises of a battery's resistance from which on to act, and to look first (doubled).
+RESISTANCE = (0.3, 1.0)
+#: Values tested for changes beside a battery's resistance, which share the rate of false entries.
+OTHERS = 10
 
 
 @dataclass(frozen=True, slots=True)
-class _Flown:
-    """One flight of a part."""
+class _PartFlight:
+    """One flight of a part, as the flight of an aircraft's season."""
 
     season: aircraft_season.AircraftSeason
-    number: int  # of the aircraft's flights
-    part: Part | None = None  # None: the aircraft's unnamed battery
+    number: int  # index into the season's flights
+    part: Part | None = None  # None for the aircraft's unnamed battery
 
     @property
     def position(self) -> str:
+        """Return the part's position on the aircraft."""
         return self.part.position if self.part else "battery"
 
     @property
     def row(self) -> Mapping[str, Any]:
+        """Return the flight's row of the store."""
         return self.season.flights[self.number]
 
 
 def with_parts(
     seasons: Sequence[aircraft_season.AircraftSeason], parts: Sequence[Part] = ()
 ) -> list[aircraft_season.AircraftSeason]:
-    """Aircraft with the histories of the parts that flew on them; what is found of a battery is
-    a reason to look at the aircraft where it is."""
+    """Return the seasons with the histories of the parts that flew on each aircraft.
+
+    Findings about a battery are added to the aircraft that it flew on last.
+    """
     histories: dict[str, list[PartHistory]] = {s.name: [] for s in seasons}
     findings: dict[str, list[aircraft_season.SeasonFinding]] = {s.name: [] for s in seasons}
     for name, flown in _flights_of_parts(seasons, parts):
@@ -54,17 +61,18 @@ def with_parts(
             continue
         last = flown[-1]
         battery = last.position.startswith("battery")
-        trend = resistance([f.row for f in flown]) if battery else None
+        followed = battery and (name or not last.season.mixed)
+        trend = resistance([f.row for f in flown]) if followed else None
         if not name and trend is None:
             continue
-        loss, error = (NAN, NAN) if battery else _loss(flown)
+        loss, error = (NAN, NAN) if battery else _recent_loss(flown)
         history = PartHistory(
             name=name,
             position=last.position,
             aircraft=last.season.name,
             stays=tuple(dict.fromkeys(f.season.name for f in flown)),
             flights=len(flown),
-            hours=aircraft_season.sum_of((f.row for f in flown), "flying_s") / 3600.0,
+            hours=aircraft_season.known_sum((f.row for f in flown), "flying_s") / 3600.0,
             loss=loss,
             loss_error=error,
             battery=trend,
@@ -76,18 +84,18 @@ def with_parts(
         replace(
             s,
             parts=tuple(histories[s.name]),
-            findings=aircraft_season.in_order(
-                [*_with_cause(s, findings[s.name]), *findings[s.name]]
+            findings=aircraft_season.sort_findings(
+                [*_with_worn_battery(s, findings[s.name]), *findings[s.name]]
             ),
         )
         for s in seasons
     ]
 
 
-def _with_cause(
+def _with_worn_battery(
     season: aircraft_season.AircraftSeason, of_batteries: Sequence[aircraft_season.SeasonFinding]
 ) -> Iterable[aircraft_season.SeasonFinding]:
-    """What was found before; that there was no thrust left names a battery that is worn out."""
+    """Yield the season's findings; if a battery is worn out, no thrust left is ascribed to it."""
     worn = any(f.level == aircraft_season.FIRST for f in of_batteries)
     for one in season.findings:
         named = worn and one.verdict == "no_thrust"
@@ -96,24 +104,27 @@ def _with_cause(
 
 def _flights_of_parts(
     seasons: Sequence[aircraft_season.AircraftSeason], parts: Sequence[Part]
-) -> Iterable[tuple[str, list[_Flown]]]:
-    """Each part by its name, and each aircraft's unnamed battery, with its flights by time."""
-    by_name: dict[str, list[_Flown]] = {}
+) -> Iterable[tuple[str, list[_PartFlight]]]:
+    """Yield the name of each part, empty for an unnamed battery, and its flights by time."""
+    by_name: dict[str, list[_PartFlight]] = {}
     for season in seasons:
         started = [f["started_unix_s"] for f in season.flights]
         unnamed = set(range(len(started)))
         for part in (p for p in parts if p.aircraft == season.name):
             at = part.flights(started)
-            by_name.setdefault(part.name, []).extend(_Flown(season, k, part) for k in at)
+            by_name.setdefault(part.name, []).extend(_PartFlight(season, k, part) for k in at)
             if part.rotor is None:
                 unnamed -= set(at)
-        yield "", [_Flown(season, k) for k in sorted(unnamed)]
+        yield "", [_PartFlight(season, k) for k in sorted(unnamed)]
     for name, flown in by_name.items():
         yield name, sorted(flown, key=lambda f: f.row["started_unix_s"])
 
 
 def resistance(flights: Sequence[Mapping[str, Any]]) -> Trend | None:
-    """A battery's resistance over its flights, of those that show it."""
+    """Return the trend of a battery's resistance, ohm, over its flights, NaN where unknown.
+
+    None with fewer than six known resistances.
+    """
     value = np.array([f["battery_ohm"] for f in flights], dtype=np.float64)
     error = np.array([f["battery_ohm_error"] for f in flights], dtype=np.float64)
     where = np.flatnonzero(np.isfinite(value) & (error > 0.0))
@@ -141,8 +152,9 @@ def resistance(flights: Sequence[Mapping[str, Any]]) -> Trend | None:
 
 
 def _battery_findings(
-    history: PartHistory, flown: Sequence[_Flown]
+    history: PartHistory, flown: Sequence[_PartFlight]
 ) -> Iterable[aircraft_season.SeasonFinding]:
+    """Yield a finding for each change of a battery's resistance over its flights `flown`."""
     trend, last_stay = history.battery, flown[-1].part
     removed = last_stay is not None and np.isfinite(last_stay.removed_s)
     for entry in trend.changes if trend else ():
@@ -157,19 +169,26 @@ def _battery_findings(
         when = words.flight_words(
             at.number if not history.name else entry.flight, at.row["started_unix_s"]
         )
-        whose = words.of_battery(history.name, "" if here else at.season.name)
+        whose = words.battery_prefix(history.name, "" if here else at.season.name)
+        # A smaller resistance than before is a newer battery or a warmer day, and no reason to act.
+        worn = ratio >= RESISTANCE[0] or entry.after > entry.before
+        level = aircraft_season.change_level(ratio, *RESISTANCE) if last and worn else None
+        action = words.value_words(trend.name).action.text if worn else say(words.BETTER_BATTERY)
         yield aircraft_season.SeasonFinding(
-            level=aircraft_season.level_of(ratio, *RESISTANCE) if last else aircraft_season.FINE,
+            level=level or aircraft_season.FINE,
             weight=ratio,
             sentence=whose + words.entry_sentence(trend.name, entry, when, ended),
-            action=words.value_words(trend.name).action.text,
+            action=action,
             flight=at.number if here else None,
             then=aircraft_season.reported_then(at.season, at.number),
         )
 
 
-def _loss(flown: Sequence[_Flown]) -> tuple[float, float]:
-    """Mean of what the rotor lacked in the last flights of a propeller or motor, and its error."""
+def _recent_loss(flown: Sequence[_PartFlight]) -> tuple[float, float]:
+    """Return the mean loss of a part's rotor over its last RECENT flights, and its standard error.
+
+    Both are NaN if no flight shows the loss.
+    """
     value, weight = [], []
     for flight in flown[-aircraft_season.RECENT :]:
         season, rotor = flight.season, int(flight.position.split()[1])

@@ -1,10 +1,10 @@
-"""parts.csv: which propeller, motor or battery was where and when, and what it has flown.
+"""Read parts.csv: which propeller, motor or battery was on which aircraft, and when.
 
     part,aircraft,position,installed at,removed at
     P-17,sprayer-7,propeller 2,2026-05-02,
 
 A position is `propeller N`, `motor N` (as screens number rotors) or `battery`; times are ISO 8601,
-UTC without a zone; one that is empty is open.
+UTC without a zone. An empty time means "from the start" or "still there".
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ NAN = float("nan")
 POSITION = re.compile(r"(propeller|motor) ([1-9][0-9]?)|battery(?: [1-9][0-9]?)?")
 
 
-#: Characters of a name or a time.
+#: Characters of a name or a time, at most.
 LONGEST_CELL = 200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Part:
-    """One part in one place for a time."""
+    """One part in one place, from its installation to its removal."""
 
     name: str
     aircraft: str
@@ -43,12 +43,12 @@ class Part:
 
     @property
     def rotor(self) -> int | None:
-        """From 1; None of a battery."""
+        """Return the rotor, from 1, of a propeller or motor; None for a battery."""
         found = POSITION.fullmatch(self.position)
         return int(found[2]) if found and found[2] else None
 
     def flights(self, started: Sequence[float | None]) -> list[int]:
-        """Which flights it flew, by their Unix times."""
+        """Return the indices of the flights that it flew, by their start times, Unix s."""
         inside = (
             k
             for k, at in enumerate(started)
@@ -59,21 +59,24 @@ class Part:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartHistory:
-    """What one part has flown on all aircraft, and how its rotor or it does."""
+    """The flights of one part on all aircraft, and the loss of its rotor or its resistance."""
 
-    name: str  # empty: an aircraft's battery that parts.csv does not name
-    position: str  # where it is, or was last
-    aircraft: str
-    stays: tuple[str, ...]  # aircraft that it flew on
+    name: str  # empty for an aircraft's battery that parts.csv does not name
+    position: str  # of its last flight
+    aircraft: str  # of its last flight
+    stays: tuple[str, ...]  # all aircraft that it flew on
     flights: int
     hours: float
-    loss: float = NAN  # mean of its last flights, NaN where unknown
-    loss_error: float = NAN
-    battery: Trend | None = None
+    loss: float = NAN  # share of thrust lost, mean of its last flights; NaN if unknown
+    loss_error: float = NAN  # standard error
+    battery: Trend | None = None  # resistance, ohm, over its flights
 
 
 def read_parts(data: bytes, name: str) -> list[Part]:
-    """The parts of a file in UTF-8. Raises DataError with the line that is wrong."""
+    """Return the parts in the content of parts.csv, UTF-8; `name` is the file's, for errors.
+
+    Raises DataError with the line that is wrong.
+    """
     try:
         rows = csv.DictReader(io.StringIO(data.decode("utf-8-sig")))
         return _parts(rows, name)
@@ -84,6 +87,11 @@ def read_parts(data: bytes, name: str) -> list[Part]:
 
 
 def _parts(rows: csv.DictReader, name: str) -> list[Part]:
+    """Return the parts of all rows.
+
+    Raises DataError if a column is missing, if two parts are in one place at a time, or one part
+    is in two places.
+    """
     rows.fieldnames = [(f or "").strip().lower().replace(" ", "_") for f in rows.fieldnames or []]
     if missing := [c for c in COLUMNS if c not in rows.fieldnames]:
         raise DataError(f"{name} has no column {missing[0]!r}; it needs {', '.join(COLUMNS)}")
@@ -107,6 +115,7 @@ def _parts(rows: csv.DictReader, name: str) -> list[Part]:
 
 
 def _part(row: dict[str, Any], where: str) -> Part:
+    """Return the part of one row. Raises DataError, with `where`, for a wrong cell."""
     for column in COLUMNS:
         if len(row[column] or "") > LONGEST_CELL:
             raise DataError(
@@ -128,6 +137,10 @@ def _part(row: dict[str, Any], where: str) -> Part:
 
 
 def _time(text: str, where: str, otherwise: float) -> float:
+    """Return the Unix time, s, of an ISO 8601 text; `otherwise` for an empty one.
+
+    Raises DataError, with `where`, for another text.
+    """
     if not text:
         return otherwise
     try:

@@ -1,7 +1,8 @@
-"""One log to what the season's store keeps of it: in a process of `ingest`, here or elsewhere."""
+"""Turn one log into the flights that the season's store keeps, in a process of `ingest`."""
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -9,17 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.commands.shared.anonymous import anonymous, pseudonym, without_name
+from thrustmargin.gcs_plugin.commands.shared.anonymous import anonymous, pseudonym
 from thrustmargin.gcs_plugin.commands.shared.inputs import (
     AS_HEARD,
     ReadingOptions,
     chosen_model,
     read_flights,
-    unnamed,
 )
 from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.logs.findings import report_findings
+from thrustmargin.gcs_plugin.logs.log_answer import answer_log
 from thrustmargin.gcs_plugin.mavlink.text import clean
+from thrustmargin.gcs_plugin.office.season.stored_words import answer_columns, stored_answer
 from thrustmargin.gcs_plugin.reports.margin import FlightReport, report_flight
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
 from thrustmargin.gcs_plugin.store.ingest_run import LogSource, local_file
@@ -33,12 +35,11 @@ from thrustmargin.gcs_plugin.store.season_store import (
     layout,
 )
 from thrustmargin.gcs_plugin.store.staging import SeasonFlight, stage
-from thrustmargin.gcs_plugin.wording.advice_words import PREDICTED_ALONE
 from thrustmargin.gcs_plugin.wording.flight_words import not_flown
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.errors import DataError, ThrustMarginError
-from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.season.flight_sums import flight_sums, to_arrays
+from thrustmargin.models.json_values import to_json_values
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import (
@@ -57,7 +58,7 @@ from thrustmargin.models.physics.smoothing import known_mean, known_median, know
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IngestSettings:
-    """How every log of a run is read, in words that another machine understands too."""
+    """The settings of one run of `ingest`, with values that another machine can use too."""
 
     store: str
     model: str | None = None
@@ -65,26 +66,27 @@ class IngestSettings:
     aircraft: str | None = None
     reading: ReadingOptions = AS_HEARD
     max_utilisation: float = 0.5
-    key: str | None = None  # of pseudonyms, to strip who and where
+    key: str | None = None  # secret of the pseudonyms; None: names and places are kept
 
 
 @lru_cache(maxsize=4)
 def season_model(model: str | None, airframe: str | None) -> tuple[RotorModel, str]:
-    """The model of a run and its digest."""
+    """Return the rotor speed model of a run and its digest."""
     chosen = chosen_model(None if model is None else Path(model), airframe)
     return chosen, model_digest(chosen)
 
 
 def stage_log(log: LogSource, content: str, *, settings: IngestSettings) -> list[str]:
-    """Read a log whose digest is `content` and stage its flights; returns their names.
+    """Read a log whose digest is `content`, stage its flights and return their names.
 
-    A log holds a flight of each vehicle and sortie. The one that bears the content alone is staged
-    last: it says that the log is in the store. Raises ThrustMarginError when there is none.
+    A log has a flight for each vehicle and sortie. The flight whose name is the digest alone is
+    staged last, because it marks the log as stored. Raises ThrustMarginError for a log without a
+    flight.
     """
     from threadpoolctl import threadpool_limits
 
     store = SeasonStore.open(settings.store)
-    # One thread: the cores have a log each, and sums come out the same on any machine of a kind.
+    # One thread: each core reads a log of its own, and sums are reproducible on other machines.
     with threadpool_limits(1), local_file(log.path) as path:
         flights = season_flights(path, content, settings, name=log.name)
     for flight in reversed(flights):
@@ -95,28 +97,29 @@ def stage_log(log: LogSource, content: str, *, settings: IngestSettings) -> list
 def season_flights(
     path: Path, content: str, settings: IngestSettings, *, name: str
 ) -> list[SeasonFlight]:
-    """Every vehicle's sorties in a log of that `name`, each a flight of the store.
+    """Return a flight for each sortie of each vehicle in a log, whose name in the store is `name`.
 
-    Raises ThrustMarginError when there is none.
+    Raises ThrustMarginError if the first vehicle has no flight.
     """
-    found, log = _sorties(path, content, settings, settings.reading, name=name)
+    found, log = _sortie_flights(path, content, settings, settings.reading, name=name)
     first = found[0]
     alone = settings.reading.vehicle is not None
     for other in () if alone else (v for v in log.vehicles if v != log.vehicle):
         reading = replace(settings.reading, vehicle=other)
         try:
-            found += _sorties(path, f"{content}-{other}", settings, reading, name=name)[0]
+            found += _sortie_flights(path, f"{content}-{other}", settings, reading, name=name)[0]
         except ThrustMarginError as error:  # often a camera or an antenna tracker
-            first.summary["notes"].append(f"no flight of vehicle {other}: {unnamed(error, path)}")
+            del error  # its words would be those of one language
+            first.summary["no_flight_of"].append(other)
     return found
 
 
-def _sorties(
+def _sortie_flights(
     path: Path, content: str, settings: IngestSettings, reading: ReadingOptions, *, name: str
 ) -> tuple[list[SeasonFlight], FlightLog]:
-    """The sorties of one vehicle, and the log of the first.
+    """Return the flights of one vehicle's sorties, and the log of the first sortie.
 
-    The first bears the name that a log of one flight has: so it is found again in a store.
+    The first flight's name is `content` alone, by which a store knows the log.
     """
     model, _ = season_model(settings.model, settings.airframe)
     given = settings.model is not None or settings.airframe is not None
@@ -124,7 +127,7 @@ def _sorties(
     found = []
     for log, claim in read:
         flight = content if log.sortie == 1 else f"{content}-sortie-{log.sortie}"
-        made = flight_of_log(log, claim, flight, settings, file=path.name)
+        made = flight_of_log(log, claim, flight, settings)
         shown = None if settings.key is not None else f"{clean(name)}{log.sortie_suffix}"
         made.summary["log_name"] = shown
         found.append(made)
@@ -132,9 +135,12 @@ def _sorties(
 
 
 def flight_of_log(
-    log: FlightLog, claim: AirframeClaim, name: str, settings: IngestSettings, *, file: str = ""
+    log: FlightLog, claim: AirframeClaim, name: str, settings: IngestSettings
 ) -> SeasonFlight:
-    """What the store keeps of a log that was read from a file. Raises DataError when it is none."""
+    """Return the flight of one sortie, under `name`, for the store.
+
+    Raises DataError if it has no row in flight, or more rotors than the store has columns for.
+    """
     model, digest = season_model(settings.model, settings.airframe)
     if log.track.rotor_count > ROTORS:
         raise DataError(f"{log.track.rotor_count} rotors; the store has columns for {ROTORS}")
@@ -150,20 +156,27 @@ def flight_of_log(
         hardware = pseudonym(settings.key, hardware) if hardware else None
         of_verdict = anonymous(of_verdict, log, name)[0]
         analysis, log = anonymous(analysis, log, name)
-    report = report_flight(of_verdict, log, max_utilisation=settings.max_utilisation)
+    said = answer_log(log, of_verdict, settings.max_utilisation)
+    report = report_flight(of_verdict, log, max_utilisation=settings.max_utilisation, answer=said)
     known = None if analysis.withheld else digest
-    if reason is not None and settings.key is not None:
-        reason = without_name(reason, file)
     started = log.track.start_unix_s
-    summary = _summary(analysis, log, report) | {
-        "flight": name,
-        "aircraft_by": identity.by,
-        "board": hardware,
-        "layout": motors,
-        "firmware": program,
-        "model_digest": known,
-        "sums_reason": reason,
-    }
+    advised, worst = said.made, report.verdict.worst
+    kept_answer = stored_answer(
+        advised.advice, advised.analysis.claim, advised.analysis.track, worst and worst.time_s
+    )
+    summary = (
+        _summary(analysis, log, report)
+        | answer_columns(kept_answer)
+        | {
+            "flight": name,
+            "aircraft_by": identity.by,
+            "board": hardware,
+            "layout": motors,
+            "firmware": program,
+            "model_digest": known,
+            "sums_reason": reason,
+        }
+    )
     damaged = report.verdict.level is FlightLevel.DAMAGED
     shown = with_bad_part(analysis) if damaged else analysis
     rows = {
@@ -178,20 +191,24 @@ def flight_of_log(
 
 
 def _sums(analysis: FlightAnalysis) -> tuple[dict[str, np.ndarray] | None, str | None]:
-    """What identification over many flights needs of this one, or why there is nothing."""
+    """Return the sums of a flight for identification over many flights, or the kind of reason
+    why it has none."""
     if analysis.withheld:
-        return None, "; ".join(analysis.withheld)
+        return None, "no_verdict"
     try:
         flown = before_loss(analysis.track, loss_of_control(analysis.track))
         return to_arrays(flight_sums(analysis.model, measured_only(flown))), None
-    except ThrustMarginError as error:
-        return None, str(error)
+    except ThrustMarginError:
+        return None, "no_evidence"
 
 
 def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> dict[str, Any]:
-    """The columns of `schema.FLIGHTS` that the report or the log knows."""
+    """Return the columns of `schema.FLIGHTS` that come from the report and the log.
+
+    `analysis` is that of the whole flight, `report` that of its verdict.
+    """
     track, verdict, flight = log.track, report.verdict, report.flight
-    # What a prediction alone calls good is no margin of this flight; what it calls bad counts.
+    # A good margin that only a prediction supports is not stored; a bad one is.
     no_ground = verdict.predicted_alone and verdict.level is FlightLevel.UNKNOWN
     worst, quality = None if no_ground else verdict.worst, report.quality
     withheld, airframe = bool(report.withheld), analysis.model.airframe
@@ -225,19 +242,13 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         "tank_start_kg": started_kg,
         "tank_end_kg": flight["tank_end_kg"],
         "tank_error_kg": flight["tank_error_kg"],
-        "tank_source": _words_of(track, "tank_kg"),
         "takeoff_mass_kg": airframe.empty_mass + started_kg,
-        "speed_source": _words_of(track, "rotor_speed_rpm"),
-        "airspeed_source": _words_of(track, "airspeed"),
         "verdict": verdict.level,
-        "verdict_reason": _why_none(report, track, no_ground) or verdict.headline,
-        "action": verdict.action or None,
         "limit": verdict.limit,
         "worst_margin": worst.margin if worst else nan,
         "worst_margin_low": 1.0 - worst.capacity_use_high if worst else nan,
         "worst_rotor": worst.rotor if worst else None,
         "worst_time_s": worst.time_s if worst else nan,
-        "worst_doing": ", ".join(worst.doing) if worst else None,
         "mean_margin": 1.0 - known_mean(worst_rotor(use)[0]),
         "rows_above_limit_s": verdict.over_limit_s if worst else nan,
         "lasting_above_limit_s": verdict.lasting_over_limit_s if worst else nan,
@@ -258,33 +269,23 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         **{name: flight[name] for name in REPORT_COLUMNS},
         "latitude_deg": track.origin.latitude_deg if track.origin else nan,
         "longitude_deg": track.origin.longitude_deg if track.origin else nan,
-        "alarms": [str(alarm["words"]) for alarm in report.alarms],
-        "notes": [
-            *track.notes,
-            *(f"{f.check}: {f.words}" for f in report_findings(report.findings)),
-        ],
+        "notes": list(track.notes),
+        "findings": _findings_json(report),
+        "no_flight_of": [],
         "missing_channels": [c.name for c in log.channels if not c.samples],
         "unmeasured": list(log.unmeasured),
         **{name: quality[name] for name in QUALITY_COLUMNS},
     }
 
 
-def _words_of(track: FlightTrack, channel: str) -> str | None:
-    return track.source(channel).words if channel in track.sources else None
+def _findings_json(report: FlightReport) -> str:
+    """Return the report's findings as JSON, without their words."""
+    kept = ("check", "level", "time_s", "values", "spoils")
+    found = report_findings(report.findings)
+    return json.dumps([to_json_values({k: getattr(f, k) for k in kept}) for f in found])
 
 
-def _why_none(report: FlightReport, track: FlightTrack, no_ground: bool) -> str:
-    """Why a flight has no verdict; empty where it has one."""
-    if report.verdict.level is not FlightLevel.UNKNOWN:
-        return ""
-    if report.withheld or no_ground:
-        return "; ".join(report.withheld) or PREDICTED_ALONE
-    lacks = (("rotor_speed_rpm", "rotor speed"), ("tank_kg", "tank level"))
-    missing = [words for name, words in lacks if not np.isfinite(getattr(track, name)).any()]
-    return f"no {' and no '.join(missing)}" if missing else ""
-
-
-#: Keys of the report that are columns of the store under the same name.
+#: Keys of the report that are columns of the store by the same names.
 REPORT_COLUMNS = (
     *("voltage_start", "voltage_end", "voltage_min", "current_median"),
     *("airspeed_median", "ground_speed_median", "wind_speed_median"),

@@ -1,4 +1,4 @@
-"""`thrustmargin install`: copy what goes into another program's folder."""
+"""`thrustmargin install`: copy plug-ins and services into another program's folder."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from thrustmargin.models.errors import DataError
 from thrustmargin.models.whole_file import whole_file
 
 _HERE = "thrustmargin.gcs_plugin.office.stations"
-#: What there is -> its files, as (package, pattern), and what to do next.
+#: Name of what can be installed -> its files, as (package, pattern), and the next step.
 FILES: dict[str, tuple[tuple[tuple[str, str], ...], str]] = {
     "mission-planner": (
         ((f"{_HERE}.mission_planner", "*.cs"),),

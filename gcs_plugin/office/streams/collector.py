@@ -1,7 +1,7 @@
-"""The monitor's newest figures as Prometheus metrics, made when this computer asks for them.
+"""Collect the monitor's newest figures as Prometheus metrics, at each request.
 
-A figure that is unknown or old is left out, so that no series goes on with a value of the past;
-the ages stay, and say why. Alarms stand until there is evidence to the contrary, as everywhere.
+An unknown or old figure is left out, so that no series continues with a value of the past; the
+ages show why. An alarm stays until evidence clears it, as on every other surface.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from thrustmargin.gcs_plugin.live.small_server import SmallServer
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 
-#: MAV_SEVERITY -> what the label `level` says.
+#: Values of the label `level`, by MAV_SEVERITY.
 LEVELS = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
 _ROTOR = ("vehicle", "rotor", "name", "basis")
-#: Metric -> what it is, its labels beside the vehicle's.
+#: Metric -> its description and its labels.
 FIGURES: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "margin_ratio": ("Thrust margin in the air, of one", _ROTOR),
     "margin_low_ratio": ("Low end of its 90 % interval", _ROTOR),
@@ -47,7 +47,7 @@ FIGURES: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "outputs_most_ratio": ("The highest of them in that flight", ("vehicle",)),
     "verdict_withheld": ("1: the aircraft is not known, no margin is claimed", ("vehicle",)),
 }
-#: What comes in, of the whole monitor: field of MonitorStatus -> what it counts.
+#: Counters of the whole monitor: field of MonitorStatus -> what it counts.
 COUNTS = {
     "frames": "MAVLink frames",
     "bytes": "Bytes",
@@ -60,14 +60,14 @@ COUNTS = {
 }
 PREFIX = "thrustmargin_"
 HOST = "127.0.0.1"
-#: Of Prometheus' text format, which every version of it reads.
+#: Content type of Prometheus' text format that every version reads.
 TEXT = "text/plain; version=0.0.4; charset=utf-8"
 
 
 class MetricsServer(SmallServer):
-    """A server of one collector's metrics until `close`; `port` 0 takes any free one.
+    """An HTTP server on this computer that answers Prometheus with a collector's metrics.
 
-    Raises LinkError when the port cannot be opened.
+    It runs until `close`. `port` 0 takes any free port. Raises LinkError if it cannot be opened.
     """
 
     def __init__(self, collector: Collector, port: int) -> None:
@@ -102,8 +102,8 @@ class MonitorCollector(Collector):
         yield _gauge("vehicles", "Vehicles that are heard or missed", [((), float(len(watches)))])
         limit = 1.0 - fleet.max_utilisation
         yield _gauge("margin_least_ratio", "Margin below which an alarm is raised", [((), limit)])
-        yield from _ages(watches, now_us)
-        yield from _figures(watches, now_us, fleet.old_s)
+        yield from _age_metrics(watches, now_us)
+        yield from _figure_metrics(watches, now_us, fleet.old_s)
         labels = ("vehicle", "alarm", "part", "level", "state")
         samples = [
             ((number, alarm.name, part_of(alarm), LEVELS[alarm.severity], str(alarm.state)), 1.0)
@@ -111,7 +111,7 @@ class MonitorCollector(Collector):
             for alarm in list(watch.alarms.listed.values())
         ]
         yield _gauge("alarm", "1 for each alarm that stands", samples, labels)
-        yield from _of_status(self._monitor.status())
+        yield from _status_metrics(self._monitor.status())
 
 
 def part_of(alarm: Alarm) -> str:
@@ -128,6 +128,7 @@ def _gauge(
     samples: Iterable[tuple[tuple[str, ...], float]],
     labels: tuple[str, ...] = (),
 ) -> GaugeMetricFamily:
+    """Return a gauge with a sample for each pair of label values and number, NaN left out."""
     family = GaugeMetricFamily(PREFIX + name, words, labels=labels)
     for values, number in samples:
         if not math.isnan(number):
@@ -135,7 +136,7 @@ def _gauge(
     return family
 
 
-def _ages(watches: Mapping[str, VehicleMonitor], now_us: int) -> Iterator[Metric]:
+def _age_metrics(watches: Mapping[str, VehicleMonitor], now_us: int) -> Iterator[Metric]:
     """Yield the age of everything, and the frames that were lost."""
     silent = [((n,), w.link.silent(now_us)) for n, w in watches.items()]
     yield _gauge("silence_seconds", "Since anything was heard of it", silent, ("vehicle",))
@@ -160,23 +161,26 @@ def _ages(watches: Mapping[str, VehicleMonitor], now_us: int) -> Iterator[Metric
         yield _gauge(f"link_{name}_frames", words, counted, ("vehicle", "component"))
 
 
-def _figures(watches: Mapping[str, VehicleMonitor], now_us: int, old_s: float) -> Iterator[Metric]:
+def _figure_metrics(
+    watches: Mapping[str, VehicleMonitor], now_us: int, old_s: float
+) -> Iterator[Metric]:
     """Yield the figures of vehicles whose newest row is not old."""
     samples: dict[str, list[tuple[tuple[str, ...], float]]] = {name: [] for name in FIGURES}
     for number, watch in watches.items():
         update = watch.last
         if update is None or update.age_s(now_us) > old_s or watch.link.shared:
             continue
-        for name, value in _of_vehicle(update).items():
+        for name, value in _vehicle_figures(update).items():
             samples[name].append(((number,), value))
-        for labels, of_rotor in _of_rotors(update):
+        for labels, of_rotor in _rotor_figures(update):
             for name, value in of_rotor.items():
                 samples[name].append(((number, *labels), value))
     for name, (words, labels) in FIGURES.items():
         yield _gauge(name, words, samples[name], labels)
 
 
-def _of_vehicle(update: Update) -> dict[str, float]:
+def _vehicle_figures(update: Update) -> dict[str, float]:
+    """Return a vehicle's figures by metric; NaN where unknown."""
     analysis, outlook, answer = update.analysis, update.outlook, update.answer
     predicted = analysis.margin_predicted[-1]
     flying = bool(analysis.track.flying[-1])
@@ -201,7 +205,7 @@ def _of_vehicle(update: Update) -> dict[str, float]:
     }
 
 
-def _of_rotors(update: Update) -> Iterator[tuple[tuple[str, str, str], dict[str, float]]]:
+def _rotor_figures(update: Update) -> Iterator[tuple[tuple[str, str, str], dict[str, float]]]:
     """Yield (rotor, name, source of its speed) and figures of each rotor; nothing on the ground."""
     analysis = update.analysis
     names = analysis.places
@@ -220,7 +224,8 @@ def _of_rotors(update: Update) -> Iterator[tuple[tuple[str, str, str], dict[str,
         )
 
 
-def _of_status(status: MonitorStatus) -> Iterator[Metric]:
+def _status_metrics(status: MonitorStatus) -> Iterator[Metric]:
+    """Yield the metrics of the whole monitor: its counters, its delay and its recording."""
     for name, words in COUNTS.items():
         yield CounterMetricFamily(f"{PREFIX}link_{name}", words, value=getattr(status, name))
     yield _gauge("behind_seconds", "By which the analysis is late", [((), status.behind_s)])

@@ -1,4 +1,4 @@
-"""`thrustmargin export`: a flight as MCAP, for Foxglove and its like, and a layout."""
+"""`thrustmargin export`: write a flight as MCAP for Foxglove, and layouts that show it."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""The reported flights of one log as an MCAP file, and a Foxglove layout that shows it.
+"""Write the reported flights of one log as an MCAP file, and a Foxglove layout that shows it.
 
 Each topic has a name, a JSON schema and messages. Unknown numbers are null, as in the report's
 JSON. `time_s` counts from the sortie's first row. Times of messages are Unix time, in ns; where the
-log knows none, the vehicle's clock since boot.
+log has no date, they are the vehicle's time since boot.
 """
 
 from __future__ import annotations
@@ -27,22 +27,24 @@ from thrustmargin.models.json_values import to_json_values
 from thrustmargin.models.model.analysis import SpeedBasis, worst_rotor
 from thrustmargin.models.whole_file import whole_file
 
-#: Columns of the report's rows that are one number a moment, with their units.
+#: Columns of the report's rows with one value for the vehicle -> their unit.
 PLAIN = {name: unit for name, unit, _ in COLUMNS if not name.endswith("_{}")}
-#: Key of a rotor in a message -> column of the report's rows, unit.
+#: Columns of the report's rows with a value for each rotor, by their key in a message -> unit.
 OF_ROTOR = {name.removesuffix("_{}"): unit for name, unit, _ in COLUMNS if name.endswith("_{}")}
-#: Foxglove's levels of a log line.
+#: Severity of a finding -> Foxglove's level of a log line.
 _LOG_LEVEL = {Severity.GRAVE: 5, Severity.WARNING: 3, Severity.UNKNOWN: 2, Severity.OK: 2}
 
 
-def _of(kind: str | list[str], words: str) -> dict[str, Any]:
+def _typed(kind: str | list[str], words: str) -> dict[str, Any]:
+    """Return the JSON schema of a value of type `kind`, with its description."""
     return {"type": kind, "description": words}
 
 
-_number, _text = partial(_of, ["number", "null"]), partial(_of, "string")
+_number, _text = partial(_typed, ["number", "null"]), partial(_typed, "string")
 
 
 def _object(title: str, **properties: Any) -> dict[str, Any]:
+    """Return the JSON schema of an object with these properties."""
     return {"title": title, "type": "object", "properties": properties}
 
 
@@ -51,7 +53,7 @@ _TIME = {"time_s": _number("s from the sortie's first row"), "sortie": _COUNT}
 _STAMP = {"timestamp": _object("time", sec=_COUNT, nsec=_COUNT)}
 _ROTOR = _object(
     "rotor",
-    rotor=_of("integer", "from 1, in the autopilot's motor order"),
+    rotor=_typed("integer", "from 1, in the autopilot's motor order"),
     name=_text("where it is, seen from above"),
     **{key: _number(unit) for key, unit in OF_ROTOR.items()},
     margin=_number("share of its maximum thrust that is left; null on the ground"),
@@ -72,7 +74,7 @@ TOPICS: Mapping[str, tuple[str, dict[str, Any]]] = {
         _object(
             "margin of the worst rotor that is known",
             **_TIME,
-            rotor=_of(["integer", "null"], "from 1"),
+            rotor=_typed(["integer", "null"], "from 1"),
             margin=_number("1; share of its maximum thrust that is left"),
             low=_number("1; low end of the 90 % interval"),
             high=_number("1; high end of the 90 % interval"),
@@ -101,7 +103,7 @@ TOPICS: Mapping[str, tuple[str, dict[str, Any]]] = {
             latitude=_number("°"),
             longitude=_number("°"),
             altitude=_number("m above the sea"),
-            position_covariance_type=_of("integer", "0: not known"),
+            position_covariance_type=_typed("integer", "0: not known"),
             position_covariance={"type": "array", "items": {"type": "number"}},
         ),
     ),
@@ -113,7 +115,7 @@ TOPICS: Mapping[str, tuple[str, dict[str, Any]]] = {
             check=_text("what was checked"),
             level=_text("grave, warning, unknown or ok"),
             words=_text("what was found"),
-            values=_of("object", "its numbers by name"),
+            values=_typed("object", "its numbers by name"),
             spoils=_text("what it makes wrong in the answers"),
         ),
     ),
@@ -122,7 +124,7 @@ TOPICS: Mapping[str, tuple[str, dict[str, Any]]] = {
         _object(
             "texts of the vehicle, and the findings",
             **_STAMP,
-            level=_of("integer", "2 info, 3 warning, 5 fatal"),
+            level=_typed("integer", "2 info, 3 warning, 5 fatal"),
             message=_text("as it was sent, or the finding in words"),
             name=_text("vehicle or the finding's check"),
             file=_text("of the log"),
@@ -170,21 +172,21 @@ def messages_of(report: FlightReport, log: FlightLog) -> Iterator[StreamMessage]
         f.name: to_json_values(getattr(report, f.name)) for f in fields(report) if f.name != "rows"
     }
     yield StreamMessage("/report", first, whole)
-    yield from _margins(report, sortie)
-    yield from _rotors(report, sortie)
+    yield from _margin_messages(report, sortie)
+    yield from _rotor_messages(report, sortie)
     plain = {name: _nulls(rows[name]) for name in PLAIN}
     for k, time_s in enumerate(rows["time_s"].tolist()):
         of_row = {name: values[k] for name, values in plain.items()}
         yield StreamMessage("/flight", time_s, {**of_row, "sortie": sortie})
-    yield from _positions(log, clock)
+    yield from _position_messages(log, clock)
     for finding in report.findings:
         time_s = first if finding.time_s is None else finding.time_s
         content = {**to_json_values(finding), "sortie": sortie}
         yield StreamMessage("/findings", time_s, content)
         level = _LOG_LEVEL[finding.level]
-        yield _line(log, clock, time_s, level, finding.check, finding.words)
+        yield _log_message(log, clock, time_s, level, finding.check, finding.words)
     for time_s, words in log.messages:
-        yield _line(log, clock, time_s, _LOG_LEVEL[Severity.OK], "vehicle", words)
+        yield _log_message(log, clock, time_s, _LOG_LEVEL[Severity.OK], "vehicle", words)
 
 
 def _nulls(values: Floats) -> list[Any]:
@@ -205,7 +207,8 @@ def _margin_band(report: FlightReport) -> tuple[Floats, Floats, Floats]:
     return 1.0 - use, 1.0 - high, 1.0 - low
 
 
-def _margins(report: FlightReport, sortie: int) -> Iterator[StreamMessage]:
+def _margin_messages(report: FlightReport, sortie: int) -> Iterator[StreamMessage]:
+    """Yield the margin of the worst rotor at each time, None where no rotor has one."""
     rows = report.rows
     margin, low, high = _margin_band(report)
     _, worst = worst_rotor(1.0 - margin)
@@ -230,7 +233,8 @@ def _margins(report: FlightReport, sortie: int) -> Iterator[StreamMessage]:
         yield StreamMessage("/margin", time_s, {"time_s": time_s, "sortie": sortie, **content})
 
 
-def _rotors(report: FlightReport, sortie: int) -> Iterator[StreamMessage]:
+def _rotor_messages(report: FlightReport, sortie: int) -> Iterator[StreamMessage]:
+    """Yield the values of every rotor at each time."""
     rows, names = report.rows, report.model["rotor_names"]
     columns = {key: _nulls(rows[key]) for key in OF_ROTOR}
     bands = zip(("margin", "margin_low", "margin_high"), _margin_band(report), strict=True)
@@ -247,8 +251,8 @@ def _rotors(report: FlightReport, sortie: int) -> Iterator[StreamMessage]:
         )
 
 
-def _positions(log: FlightLog, clock: SortieClock) -> Iterator[StreamMessage]:
-    """Yield the rows with a known place on the globe; none without an origin."""
+def _position_messages(log: FlightLog, clock: SortieClock) -> Iterator[StreamMessage]:
+    """Yield the position at each time at which it is known; nothing without an origin."""
     track = log.track
     if track.origin is None:
         return
@@ -265,9 +269,10 @@ def _positions(log: FlightLog, clock: SortieClock) -> Iterator[StreamMessage]:
         yield StreamMessage("/position", time_s, content)
 
 
-def _line(
+def _log_message(
     log: FlightLog, clock: SortieClock, time_s: float, level: int, name: str, words: str
 ) -> StreamMessage:
+    """Return a line of the log topic; `time_s` is s from the sortie's first row."""
     content = {
         "timestamp": _timestamp(clock.stamp_ns(time_s)),
         "level": level,
@@ -280,6 +285,7 @@ def _line(
 
 
 def _timestamp(stamp_ns: int) -> dict[str, int]:
+    """Return a time in ns as Foxglove's seconds and nanoseconds."""
     return {"sec": stamp_ns // 1_000_000_000, "nsec": stamp_ns % 1_000_000_000}
 
 
@@ -342,6 +348,7 @@ def layout_text(rotor_names: Sequence[str]) -> str:
 
 
 def _plot(title: str, paths: Sequence[tuple[str, str]]) -> dict[str, Any]:
+    """Return a plot panel of Foxglove with a line for each message path and its label."""
     return {
         "title": title,
         "paths": [
@@ -364,11 +371,12 @@ def _plot(title: str, paths: Sequence[tuple[str, str]]) -> dict[str, Any]:
 
 
 def _split(direction: str, first: Any, second: Any) -> dict[str, Any]:
+    """Return a layout node that divides its place in halves, as a "row" or "column"."""
     return {"direction": direction, "first": first, "second": second, "splitPercentage": 50}
 
 
 def write_mcap(flights: Sequence[tuple[FlightReport, FlightLog]], path: Path) -> int:
-    """Write the sorties of one log to `path`; returns how many messages that are.
+    """Write the sorties of one log to `path` and return the number of messages.
 
     Each message is JSON, each topic has its JSON schema. Raises DataError when the sorties have
     different clocks, InstallError without the library, OSError when `path` cannot be written.

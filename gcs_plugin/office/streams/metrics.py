@@ -1,4 +1,4 @@
-"""The monitor's figures for Prometheus: the output of `monitor --metrics PORT`."""
+"""Serve the monitor's figures to Prometheus: the output of `monitor --metrics PORT`."""
 
 from __future__ import annotations
 
@@ -26,12 +26,14 @@ class Metrics(Output):
         self._server: MetricsServer | None = None
 
     def start(self) -> None:
+        """Open the port and print its address."""
         from thrustmargin.gcs_plugin.office.streams.collector import MetricsServer, MonitorCollector
 
         self._server = MetricsServer(MonitorCollector(self._context.monitor), self._port)
         self._context.print_note(f"metrics: {self._server.url}")
 
     def close(self) -> None:
+        """Close the port; do nothing if it is not open."""
         if self._server is not None:
             self._server.close()
             self._server = None

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.logs.findings import Finding, Spoils, report_findings
 from thrustmargin.gcs_plugin.reports.margin.data import JsonObject
 from thrustmargin.gcs_plugin.reports.shared.page_shell import unix_text
+from thrustmargin.gcs_plugin.wording.actions import Phase
 from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
 from thrustmargin.gcs_plugin.wording.flight_words import NAMES_WRONG
 from thrustmargin.gcs_plugin.wording.language import say
@@ -32,7 +33,7 @@ from thrustmargin.mission.plan_tracking.stretches import (
     conditions_before_take_off,
     flown_way,
 )
-from thrustmargin.models.flight import Floats
+from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 from thrustmargin.models.model.flight_day import day_before_take_off
 from thrustmargin.models.model.output_faults import MisreadSpeed
@@ -113,9 +114,28 @@ def _moment(analysis: FlightAnalysis, use: Floats, row: int) -> Moment:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class Activity:
+    """One thing that the vehicle was doing at a moment."""
+
+    kind: str  # in English, such as "braking"
+    tilt_deg: float = math.nan  # of "tilted"
+
+    @property
+    def words(self) -> str:
+        """Return the activity in the chosen language."""
+        if math.isfinite(self.tilt_deg):
+            return say("tilted {angle}°", angle=f"{self.tilt_deg:.0f}")
+        return say(self.kind)
+
+
 def doing(analysis: FlightAnalysis, row: int) -> tuple[str, ...]:
-    """What the vehicle did around a row, in words; only what the log's channels show."""
-    track = analysis.track
+    """Return the words of `activities` in the chosen language."""
+    return tuple(one.words for one in activities(analysis.track, row))
+
+
+def activities(track: FlightTrack, row: int) -> tuple[Activity, ...]:
+    """List what the vehicle did around a row, as far as the log's channels show it."""
     time_s = track.time_s
     near = np.abs(time_s - time_s[row]) <= AROUND_S / 2
     words = []
@@ -144,13 +164,14 @@ def doing(analysis: FlightAnalysis, row: int) -> tuple[str, ...]:
     roll, pitch = known_mean(track.attitude[near, 0]), known_mean(track.attitude[near, 1])
     tilt = np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1.0, 1.0))
     if tilt > BANK:
-        words.append(say("tilted {angle}°", angle=f"{np.degrees(tilt):.0f}"))
+        words.append("tilted")
     spraying = track.spraying[row]
     if spraying > 0.5:
         words.append("spraying")
     elif np.isfinite(spraying) and not words:
         words.append(NOT_SPRAYING)
-    return tuple(map(say, words))
+    tilts = {"tilted": float(np.degrees(tilt))}
+    return tuple(Activity(kind, tilts.get(kind, math.nan)) for kind in words)
 
 
 def alarm_row(episode: FaultEpisode, names: Sequence[str]) -> JsonObject:
@@ -166,7 +187,7 @@ def alarm_row(episode: FaultEpisode, names: Sequence[str]) -> JsonObject:
         "size_low": fault.lower,
         "size_high": fault.upper,
         "witnessed_by_outputs": fault.witnessed,
-        "words": fault_words(fault, names),
+        "words": fault_words(fault, names, Phase.RECORDED),
     }
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs import FlightLog
-from thrustmargin.gcs_plugin.logs.log_answer import answer_log
+from thrustmargin.gcs_plugin.logs.log_answer import LogAnswer, answer_log
 from thrustmargin.gcs_plugin.reports.margin import data, load
 from thrustmargin.gcs_plugin.reports.margin.accuracy import accuracy, model_use, trained_on
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import rows_of
@@ -54,14 +54,15 @@ def report_flight(
     max_utilisation: float,
     plan: MissionPlan | None = None,
     assumed: PlanConditions | None = None,
+    answer: LogAnswer | None = None,
 ) -> data.FlightReport:
     """Everything that the report says about one flight, beside the forecast of its `plan` with what
-    was `assumed`.
+    was `assumed`. `answer` is that of the flight; without it, it is made here.
 
     `max_utilisation` is the largest share of a rotor's maximum thrust that may be in use. Raises
     PlanError when the plan flies nowhere.
     """
-    said = answer_log(log, analysis, max_utilisation)
+    said = answer or answer_log(log, analysis, max_utilisation)
     found, made, contact = said.findings, said.made, said.contact
     advice, whole, analysis = made.advice, made.whole, made.analysis
     track = analysis.track
@@ -75,7 +76,7 @@ def report_flight(
     basis, measured_share = _basis(made)
     flown_s = whole.track.flying_s
     no_flight = not_flown(whole.track) or (too_short(flown_s) if flown_s < LEAST_FLIGHT_S else "")
-    answer = margin_verdict.verdict_facts(worst, advice, analysis.claim, basis, no_flight)
+    shown = margin_verdict.verdict_facts(worst, advice, analysis.claim, basis, no_flight)
     check = None if analysis.withheld else margin_check(analysis)
     checked = prediction_checked(check, trained_on=trained_on(analysis)) if check else ""
     against = None
@@ -86,7 +87,7 @@ def report_flight(
     lines = (
         *((margin_verdict.Fact("control", loss_words(advice.losses)),) if advice.losses else ()),
         *look_facts(found),
-        *(answer if contact is None or advice.level is not FlightLevel.UNKNOWN else ()),
+        *(shown if contact is None or advice.level is not FlightLevel.UNKNOWN else ()),
         *(() if contact is None else contact_facts(contact)),
         *margin_verdict.voltage_facts(analysis),
         *(*margin_verdict.load_facts(track), *margin_verdict.unseen_facts(whole.track)),

@@ -148,8 +148,9 @@ class Surroundings:
             f"/world/home_name_{key}", words.HOME, position=position_enu, anchor="top-center"
         )
 
-    def sprayed(self, key: str, points_enu: Floats) -> None:
-        """Draw (S, 2, 3) m of ground that an aircraft sprayed."""
+    def draw_sprayed(self, key: str, points_enu: Floats) -> None:
+        """Draw S line segments (S, 2, 3), m east, north, up, where the aircraft `key` sprayed, in
+        place of its earlier ones."""
         if len(points_enu):
             self.lines(f"/world/sprayed_{key}", points_enu, SPRAYED, 14.0)
 

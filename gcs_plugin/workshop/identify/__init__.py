@@ -1,4 +1,4 @@
-"""What a rotor speed model lacks, named and added, with the error before and after."""
+"""Identify the effects that a rotor speed model lacks, and add them to it."""
 
 #: Subcommand -> the first words of the docstring of its function.
 COMMANDS = {

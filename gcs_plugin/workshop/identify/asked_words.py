@@ -1,4 +1,5 @@
-"""What `identify` asks a person to do, and what it leaves unexplained, in sentences."""
+"""Describe the actions that `identify` advises, and what no effect explains, for the aircraft's
+owner."""
 
 from __future__ import annotations
 
@@ -12,11 +13,12 @@ from thrustmargin.gcs_plugin.wording.effect_sentences import (
     ALONG_WORDS,
     KIND_OF_PART,
     action_of,
+    along_name,
     amount_of,
     effect_thing,
     unnamed_place,
 )
-from thrustmargin.gcs_plugin.wording.language import chance, number
+from thrustmargin.gcs_plugin.wording.language import Verbatim, chance, number, say
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.unnamed import CONSTANT, ONLY_ROTORS
 from thrustmargin.models.identification.answer.result import Identification
@@ -25,33 +27,40 @@ from thrustmargin.models.identification.rows.candidates import Term
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AskedAction:
-    """One action that a person is asked for."""
+class RequestedAction:
+    """One action that the answer asks a person to do."""
 
     part: str  # with the number of the rotor, from 1
     action: str
-    probability: float  # that it is right
-    expected_cost: float  # of asking, in times a look at a propeller
+    probability: float  # that the part is bad
+    expected_cost: float  # in inspections of a propeller
 
 
-def asked_of(found: Identification) -> tuple[AskedAction, ...]:
-    """The actions of the answer in its order; what only keeps something in the model is none."""
+def requested_actions(found: Identification) -> tuple[RequestedAction, ...]:
+    """Return the requested actions: those of effects, rotors first, then those of rotors not
+    cleared.
+
+    Effects that are only kept in the model request no action. A rotor with an unexplained loss
+    comes last.
+    """
     out = [
-        _asked(action, f.term.rotor, f.probability)
+        _request(action, f.term.rotor, f.probability)
         for f in sorted(found.found, key=lambda f: f.term.rotor is None)
         if (action := action_of(f, found)) and action.part != actions.KEEP.part
     ]
-    out += [_asked(actions.INSPECT, one.rotor, one.probability) for one in found.mentioned]
+    out += [_request(actions.INSPECT, one.rotor, one.probability) for one in found.mentioned]
     left = found.left
     if left is not None and left.rotor is not None:
-        out.append(_asked(actions.INSPECT, left.rotor, 1.0))
+        out.append(_request(actions.INSPECT, left.rotor, 1.0))
     return tuple(out)
 
 
-def _asked(action: Action, rotor: int | None, probability: float) -> AskedAction:
+def _request(action: Action, rotor: int | None, probability: float) -> RequestedAction:
+    """Return `action` as a request for `rotor` (0-based), with its probability and expected
+    cost."""
     kind = KIND_OF_PART.get(action.part, "aircraft")
     hands_on = action.when is When.BATTERY_OFF
-    return AskedAction(
+    return RequestedAction(
         part=f"rotor {rotor + 1}" if rotor is not None and hands_on else action.part,
         action=action.text,
         probability=probability,
@@ -59,49 +68,66 @@ def _asked(action: Action, rotor: int | None, probability: float) -> AskedAction
     )
 
 
-def unexplained(found: Identification) -> str:
-    """What is left that no effect explains; empty when nothing is."""
+def unexplained_words(found: Identification) -> str:
+    """Return the sentence about the unexplained residual; empty if there is none."""
     left = found.unexplained()
     if left["mode"] is None:
         return ""
     share, rms = chance(left["fraction_of_variance"]), number(left["rms_rpm"], "rpm", 0)
-    along = f"goes with {' or '.join(ALONG_WORDS[one][0] for one in left['channels'])}"
+    channels = f" {say('or')} ".join(along_name(one) for one in left["channels"])
+    along = say("goes with {channels}", channels=channels)
     action = actions.COMPARE_SOUND.text
     if not found.open_causes:
-        action = f"nothing was added for it; {action}"
+        action = say("nothing was added for it; {action}", action=action)
     if left["wanders"]:
-        along = "comes and goes within flights more than in good ones, and goes with no channel"
+        along = say(
+            "comes and goes within flights more than in good ones, and goes with no channel"
+        )
         action = f"{actions.LOOK_FOR_ICE.text}; {actions.COMPARE_WIND.text}"
     names = found.model.airframe.rotor_names
     if left.get("rotor"):
-        goes = "goes with its own thrust" if left["channel"] in ONLY_ROTORS else along
+        goes = say("goes with its own thrust") if left["channel"] in ONLY_ROTORS else along
         rotor = left["rotor"] - 1
-        seen = any(one.found.term.rotor == rotor for one in found.open_causes)
-        return (
-            f"{rotor_words(rotor, names).capitalize()} does not lose the same share of "
-            f"its thrust all along: the loss {goes} ({rms}), and no effect of the table does "
-            f"that{'' if seen else ', so none was added'}; {actions.INSPECT.text}, "
-            f"and {actions.UNSTEADY.text}"
+        words = (
+            "{rotor} does not lose the same share of its thrust all along: the loss {goes} "
+            "({rms}), and no effect of the table does that, so none was added; {action}, and {look}"
         )
-    things = " or ".join(dict.fromkeys(_thing_of(w, names) for w in left.get("closest") or ()))
-    close = f"; closest in the table: {things}" if things else ""
-    return (
-        f"No effect explains {rms} in {left['mode']}, {share} of what is left, that {along}{close}"
-        f": {action}"
-    )
+        if any(one.found.term.rotor == rotor for one in found.open_causes):
+            words = (
+                "{rotor} does not lose the same share of its thrust all along: the loss {goes} "
+                "({rms}), and no effect of the table does that; {action}, and {look}"
+            )
+        return say(
+            words,
+            rotor=rotor_words(rotor, names).capitalize(),
+            goes=goes,
+            rms=rms,
+            action=actions.INSPECT.text,
+            look=actions.UNSTEADY.text,
+        )
+    closest = dict.fromkeys(_effect_name(w, names) for w in left.get("closest") or ())
+    close = ""
+    if closest:
+        close = say("; closest in the table: {effects}", effects=f" {say('or')} ".join(closest))
+    words = "No effect explains {rms} in {mode}, {share} of what is left, that {goes}"
+    line = say(words, rms=rms, mode=say(left["mode"]), share=share, goes=along)
+    return f"{line}{close}: {action}"
 
 
-def unnamed_causes(found: Identification) -> str:
-    """What has no name and is in the new model: of a curve axis, channel, range and size."""
+def unnamed_causes_words(found: Identification) -> str:
+    """Return the sentence about the unnamed causes in the new model: where each acts, its channel,
+    range and size.
+
+    Needs at least one unnamed cause.
+    """
     each, names, curves = [], found.model.airframe.rotor_names, False
     for one in found.open_causes:
         size, rotor = f"({number(one.rms_rpm, 'rpm', 0)})", one.found.term.rotor
-        until = "" if rotor is None else ", an alarm until it is repaired"
+        until = "" if rotor is None else say(", an alarm until it is repaired")
         if one.place is None:
             words = amount_of(one.found, found)
-            each.append(
-                f"{words[0].lower()}{words[1:]}, {chance(one.found.probability)} likely{until}"
-            )
+            likely = say("{chance} likely", chance=chance(one.found.probability))
+            each.append(f"{words[0].lower()}{words[1:]}, {likely}{until}")
             continue
         where = unnamed_place(one.found.term, names)
         if one.range is None:
@@ -109,20 +135,21 @@ def unnamed_causes(found: Identification) -> str:
             continue
         _, unit, factor = ALONG_WORDS[one.place[1]]
         low, high = (end * factor for end in one.range)
-        span = f"{number(low, '', 1)} to {number(high, unit, 1)}"
-        as_well = [ALONG_WORDS[other][0] for other in one.alike if other != CONSTANT]
-        others = f" (or {', '.join(as_well)})" if as_well else ""
+        span = f"{number(low, '', 1)} {say('to')} {number(high, unit, 1)}"
+        as_well = [along_name(other) for other in one.alike if other != CONSTANT]
+        others = f" ({say('or')} {', '.join(as_well)})" if as_well else ""
         each.append(f"{where}{others}, {span} {size}{until}")
         curves = True
-    seen = f"Without a name, as it was seen: {'; '.join(each)}"
+    seen = say("Without a name, as it was seen: {causes}", causes=Verbatim("; ".join(each)))
     if not found.found and found.after.rmse_rpm > found.before.rmse_rpm:
         return f"{seen}; {actions.LEAVE_OUT.text}"
-    beyond = ", held at its edge beyond that range, with twice the interval" if curves else ""
-    return f"{seen}; {actions.KEEP_AS_SEEN.text}{beyond}"
+    beyond = say(", held at its edge beyond that range, with twice the interval")
+    return f"{seen}; {actions.KEEP_AS_SEEN.text}{beyond if curves else ''}"
 
 
-def _thing_of(words: str, names: Sequence[str]) -> str:
-    """What an effect is called, from `Term.words`: its name, and its rotor from 1."""
+def _effect_name(words: str, names: Sequence[str]) -> str:
+    """Return the name of the effect that `words` (`Term.words`) describes, in the words of the
+    answer."""
     name, _, rotor = words.partition(" of rotor ")
     if name not in BY_KEY:
         return words.replace("_", " ")

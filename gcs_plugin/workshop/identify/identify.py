@@ -1,4 +1,4 @@
-"""`thrustmargin identify`: which physical effect the model lacks, from measured rotor speeds."""
+"""The command `thrustmargin identify`: find the physical effects that a rotor speed model lacks."""
 
 from __future__ import annotations
 
@@ -13,7 +13,14 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Inputs, Reading
+from thrustmargin.gcs_plugin.commands.shared.inputs import (
+    ANY_KNOWN,
+    AS_HEARD,
+    Inputs,
+    Known,
+    Reading,
+)
+from thrustmargin.gcs_plugin.commands.shared.known import with_recognised
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
     OutputFile,
@@ -40,6 +47,7 @@ def identify(
     airframe: str | None = None,
     held_out: tuple[Path, ...] = (),
     reading: Reading = AS_HEARD,
+    known: Known = ANY_KNOWN,
     out_model: Path | None = None,
     json: Path | None = None,
     out: Path | None = None,
@@ -64,6 +72,7 @@ def identify(
             and thrust curve alone, without a model file.
         held_out: Flights that are not learnt from, on which the error is stated.
         reading: How the logs are read.
+        known: The known aircraft that flew, whose own model the search starts from.
         out_model: New model file to write, with the effects added; the old one stays (--out with
             .safetensors is an older name of it).
         json: Write the result as JSON to this file (.json); - is standard output, and nothing else.
@@ -79,12 +88,15 @@ def identify(
 
     from thrustmargin.gcs_plugin.commands.shared.inputs import starting_model
     from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal, steps
-    from thrustmargin.gcs_plugin.workshop.identify.identify_result import result_of
+    from thrustmargin.gcs_plugin.workshop.identify.identify_result import make_result
     from thrustmargin.models.identification.loop import identify_checked
     from thrustmargin.models.identification.rows.usable_flights import require_distinct
 
     errors = Terminal(stderr=True, soft_wrap=True)
-    to_fit = Inputs(logs=require_logs(logs), model=model, airframe=airframe, reading=reading)
+    to_fit = Inputs(
+        logs=require_logs(logs), model=model, airframe=airframe, reading=reading, known=known
+    )
+    to_fit = with_recognised(to_fit, errors)
     to_check = replace(to_fit, logs=require_logs(held_out) if held_out else ())
     check_outputs(
         (
@@ -98,7 +110,7 @@ def identify(
     for option, given in (("--surrogates", surrogates), ("--seed", seed)):
         if given is not None:
             errors.print(f"{option} is not needed any more: chance is worked out, not drawn")
-    start, model_name = starting_model(model, airframe)
+    start, model_name = starting_model(to_fit)
     not_used: list[UnusedLog] = []
     with TemporaryDirectory(prefix="thrustmargin-") as folder:
         fit, new = (
@@ -109,7 +121,7 @@ def identify(
         with steps(errors, total=1.0) as progress:
             found = identify_checked(fit, start, held_out=new, progress=progress)
             progress("what it means for the margin", 0.0)
-            result = result_of(
+            result = make_result(
                 found,
                 tracks=fit + new,
                 not_used=not_used,
@@ -136,12 +148,11 @@ def logs_to_fit(
     *,
     option: str,
 ) -> TracksOnDisk:
-    """Read and check logs in their order, into files of a folder; those that cannot serve are added
-    to `not_used`.
+    """Read and check logs in their order; store the usable flights in files of `folder`.
 
-    A log that is not a flight of the model's airframe cannot serve either.
-    Raises DataError that names them all when the rotor speeds of some are those of other rotors
-    or seconds, or when none of the logs given by `option` can serve.
+    Unusable logs, also those of another airframe, are added to `not_used`. Print the sensors'
+    offsets. Raise DataError, naming each log, if rotor speeds are those of other rotors or times,
+    or if no log of `option` is usable.
     """
     from thrustmargin.gcs_plugin.commands.shared.analysed import TracksOnDisk
     from thrustmargin.gcs_plugin.commands.shared.inputs import claimed, listed, read_logs
@@ -150,11 +161,11 @@ def logs_to_fit(
     from thrustmargin.models.identification.rows.usable_flights import too_little, wrong_speeds
 
     tracks = TracksOnDisk(folder)
-    left_out: list[UnusedLog] = []
-    disordered: list[UnusedLog] = []
-    read = read_logs(inputs, left_out, console, model=model)
+    unusable: list[UnusedLog] = []
+    misordered: list[UnusedLog] = []
+    read = read_logs(inputs, unusable, console, model=model)
     offsets: dict[str, list[str]] = {}
-    for log in claimed(read, left_out, console):
+    for log in claimed(read, unusable, console):
         for words in instrument_offsets(log):
             offsets.setdefault(words, []).append(log.name)
         wrong = wrong_speeds(log.track, model.airframe)
@@ -162,15 +173,15 @@ def logs_to_fit(
         if lacking is None:
             tracks.append(log.track)
         else:
-            group = left_out if wrong is None else disordered
+            group = unusable if wrong is None else misordered
             group.append(UnusedLog(name=log.name, reason=lacking))
     for words, names in offsets.items():
         console.print(f"{', '.join(names)}: {words}")
-    if disordered:
-        raise DataError(listed(disordered))
-    if left_out and not tracks:
-        raise DataError(f"no {option}flight can be used; {listed(left_out)}")
-    not_used += left_out
+    if misordered:
+        raise DataError(listed(misordered))
+    if unusable and not tracks:
+        raise DataError(f"no {option}flight can be used; {listed(unusable)}")
+    not_used += unusable
     return tracks
 
 
@@ -182,7 +193,11 @@ def write_result(
     html: Path | None,
     mission: Path | None = None,
 ) -> list[Path]:
-    """Write what was asked for; all files are made before any is put in its place."""
+    """Write the requested files and return their paths; each is put in place once all are complete.
+
+    `json` "-" is standard output. The mission is left out without a next flight. Raise ModelError
+    for a file that cannot be written.
+    """
     from thrustmargin.gcs_plugin.workshop.identify.identify_result import json_text
     from thrustmargin.gcs_plugin.workshop.identify.manoeuvre_plan import manoeuvre_plan
     from thrustmargin.mission.plan import plan_text
@@ -217,7 +232,8 @@ def write_result(
 
 
 def show(result: Result, written: Sequence[Path]) -> None:
-    """The answer in words, then the tables, then what was written."""
+    """Print the answer, then the tables, the unused logs, the notes on the new model and the files
+    written."""
     from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
     from thrustmargin.gcs_plugin.workshop.identify.identify_result import printed_tables
 

@@ -1,9 +1,8 @@
-"""An identification as one HTML page, and its figures: the residual by mode, along channels, over
-time and on the route.
+"""Draw an identification as one HTML page: the residual by mode, along channels, over time and on
+the route.
 
-Every row is one that its values were not found on: fitted flights are cross-validated.
-Orange is before, blue is after. Axes of one meaning have one scale: all modes along their channels,
-all flights over time, all maps.
+No row was used to fit the values that predict it: fitted flights are cross-validated. Orange is
+before, blue is after. Axes of one kind share a scale, so that panels can be compared.
 """
 
 from __future__ import annotations
@@ -27,15 +26,16 @@ from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.answer.held_out_errors import HeldOutResidual
 from thrustmargin.models.identification.rows.problem import Problem
 
-LEAST_VARIATION = 0.02  # of its median, below which nothing can be seen to go with a channel
+#: Range of a channel over its median, below which no dependence on it can be seen.
+LEAST_VARIATION = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rows:
-    """T rows of F flights and R rotors.
+    """T rows of F flights with R rotors, from fitted and held-out flights.
 
-    Channels are in the units of CHANNEL_WORDS; those not reported throughout or that hardly vary
-    are left out.
+    Channels are in the units of CHANNEL_WORDS. Channels that are not reported throughout, or hardly
+    vary, are missing.
     """
 
     names: tuple[str, ...]  # (F,)
@@ -52,32 +52,35 @@ class Rows:
     rotor_names: tuple[str, ...]
     channels: Mapping[str, Floats]
 
-    def of(self, flight: int) -> NDArray[np.intp]:
+    def flight_rows(self, flight: int) -> NDArray[np.intp]:
+        """Return the indices of the rows of one flight (0-based)."""
         return np.flatnonzero(self.flight == flight)
 
     def rmse_rpm(self, flight: int) -> tuple[float, float]:
-        """Before and after, of one flight."""
-        mine = self.of(flight)
+        """Return the RMSE of one flight over all rotors, rpm, before and after."""
+        mine = self.flight_rows(flight)
         return _rms(self.before_rpm[mine]), _rms(self.after_rpm[mine])
 
-    def worst_first(self) -> list[int]:
-        """Flights by their error before, the largest first."""
+    def flights_by_error(self) -> list[int]:
+        """Return the flights (0-based) by their RMSE before, the largest first."""
         sizes = [self.rmse_rpm(f)[0] for f in range(len(self.names))]
         return sorted(range(len(self.names)), key=lambda f: -sizes[f])
 
 
 def _rms(values: Floats) -> float:
+    """Return the root mean square of all values."""
     return float(np.sqrt(np.mean(values**2)))
 
 
-def rows_of(unseen: Sequence[HeldOutResidual], tracks: Sequence[FlightTrack]) -> Rows:
-    """Put the residuals of fitted and held-out flights under each other, with their places."""
+def residual_rows(unseen: Sequence[HeldOutResidual], tracks: Sequence[FlightTrack]) -> Rows:
+    """Concatenate the residuals of fitted and held-out flights, with positions from their
+    `tracks`."""
     first = unseen[0].problem
     offsets = np.cumsum([0, *(u.problem.flights for u in unseen)])
     before = np.concatenate([u.before_rpm for u in unseen])
     after = np.concatenate([u.after_rpm for u in unseen])
     places = [
-        _places(u.problem, tracks[offset : offset + u.problem.flights])
+        _row_positions(u.problem, tracks[offset : offset + u.problem.flights])
         for u, offset in zip(unseen, offsets[:-1], strict=True)
     ]
     directions = first.modes.directions
@@ -108,8 +111,8 @@ def rows_of(unseen: Sequence[HeldOutResidual], tracks: Sequence[FlightTrack]) ->
     )
 
 
-def _places(problem: Problem, tracks: Sequence[FlightTrack]) -> tuple[Floats, Floats]:
-    """North and east of a problem's rows, found again in the tracks by their time."""
+def _row_positions(problem: Problem, tracks: Sequence[FlightTrack]) -> tuple[Floats, Floats]:
+    """Return north and east, m, of a problem's rows, looked up in the tracks by time."""
     north, east = (np.full(problem.flight.size, np.nan) for _ in range(2))
     for f, track in enumerate(tracks):
         mine = np.flatnonzero(problem.flight == f)
@@ -119,19 +122,21 @@ def _places(problem: Problem, tracks: Sequence[FlightTrack]) -> tuple[Floats, Fl
     return north, east
 
 
-LONGEST_STEP_S = 1.0  # beyond which a line is broken
+LONGEST_STEP_S = 1.0  # longest gap that a line crosses
 BANDS = {"before": "rgba(213, 94, 0, 0.20)", "after": "rgba(0, 66, 157, 0.22)"}
 BINS, FEWEST_IN_BIN = 24, 8
-#: Part of the rows, at each end of a channel, that the bins leave out.
+#: Share of the rows beyond each end of the bins.
 TAIL = 0.002
-MOST_CHANNELS, ACROSS = 4, 2  # panels of a mode, and in a line of them: two fit a phone
+MOST_CHANNELS, ACROSS = 4, 2  # panels of a mode, and side by side: two fit a phone
 PANEL_PX, UNDER_PX = 180, 66  # of a panel, and of its axis below
 
 
 def time_figure(rows: Rows, flight: int) -> style.Figure:
-    """Residual of each rotor of one flight over time, before and after."""
-    mine = rows.of(flight)
-    time_s, before, after = _broken(rows.time_s[mine], rows.before_rpm[mine], rows.after_rpm[mine])
+    """Draw the residual of each rotor of one flight over time, before and after."""
+    mine = rows.flight_rows(flight)
+    time_s, before, after = _break_at_gaps(
+        rows.time_s[mine], rows.before_rpm[mine], rows.after_rpm[mine]
+    )
     reach = float(np.nanmax(np.abs(rows.before_rpm))) * 1.08
     panels = style.rotor_panels(
         rows.rotor_names,
@@ -147,15 +152,15 @@ def time_figure(rows: Rows, flight: int) -> style.Figure:
     return style.over_time(panels, end_s=float(time_s[-1]))
 
 
-def _broken(time_s: Floats, *tables: Floats) -> tuple[Floats, ...]:
-    """With a row of NaN in each pause, so that no line is drawn across it."""
+def _break_at_gaps(time_s: Floats, *tables: Floats) -> tuple[Floats, ...]:
+    """Insert a row of NaN into each gap longer than LONGEST_STEP_S, so that no line crosses it."""
     gaps = np.flatnonzero(np.diff(time_s) > LONGEST_STEP_S) + 1
     middle = (time_s[gaps - 1] + time_s[gaps]) / 2 if gaps.size else np.empty(0)
     return (np.insert(time_s, gaps, middle), *(np.insert(t, gaps, np.nan, axis=0) for t in tables))
 
 
 def modes_figure(rows: Rows) -> style.Figure:
-    """RMS of each mode before and after."""
+    """Draw the RMS of each mode, rpm, before and after, as bars."""
     margin = {"l": 80, "r": 20, "t": 40, "b": 40}
     y = style.titled("RMS, rpm", rangemode="tozero")
     made = style.Figure({"template": style.STYLE, "height": 340, "margin": margin, "yaxis": y})
@@ -179,10 +184,16 @@ def modes_figure(rows: Rows) -> style.Figure:
 
 
 def channels_figures(rows: Rows) -> dict[int, style.Figure]:
-    """Each mode against the channels that it went with most: medians of bins, middle 80 % as a
-    band."""
+    """Draw each mode along the channels that explain it best: medians of bins, and the middle 80 %
+    as a band.
+
+    Return figures by mode; modes without a channel are missing.
+    """
     drawn = {
-        mode: [(channel, _binned(rows, channel, mode)) for channel in _strongest(rows, mode)]
+        mode: [
+            (channel, _bin_quantiles(rows, channel, mode))
+            for channel in _strongest_channels(rows, mode)
+        ]
         for mode in range(len(rows.mode_names))
     }
     every = [np.abs(y).max() for made in drawn.values() for _, binned in made for *_, y in binned]
@@ -191,6 +202,8 @@ def channels_figures(rows: Rows) -> dict[int, style.Figure]:
 
 
 def _panels(made: list[tuple[str, list[tuple[str, Floats, Floats]]]], reach: float) -> style.Figure:
+    """Draw the panels of one mode, one for each (channel, quantiles of bins), rpm from -reach to
+    reach."""
     lines = -(-len(made) // ACROSS)
     height = lines * (PANEL_PX + UNDER_PX) - UNDER_PX
     margin = {"l": 70, "r": 10, "t": 40, "b": UNDER_PX}
@@ -227,8 +240,9 @@ def _panels(made: list[tuple[str, list[tuple[str, Floats, Floats]]]], reach: flo
     return figure
 
 
-def _binned(rows: Rows, channel: str, mode: int) -> list[tuple[str, Floats, Floats]]:
-    """(which, centres (B,), lower, median and upper (B, 3)) of a mode in bins of a channel."""
+def _bin_quantiles(rows: Rows, channel: str, mode: int) -> list[tuple[str, Floats, Floats]]:
+    """Return, before and after, the bin centres (B,) and 10, 50, 90 % quantiles (B, 3), rpm, of a
+    mode."""
     values = rows.channels[channel]
     index, low, width = _bins(values)
     inside = (values >= low) & (values <= low + BINS * width)
@@ -243,18 +257,21 @@ def _binned(rows: Rows, channel: str, mode: int) -> list[tuple[str, Floats, Floa
 
 
 def _bins(channel: Floats) -> tuple[NDArray[np.intp], float, float]:
-    """Bin of each row in BINS of equal width but for the TAIL, their low end and their width."""
+    """Return the bin of each row, and the lower end and width of the BINS equal bins between both
+    tails."""
     low, high = np.quantile(channel, [TAIL, 1.0 - TAIL])
     width = max(float(high - low), 1e-12) / BINS
     index = np.clip(((channel - low) / width).astype(np.intp), 0, BINS - 1)
     return index, float(low), width
 
 
-def _strongest(rows: Rows, mode: int) -> list[str]:
-    """The channels with the most of a mode's square about its mean before, by means of bins."""
+def _strongest_channels(rows: Rows, mode: int) -> list[str]:
+    """Return up to MOST_CHANNELS channels whose bin means explain most of a mode's variance
+    before."""
     about = rows.before_modes[:, mode] - rows.before_modes[:, mode].mean()
 
     def explained(channel: Floats) -> float:
+        """Return the sum of squares that the bin means of a channel explain."""
         index, _, _ = _bins(channel)
         count = np.maximum(np.bincount(index, minlength=BINS), 1)
         return float(np.sum(np.bincount(index, about, minlength=BINS) ** 2 / count))
@@ -263,7 +280,8 @@ def _strongest(rows: Rows, mode: int) -> list[str]:
 
 
 def map_limit(rows: Rows) -> float:
-    """rpm at which the colours of the maps end: all but 2 % of the rows before are within."""
+    """Return the residual, rpm, at the ends of the maps' colour scale: the 98 % quantile of rows
+    before, at least 1."""
     worst = np.abs(rows.before_rpm).max(axis=1)
     return float(max(1.0, np.quantile(worst, 0.98)))
 
@@ -271,11 +289,9 @@ def map_limit(rows: Rows) -> float:
 def map_figure(
     rows: Rows, flight: int, residual_rpm: Floats, limit_rpm: float
 ) -> style.Figure | None:
-    """The route of a flight from above, coloured by the residual of the rotor that is furthest off.
-
-    None when the log has no positions.
-    """
-    mine = rows.of(flight)
+    """Draw the route from above, coloured by the largest residual among rotors; None without
+    positions."""
+    mine = rows.flight_rows(flight)
     north, east, time_s = rows.north[mine], rows.east[mine], rows.time_s[mine]
     if not np.any(np.isfinite(north) & np.isfinite(east)):
         return None
@@ -292,8 +308,8 @@ def map_figure(
     )
 
 
-def per_flight(rows: Rows, chosen: Sequence[int]) -> dict[str, style.Figure]:
-    """Name -> figure over time and maps before and after, of the chosen flights."""
+def flight_figures(rows: Rows, chosen: Sequence[int]) -> dict[str, style.Figure]:
+    """Return figures by name of the `chosen` flights: over time, and maps before and after."""
     limit = map_limit(rows)
     made: dict[str, style.Figure] = {}
     for f in chosen:
@@ -305,13 +321,13 @@ def per_flight(rows: Rows, chosen: Sequence[int]) -> dict[str, style.Figure]:
     return made
 
 
-MOST_FLIGHTS = 6  # that are drawn over time and on the route
+MOST_FLIGHTS = 6  # flights drawn over time and on the route
 
 
 def html_text(result: results.Result) -> str:
-    """The page; figures are drawn when they come into view."""
-    rows = rows_of(result.unseen, result.tracks)
-    shown = rows.worst_first()[:MOST_FLIGHTS]
+    """Return the page as HTML; the browser draws a figure when it comes into view."""
+    rows = residual_rows(result.unseen, result.tracks)
+    shown = rows.flights_by_error()[:MOST_FLIGHTS]
     made = {n: packed(f.to_json()) for n, f in figures(rows, shown).items()}
     context = {
         "result": result,
@@ -326,12 +342,12 @@ def html_text(result: results.Result) -> str:
         "effect_thing": effect_thing,
         "excluded_rows": answers.excluded_rows,
         "margin_words": answers.margin_words,
-        "where_from": answers.where_from,
+        "error_rows_words": answers.error_rows_words,
     }
     return page_text(__name__.rpartition(".")[0], context)
 
 
 def figures(rows: Rows, shown: list[int]) -> dict[str, style.Figure]:
-    """Name -> figure; over time and on the route those of the flights `shown`."""
+    """Return all figures by name; those over time and on the route only of the flights `shown`."""
     channels = {f"channels_{m}": figure for m, figure in channels_figures(rows).items()}
-    return {"modes": modes_figure(rows), **channels, **per_flight(rows, shown)}
+    return {"modes": modes_figure(rows), **channels, **flight_figures(rows, shown)}

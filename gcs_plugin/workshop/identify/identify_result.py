@@ -1,4 +1,5 @@
-"""The result of `identify` as its print-out, its JSON and its page show it: made once."""
+"""The result of `identify`, computed once for console, JSON and page, with its JSON and its
+tables."""
 
 from __future__ import annotations
 
@@ -9,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog, page_shell
+from thrustmargin.gcs_plugin.wording.alarm_words import place_words
 from thrustmargin.gcs_plugin.wording.effect_sentences import effect_thing
-from thrustmargin.gcs_plugin.wording.language import chance, number, shown_unit, within
+from thrustmargin.gcs_plugin.wording.language import chance, number, say, shown_unit, within
 from thrustmargin.gcs_plugin.workshop.identify import identify_words as answers
-from thrustmargin.gcs_plugin.workshop.identify.asked_words import asked_of
+from thrustmargin.gcs_plugin.workshop.identify.asked_words import requested_actions
 from thrustmargin.gcs_plugin.workshop.identify.identify_words import answer
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer import held_out_errors
@@ -32,13 +34,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Result:
-    """An identification and everything that its print-out, JSON and page show of it."""
+    """An identification with the new model, the margins, the answer and the options of one
+    command."""
 
     found: Identification
     update: ModelUpdate
     tracks: Sequence[FlightTrack]  # the fitted flights, then the held-out ones
     not_used: tuple[UnusedLog, ...]
-    unseen: tuple[held_out_errors.HeldOutResidual, ...]  # the last one is that of the errors
+    unseen: tuple[held_out_errors.HeldOutResidual, ...]  # the errors are of the last one
     errors: tuple[held_out_errors.RotorErrors, ...]  # all rotors, then each
     margins: tuple[MarginChange, ...]  # of each effect
     margin: MarginChange  # of all effects, worst rotor
@@ -50,7 +53,7 @@ class Result:
     date: str
 
 
-def result_of(
+def make_result(
     found: Identification,
     *,
     tracks: Sequence[FlightTrack],
@@ -60,7 +63,11 @@ def result_of(
     mission: str = "",
     date: str = "",
 ) -> Result:
-    """Everything that is shown of an identification; `tracks` are the flights it was given."""
+    """Return the result of an identification: new model, margins, next flight and answer.
+
+    `tracks` are the fitted flights, then the held-out ones. `mission` is dropped if there is no
+    next flight.
+    """
     unseen = found.unseen
     margins, margin = margin_changes(found)
     following = plan_next_flight(found, tracks)
@@ -84,33 +91,36 @@ def result_of(
 
 
 def json_text(result: Result) -> str:
-    """The schema "thrustmargin.identify/1"; after its own keys the margin, the answer in words.
+    """Return the JSON text of the schema "thrustmargin.identify/1".
 
-    `margin` is the predicted thrust margin before and after, of all effects and of each in order.
+    After the keys of `Identification.to_json` follow `next_flight`, `margin`, `answer`, `actions`,
+    `notes`, `not_used` and `date`. `margin` is the predicted thrust margin before and after: of all
+    effects, and of each.
     """
     whole: dict[str, Any] = result.found.to_json(
         model_in=result.model_in, model_out=result.model_out
     )
-    whole["next_flight"] = None if result.following is None else _next_flight(result)
+    whole["next_flight"] = None if result.following is None else _next_flight_json(result)
     whole["margin"] = {
-        "all": _numbered(result.margin),
-        "effects": [_numbered(m) for m in result.margins],
+        "all": _margin_json(result.margin),
+        "effects": [_margin_json(m) for m in result.margins],
     }
     whole["answer"] = list(result.answer)
-    whole["actions"] = asked_of(result.found)
+    whole["actions"] = requested_actions(result.found)
     whole["notes"] = list(result.update.notes)
     whole["not_used"] = [{"log": n.name, "reason": n.reason} for n in result.not_used]
     whole["date"] = result.date
     return page_shell.json_text(whole)
 
 
-def _next_flight(result: Result) -> dict[str, Any]:
-    """Sets of effects by their names, the manoeuvre, and the mission's file if there is one."""
+def _next_flight_json(result: Result) -> dict[str, Any]:
+    """Return the next flight as JSON: the two sets that it distinguishes, manoeuvre, repeats,
+    mission."""
     following = result.following
     assert following is not None
     return {
         "separates": [[term.words for term in terms] for terms in following.separates],
-        "manoeuvre": following.manoeuvre.words,
+        "manoeuvre": answers.manoeuvre_words(following.manoeuvre),
         "repeats": following.repeats,
         "minutes": following.minutes,
         "certainty": following.certainty,
@@ -118,20 +128,20 @@ def _next_flight(result: Result) -> dict[str, Any]:
     }
 
 
-def _numbered(change: MarginChange) -> dict[str, Any]:
-    """With the rotor counted from 1, as everywhere outside arrays."""
+def _margin_json(change: MarginChange) -> dict[str, Any]:
+    """Return a change of margin as JSON, its rotor counted from 1; None for the worst rotor."""
     return to_json_values(change) | {"rotor": None if change.rotor is None else change.rotor + 1}
 
 
-MOST_FLIGHTS = 4  # of which values of one flight are listed
-MOST_SETS = 5  # of effects that are listed
+MOST_FLIGHTS = 4  # flights listed for a parameter that differs by flight
+MOST_SETS = 5  # sets of effects listed
 
 
 def effect_rows(found: Identification) -> list[tuple[str, str, str, str]]:
-    """What was found, how sure, and below each its parameters with value and interval.
+    """Return the table rows of all found effects: name, value, 95 % interval, probability.
 
-    A row of an effect has neither; one of a parameter has no probability. Amounts of one unit
-    are all in it or all in the smaller one.
+    The row of an effect has only a name and a probability; rows of its parameters follow, without
+    probability. All amounts of one unit in the table are in the same, possibly smaller, unit.
     """
     rows = []
     largest: dict[str, float] = {}
@@ -151,9 +161,10 @@ def effect_rows(found: Identification) -> list[tuple[str, str, str, str]]:
 def _parameter_rows(
     found: Identification, one: Found, beside: Mapping[str, float]
 ) -> list[tuple[str, str, str]]:
-    """Name, value with unit and interval; values of single flights where they are largest.
+    """Return name, value with unit, and interval of each parameter of one effect.
 
-    `beside` has the largest amount of the table in each unit.
+    A parameter of single flights has a row for each of the MOST_FLIGHTS flights with the largest
+    effect. `beside` is the table's largest amount in each unit.
     """
     parameters = one.term.effect.parameters
     own = [k for k, p in enumerate(parameters) if p.per_flight]
@@ -161,7 +172,7 @@ def _parameter_rows(
     largest = np.argsort(-size, kind="stable")[:MOST_FLIGHTS]
     rows = []
     for k, p in enumerate(parameters):
-        name = p.name.replace("_", " ")
+        name = say(p.name.replace("_", " "))
         factor, unit = shown_unit(p.unit, p.name)
         for f in largest if p.per_flight else [one.flight]:
             value, low, high = (float(v[f, k]) for v in (one.value, one.lower, one.upper))
@@ -174,7 +185,7 @@ def _parameter_rows(
 
 
 def set_rows(found: Identification) -> list[tuple[str, float]]:
-    """Sets of effects that explain the flights, likeliest first, with their probabilities."""
+    """Return the MOST_SETS most probable sets of effects, in words, with their probabilities."""
     names = found.model.airframe.rotor_names
     return [
         (answers.set_words(s.terms, names), s.probability) for s in found.alternatives[:MOST_SETS]
@@ -182,11 +193,12 @@ def set_rows(found: Identification) -> list[tuple[str, float]]:
 
 
 def error_rows(result: Result) -> list[tuple[str, str, str, str]]:
-    """Rotor, RMSE before and after with their intervals, and the mean after."""
+    """Return rotor, RMSE before and after with intervals, and mean after, rpm; the first row is all
+    rotors."""
     names = result.found.model.airframe.rotor_names
     return [
         (
-            "all" if e.rotor is None else f"{e.rotor + 1} {names[e.rotor]}",
+            say("all") if e.rotor is None else f"{e.rotor + 1} {place_words(names[e.rotor])}",
             answers.rmse_words(e.before, ""),
             answers.rmse_words(e.after, ""),
             number(e.after.bias_rpm, "", 1),
@@ -196,20 +208,24 @@ def error_rows(result: Result) -> list[tuple[str, str, str, str]]:
 
 
 def printed_tables(result: Result) -> list[Table]:
-    """What the print-out shows below its sentences; all fit 80 columns."""
+    """Return the tables that the console prints below the answer; each fits 80 columns."""
     found = result.found
     flights = found.problem.flights
-    by = f"by {flights} flight{'s' if flights > 1 else ''}"
+    by = say("by {count} flights" if flights > 1 else "by {count} flight", count=flights)
     made = []
     if found.found:
         rows = [("  " * (not sure) + name, *row, sure) for name, *row, sure in effect_rows(found)]
-        made.append(page_shell.grid(("found", "value", "95 %", f"sure {by}"), rows))
+        made.append(
+            page_shell.grid((say("found"), say("value"), "95 %", f"{say('sure')} {by}"), rows)
+        )
     if len(found.alternatives) > 1:
         sets = [(words, chance(p)) for words, p in set_rows(found)]
-        made.append(page_shell.grid(("explanations", f"probability {by}"), sets))
+        made.append(page_shell.grid((say("explanations"), f"{say('probability')} {by}"), sets))
     if found.excluded:
-        made.append(page_shell.grid(("not seen", "excluded at 95 %"), answers.excluded_rows(found)))
-    title = f"Measured minus predicted rotor speed, rpm, on {answers.where_from(found)}"
-    heads = ("rotor", "RMSE before", "RMSE after", "mean after")
-    made.append(page_shell.grid(heads, error_rows(result), title=title))
+        heads = map(say, ("not seen", "excluded at 95 %"))
+        made.append(page_shell.grid(tuple(heads), answers.excluded_rows(found)))
+    words = "Measured minus predicted rotor speed, rpm, on {flights}"
+    title = say(words, flights=answers.error_rows_words(found))
+    heads = map(say, ("rotor", "RMSE before", "RMSE after", "mean after"))
+    made.append(page_shell.grid(tuple(heads), error_rows(result), title=title))
     return made

@@ -1,6 +1,6 @@
-"""The answer of `identify` in words: what its owner does next, how sure it is, what stays open.
+"""Write the answer of `identify` in sentences: what to do next, how certain it is, what stays open.
 
-Console, page and JSON all show these sentences. Those that ask for something come first.
+Console, page and JSON show these sentences; those that request an action come first.
 """
 
 from __future__ import annotations
@@ -15,16 +15,21 @@ from thrustmargin.gcs_plugin.wording.alarm_words import fault_amount
 from thrustmargin.gcs_plugin.wording.effect_amounts import rotor_words
 from thrustmargin.gcs_plugin.wording.effect_sentences import effect_sentence, effect_thing
 from thrustmargin.gcs_plugin.wording.language import (
+    Verbatim,
     chance,
     duration,
     joined,
     number,
     percent,
     percent_within,
+    say,
     shown_unit,
     within,
 )
-from thrustmargin.gcs_plugin.workshop.identify.asked_words import unexplained, unnamed_causes
+from thrustmargin.gcs_plugin.workshop.identify.asked_words import (
+    unexplained_words,
+    unnamed_causes_words,
+)
 from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
 from thrustmargin.models.identification.answer.model_update import WORST_SHARE, MarginChange
 from thrustmargin.models.identification.answer.result import (
@@ -36,6 +41,7 @@ from thrustmargin.models.identification.answer.result import (
 )
 from thrustmargin.models.identification.answer.standing_shares import StandingCause, StandingShares
 from thrustmargin.models.identification.certainty import CHOICE, SURE
+from thrustmargin.models.identification.next_flight.manoeuvres import Manoeuvre
 from thrustmargin.models.identification.next_flight.next_flight import NextFlight
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.output_shares import lacks_sound_flights
@@ -52,36 +58,40 @@ def answer(
     following: NextFlight | None = None,
     mission: str = "",
 ) -> tuple[str, ...]:
-    """The sentences, most urgent first; `margin` is that of all effects, on the worst rotor, and
-    `mission` the file with the flight that is `following`."""
+    """Return the sentences of the answer, the most urgent first.
+
+    `margin` is the change by all effects, on the worst rotor. `mission` is the file of the flight
+    `following`; empty if it is not written.
+    """
     names = found.model.airframe.rotor_names
-    suspects = suspected(found, following)
+    suspects = suspect_rotors(found, following)
     rotors_first = sorted(found.found, key=lambda f: f.term.rotor is None)
     lines = (
         [] if found.standing is None else standing_words(found.standing, names, found.problem.names)
     )
     lines += [effect_sentence(f, found) for f in rotors_first]
     flights = found.problem.flights
-    lines += [mentioned(m, names, flights) for m in found.mentioned]
-    lines += [one_of(o, names, flights) for o in found.one_of]
-    lines += [held_damage(fault, names) for fault in faults_in_model(found.model)]
-    open_mode = unexplained(found)
+    lines += [mentioned_words(m, names, flights) for m in found.mentioned]
+    lines += [one_of_words(o, names, flights) for o in found.one_of]
+    lines += [damage_in_model_words(fault, names) for fault in faults_in_model(found.model)]
+    open_mode = unexplained_words(found)
     only_open = not lines and bool(found.open_causes) and found.nothing_probability < CHOICE
     if not lines and not open_mode and not only_open:
-        lines.append(nothing(found))
+        lines.append(nothing_missing_words(found))
     lines += [open_mode] if open_mode else []
-    lines += [unnamed_causes(found)] if found.open_causes else []
+    lines += [unnamed_causes_words(found)] if found.open_causes else []
     if only_open and (cleared := excluded_losses(found)):
-        lines.append(f"A loss {cleared}")
+        lines.append(say("A loss {cleared}", cleared=cleared))
     lines += [effect_sentence(f, found) for f in found.followed]
     if following is not None:
         lines.append(next_flight_words(following, names, mission, suspects))
     lines.append(error_words(found, margin))
-    return tuple(f"{line}." for line in (*lines, *open_questions(found), *claims(found)))
+    return tuple(f"{line}." for line in (*lines, *open_questions(found), *few_flights_words(found)))
 
 
-def suspected(found: Identification, following: NextFlight | None = None) -> tuple[int, ...]:
-    """Rotors, from 1, that may be bad: named, one of several, not cleared, or in question."""
+def suspect_rotors(found: Identification, following: NextFlight | None = None) -> tuple[int, ...]:
+    """Return the rotors (1-based) that may be bad: reported, confounded, not cleared, or to be
+    distinguished by `following`."""
     terms = [f.term for f in found.found]
     terms += [term for one in found.one_of for term in one.terms]
     terms += [term for side in (following.separates if following else ()) for term in side]
@@ -90,97 +100,141 @@ def suspected(found: Identification, following: NextFlight | None = None) -> tup
     return tuple(sorted(rotor + 1 for rotor in rotors if rotor is not None))
 
 
-def looked_first(rotors: Sequence[int]) -> str:
-    """That nobody flies to find out what a look at the rotors, from 1, may show; else empty."""
+def inspection_words(rotors: Sequence[int]) -> str:
+    """Return the words that ask to inspect `rotors` (1-based) before a test flight; empty without
+    rotors."""
     if not rotors:
         return ""
-    return f"first, {actions.inspect_rotors(rotors).text}; only if sound, "
+    action = actions.inspect_rotors(rotors).text
+    return say("first, {action}; only if sound, ", action=action)
 
 
-def one_of(one: OneOf, names: Sequence[str], flights: int) -> str:
-    """Effects of which only together nearly all weight holds one."""
+def one_of_words(one: OneOf, names: Sequence[str], flights: int) -> str:
+    """Return the sentence about confounded effects: at least one is present, and the flights do not
+    show which."""
     shares = [
         f"{effect_thing(term, names)} ({chance(share)})"
         for term, share in zip(one.terms, one.probabilities, strict=True)
     ]
-    by = f"{flights} flights do" if flights > 1 else "one flight does"
-    return f"Either {' or '.join(shares)}: {by} not tell which"
+    words = "Either {effects}: one flight does not tell which"
+    if flights > 1:
+        words = "Either {effects}: {count} flights do not tell which"
+    return say(words, effects=f" {say('or')} ".join(shares), count=flights)
 
 
-def mentioned(one: Mentioned, names: tuple[str, ...], flights: int) -> str:
-    """A rotor that is not named and that the flights do not clear."""
-    sign, more = (1.0, "less") if one.loss >= 0.0 else (-1.0, "more")
+def mentioned_words(one: Mentioned, names: tuple[str, ...], flights: int) -> str:
+    """Return the sentence about a rotor that is not reported and that the flights do not clear."""
+    sign, words = 1.0, "it may make {amount} less thrust {interval}"
+    if one.loss < 0.0:
+        sign, words = -1.0, "it may make {amount} more thrust {interval}"
     low, high = sorted(sign * end for end in one.ci95)
     amount, interval = within(sign * one.loss, low, high, "%", factor=100.0, most=1)
-    thrust = f"it may make {amount} {more} thrust {interval}"
+    thrust = say(words, amount=amount, interval=interval)
     if low < 0.0 < high:
-        most, least = (at_most(end, "1") for end in (one.ci95[1], -one.ci95[0]))
-        thrust = f"it may make up to {most} less or {least} more thrust"
-    return (
-        f"{rotor_words(one.rotor, names).capitalize()} cannot be ruled out "
-        f"({chance(one.probability, flights)}): {thrust}, so {actions.INSPECT.text}"
+        most, least = (upper_limit(end, "1") for end in (one.ci95[1], -one.ci95[0]))
+        words = "it may make up to {most} less or {least} more thrust"
+        thrust = say(words, most=most, least=least)
+    return say(
+        "{rotor} cannot be ruled out ({chance}): {thrust}, so {action}",
+        rotor=rotor_words(one.rotor, names).capitalize(),
+        chance=chance(one.probability, flights),
+        thrust=thrust,
+        action=actions.INSPECT.text,
     )
 
 
 def standing_words(
     shares: StandingShares, names: tuple[str, ...], flights: tuple[str, ...]
 ) -> list[str]:
-    """What stands between outputs and model with the two ways to find out, then what it may be.
+    """Return two sentences about a constant difference between motor outputs and model.
 
-    `names` are the places of the rotors, `flights` the names of the logs.
+    The first has its size and two ways to find the cause, the second lists possible causes. `names`
+    are the places of the rotors, `flights` the names of the logs.
     """
-    when = "all along" if shares.flight is None else f"most in {flights[shares.flight]}"
+    when = say("all along")
+    if shares.flight is not None:
+        when = say("most in {log}", log=Verbatim(flights[shares.flight]))
     off = ", ".join(number(rpm, "", 0) for rpm in shares.rotor_rpm)
     causes = [*filter(None, [shares.trim]), *shares.weak_rotors]
-    sizes = "".join(f", or {_standing_cause(one, names)}" for one in causes)
-    return [
+    sizes = "".join(f", {say('or')} {_standing_cause(one, names)}" for one in causes)
+    words = (
         "Motor outputs alone cannot tell a weak rotor from a shifted centre of gravity or trim; "
-        f"{when} they differ from the model by {off} rpm on rotors 1 to {len(names)}: learn a "
-        "model from sound flights of this aircraft (thrustmargin train GOOD... --out-model FILE) "
-        f"and give it with --model, or, {actions.SWAP_ALIKE.text}",
-        f"It may be motors or ESCs that differ{sizes}",
+        "{when} they differ from the model by {off} rpm on rotors 1 to {count}: learn a model from "
+        "sound flights of this aircraft (thrustmargin train GOOD... --out-model FILE) and give it "
+        "with --model, or, {action}"
+    )
+    action = actions.SWAP_ALIKE.text
+    return [
+        say(words, when=Verbatim(when), off=off, count=len(names), action=action),
+        say("It may be motors or ESCs that differ{sizes}", sizes=sizes),
     ]
 
 
 def _standing_cause(one: StandingCause, names: tuple[str, ...]) -> str:
-    shift = (
-        f"{_millimetres(one.cg_x)} {'aft' if one.cg_x < 0.0 else 'forward'} and "
-        f"{_millimetres(one.cg_y)} to the {'left' if one.cg_y < 0.0 else 'right'}"
+    """Return the size of one possible cause, in words: a trim, or a weak rotor with the trim beside
+    it."""
+    along, across = (
+        say(
+            "{amount} aft" if one.cg_x < 0.0 else "{amount} forward", amount=_millimetres(one.cg_x)
+        ),
+        say(
+            "{amount} to the left" if one.cg_y < 0.0 else "{amount} to the right",
+            amount=_millimetres(one.cg_y),
+        ),
     )
     if one.rotor is None:
+        words = (
+            "a centre of gravity {along} and {across} with a steady yaw moment of {moment} to the "
+            "right"
+        )
+        if one.yaw_moment < 0.0:
+            words = (
+                "a centre of gravity {along} and {across} with a steady yaw moment of {moment} to "
+                "the left"
+            )
         moment = within(abs(one.yaw_moment), math.nan, math.nan, "N m", most=1)[0]
-        side = "left" if one.yaw_moment < 0.0 else "right"
-        return f"a centre of gravity {shift} with a steady yaw moment of {moment} to the {side}"
-    return (
-        f"{percent_within(one.loss, *one.loss_range)} less thrust of "
-        f"{rotor_words(one.rotor, names)} with a centre of gravity {shift}"
+        return say(words, along=along, across=across, moment=moment)
+    return say(
+        "{loss} less thrust of {rotor} with a centre of gravity {along} and {across}",
+        loss=percent_within(one.loss, *one.loss_range),
+        rotor=rotor_words(one.rotor, names),
+        along=along,
+        across=across,
     )
 
 
 def _millimetres(metres: float) -> str:
+    """Return the size of a length in m as text in mm, without its sign."""
     return number(1000.0 * abs(metres), "mm", 0)
 
 
-def held_damage(fault: RotorFault, names: tuple[str, ...]) -> str:
-    """That the model was given a weak rotor before, which repaired nothing."""
-    return (
-        f"The model already holds {rotor_words(fault.rotor, names)} at {fault_amount(fault)} less "
-        f"thrust: unless that was repaired, {actions.INSPECT.text}"
+def damage_in_model_words(fault: RotorFault, names: tuple[str, ...]) -> str:
+    """Return the sentence about a weak rotor that the model already contains: it may be repaired or
+    not."""
+    return say(
+        "The model already holds {rotor} at {amount} less thrust: unless that was repaired, "
+        "{action}",
+        rotor=rotor_words(fault.rotor, names),
+        amount=fault_amount(fault),
+        action=actions.INSPECT.text,
     )
 
 
-def nothing(found: Identification) -> str:
-    """That no effect is named, how sure that is, and the loss of a rotor that is excluded."""
+def nothing_missing_words(found: Identification) -> str:
+    """Return the sentence for flights without a reported effect, with the rotor loss that is
+    excluded."""
     if found.problem.of_outputs:
-        return "Motor outputs show nothing that is missing, but they cannot clear a rotor"
-    if unusual := more_than_sound(found):
+        return say("Motor outputs show nothing that is missing, but they cannot clear a rotor")
+    if unusual := excess_error_words(found):
         return unusual
-    verdict, cleared = _nothing_or_what(found), excluded_losses(found)
-    return f"{verdict}: a loss {cleared}" if cleared else verdict
+    verdict, cleared = _missing_words(found), excluded_losses(found)
+    words = "{verdict}: a loss {cleared}"
+    return say(words, verdict=verdict, cleared=cleared) if cleared else verdict
 
 
 def excluded_losses(found: Identification) -> str:
-    """`above 1.8 % on any rotor is excluded, a smaller one is not`; empty where none is."""
+    """Return the words `above 1.8 % on any rotor is excluded, a smaller one is not`; empty if no
+    loss is."""
     of_rotors = {
         e.term.rotor: e.above
         for e in found.excluded
@@ -188,41 +242,50 @@ def excluded_losses(found: Identification) -> str:
     }
     if not of_rotors or found.problem.of_outputs:
         return ""
-    most = at_most(max(of_rotors.values()), "1")
-    where = "any rotor"
-    if len(of_rotors) < found.model.airframe.rotor_count:
-        where = (
-            f"rotor {', '.join(str(r + 1) for r in sorted(r for r in of_rotors if r is not None))}"
-        )
-    return f"above {most} on {where} is excluded, a smaller one is not"
-
-
-def _nothing_or_what(found: Identification) -> str:
-    """`Nothing is found missing`, with its probability where not sure; else that something is.
-
-    What is likely and was not borne out by flights left out is in the table, and asks for nothing.
-    """
-    none = found.nothing_probability
-    if none >= SURE:
-        return "Nothing is found missing"
-    if none >= CHOICE:
-        return f"Nothing is found missing ({chance(none, found.problem.flights)})"
-    if found.likeliest is not None:
-        term, likely = found.likeliest
-        what = effect_thing(term, found.model.airframe.rotor_names)
-        return (
-            f"Something small may be missing, likeliest {what} "
-            f"({chance(likely, found.problem.flights)}): nothing to repair"
-        )
-    some = 1.0 - none if none else sum(one.probability for one in found.alternatives)
-    return (
-        f"Something small may be missing ({chance(some, found.problem.flights)}), and these "
-        "flights do not show what: nothing to repair"
+    most = upper_limit(max(of_rotors.values()), "1")
+    if len(of_rotors) >= found.model.airframe.rotor_count:
+        return say("above {limit} on any rotor is excluded, a smaller one is not", limit=most)
+    return say(
+        "above {limit} on rotor {rotors} is excluded, a smaller one is not",
+        limit=most,
+        rotors=", ".join(str(r + 1) for r in sorted(r for r in of_rotors if r is not None)),
     )
 
 
-def more_than_sound(found: Identification) -> str:
-    """What the channels could explain of the error, where sound flights have less; else empty."""
+def _missing_words(found: Identification) -> str:
+    """Return `Nothing is found missing`, with its probability below SURE; below CHOICE what may be
+    missing.
+
+    An effect that cross-validation did not confirm is named, but requests no action.
+    """
+    none, flights = found.nothing_probability, found.problem.flights
+    nothing = say("Nothing is found missing")
+    if none >= SURE:
+        return nothing
+    if none >= CHOICE:
+        return f"{nothing} ({chance(none, flights)})"
+    if found.likeliest is not None:
+        term, likely = found.likeliest
+        return say(
+            "Something small may be missing, likeliest {effect} ({chance}): nothing to repair",
+            effect=effect_thing(term, found.model.airframe.rotor_names),
+            chance=chance(likely, flights),
+        )
+    some = 1.0 - none if none else sum(one.probability for one in found.alternatives)
+    return say(
+        "Something small may be missing ({chance}), and these flights do not show what: nothing "
+        "to repair",
+        chance=chance(some, flights),
+    )
+
+
+def excess_error_words(found: Identification) -> str:
+    """Return the sentence about an error that sound flights do not have and no effect explains;
+    else empty.
+
+    The error of these flights is its part above the floor; that of sound flights is the model's 95
+    % limit.
+    """
     known, error = found.model.good_flights, found.after
     most = known.most_rmse_rpm() if known else math.nan
     systematic = math.sqrt(max(error.rmse_rpm**2 - found.floor_rpm**2, 0.0))
@@ -230,19 +293,22 @@ def more_than_sound(found: Identification) -> str:
         return ""
     *others, worst = sorted(error.per_rotor_rmse_rpm)
     rotor = error.per_rotor_rmse_rpm.index(worst)
-    where = "and no rotor stands out"
+    where = say("and no rotor stands out")
     if worst**2 - float(np.mean(np.square(others))) > most**2:  # that it has beyond the others
         names = found.model.airframe.rotor_names
-        where = f"most on {rotor_words(rotor, names)}: {actions.LOOK_FIRST.text}"
-    return (
-        f"These flights are not like sound ones, and no effect explains it: off by "
-        f"{number(error.rmse_rpm, 'rpm', 0)}, sound flights by up to {number(most, 'rpm', 0)} "
-        f"(95 %), {where}"
+        action = actions.LOOK_FIRST.text
+        where = say("most on {rotor}: {action}", rotor=rotor_words(rotor, names), action=action)
+    return say(
+        "These flights are not like sound ones, and no effect explains it: off by {error}, sound "
+        "flights by up to {most} (95 %), {where}",
+        error=number(error.rmse_rpm, "rpm", 0),
+        most=number(most, "rpm", 0),
+        where=where,
     )
 
 
-def at_most(size: float, unit: str, name: str = "") -> str:
-    """A limit with two digits that count, rounded away from zero: `2.1 %` of 0.0204."""
+def upper_limit(size: float, unit: str, name: str = "") -> str:
+    """Return a limit with two significant digits, rounded away from zero: `2.1 %` for 0.0204."""
     factor, unit = shown_unit(unit, name)
     if not math.isfinite(size) or size <= 0.0:
         return number(size * factor, unit)
@@ -253,125 +319,196 @@ def at_most(size: float, unit: str, name: str = "") -> str:
 
 
 def excluded_rows(found: Identification) -> list[tuple[str, str]]:
-    """What was not seen and the size that is excluded; a row for all rotors, one for all cables."""
+    """Return (effect, excluded size) of effects that were not seen, for a table.
+
+    All rotors share one row, and so do all cable lengths: each has the largest limit.
+    """
     largest: dict[str, Excluded] = {}
     spoken_of = {m.rotor for m in found.mentioned} | {f.term.rotor for f in found.found}
-    another = "any other weak rotor" if spoken_of - {None} else "any weak rotor"
+    another = say("any other weak rotor" if spoken_of - {None} else "any weak rotor")
     for one in found.excluded:
         thing = effect_thing(one.term, found.model.airframe.rotor_names)
         if one.term.rotor is not None:
             thing = another
         if len([p for p in one.term.effect.parameters if not p.detail]) > 1:
-            thing += f", {one.parameter.replace('_', ' ')}"
+            thing += f", {say(one.parameter.replace('_', ' '))}"
         if thing not in largest or one.above > largest[thing].above:
             largest[thing] = one
     return [
-        (thing, f"above {at_most(e.above, e.unit, e.parameter)}") for thing, e in largest.items()
+        (thing, say("above {limit}", limit=upper_limit(e.above, e.unit, e.parameter)))
+        for thing, e in largest.items()
     ]
 
 
 def set_words(terms: Sequence[Term], names: Sequence[str]) -> str:
-    """A set of effects: `hidden mass and a weak rotor 1 (front right)`."""
-    things = [effect_thing(term, names) for term in terms] or ["nothing"]
-    return " and ".join(filter(None, (", ".join(things[:-1]), things[-1])))
+    """Return a set of effects in words: `hidden mass and a weak rotor 1 (front right)`; `nothing`
+    if empty."""
+    things = [effect_thing(term, names) for term in terms] or [say("nothing")]
+    return f" {say('and')} ".join(filter(None, (", ".join(things[:-1]), things[-1])))
 
 
 def next_flight_words(
     following: NextFlight, names: Sequence[str], mission: str, suspects: Sequence[int] = ()
 ) -> str:
-    """The flight that distinguishes two explanations, after a look at the rotors `suspects`."""
+    """Return the sentence about the flight that distinguishes two explanations, after inspecting
+    `suspects` (rotors, 1-based)."""
     ours, theirs = following.separates
     both = {t.key for t in ours} & {t.key for t in theirs}
     sides = [[t for t in side if t.key not in both] for side in (ours, theirs)]
-    asked = " from ".join(set_words(side, names) for side in sides if side)
-    question = asked if all(sides) else f"whether the cause is {asked}"
-    times = f", {following.repeats} times" if following.repeats > 1 else ""
-    sure = ""
+    words = [set_words(side, names) for side in sides if side]
+    question = say("whether the cause is {cause}", cause=words[0])
+    if all(sides):
+        question = say("{one} from {other}", one=words[0], other=words[1])
+    flight = manoeuvre_words(following.manoeuvre)
+    if following.repeats > 1:
+        flight += f", {say('{count} times', count=following.repeats)}"
+    flight += f" ({duration(60.0 * following.minutes)})"
     if following.certainty < SURE:
-        sure = f"; even that is right in only {chance(following.certainty)} of cases"
-    return (
-        f"To tell {question}, {looked_first(suspects)}{following.manoeuvre.words}{times} "
-        f"({duration(60.0 * following.minutes)}){sure}; "
-        + (f"{mission} is its mission" if mission else "--next-flight FILE.plan writes its mission")
+        sure = "; even that is right in only {chance} of cases"
+        flight += say(sure, chance=chance(following.certainty))
+    plan = say("--next-flight FILE.plan writes its mission")
+    if mission:
+        plan = say("{file} is its mission", file=Verbatim(mission))
+    return say(
+        "To tell {question}, {flight}; {mission}",
+        question=question,
+        flight=Verbatim(f"{inspection_words(suspects)}{flight}"),
+        mission=Verbatim(plan),
     )
 
 
+#: Name of a manoeuvre -> instruction without a full stop, and format of its numbers.
+_MANOEUVRES = {
+    "hover": ("hover {low} s", ".0f"),
+    "legs": ("fly a leg into the wind and back at {low} and at {high} m/s", ".1f"),
+    "speed steps": ("change speed in steps between 0, {low} and {high} m/s", ".1f"),
+    "squares": ("fly a small square to the right, then one to the left, nose ahead", ""),
+    "climb and descent": ("climb from {low} to {high} m and descend, twice", ".0f"),
+}
+
+
+def manoeuvre_words(manoeuvre: Manoeuvre) -> str:
+    """Return the instruction to fly a manoeuvre, with the fills that it needs."""
+    words, form = _MANOEUVRES[manoeuvre.name]
+    numbers = dict(zip(("low", "high"), (format(n, form) for n in manoeuvre.numbers), strict=False))
+    fills = manoeuvre.fills_kg
+    loads = {
+        "full": say(", with {kg} kg in the tank", kg=f"{fills[0]:.3g}"),
+        "nearly empty": say(", with {kg} kg in the tank", kg=f"{fills[-1]:.2g}"),
+        "both": say(
+            ", once with {full} and once with {low} kg in the tank",
+            full=f"{fills[0]:.3g}",
+            low=f"{fills[-1]:.2g}",
+        ),
+    }
+    return f"{say(words, **numbers)}{loads.get(manoeuvre.load, '')}"
+
+
 def error_words(found: Identification, margin: MarginChange) -> str:
-    """Rotor speed error before and after, on which rows, its floor, and the margin."""
+    """Return the sentence about the rotor speed error before and after: its rows, its floor, and
+    the margin."""
     error = rmse_words(found.after)
     changed = found.found or found.open_causes
     if changed:
         error = f"{number(found.before.rmse_rpm, '', 0)} -> {error}"
-    floor = f"at best {number(found.floor_rpm, 'rpm', 0)} with these channels"
     moved = f"; {margin_words(margin, found.model.airframe.rotor_names)}" if changed else ""
-    return f"Rotor speed error (RMSE) {error} on {where_from(found)}, {floor}{moved}"
+    words = say(
+        "Rotor speed error (RMSE) {error} on {flights}, at best {floor} with these channels",
+        error=error,
+        flights=error_rows_words(found),
+        floor=number(found.floor_rpm, "rpm", 0),
+    )
+    return f"{words}{moved}"
 
 
 def rmse_words(errors: Errors, unit: str = "rpm") -> str:
-    """`12.9 rpm (12.5 to 13.4)`."""
+    """Return the RMSE with its interval: `12.9 rpm (12.5 to 13.4)`."""
     return joined(within(errors.rmse_rpm, *errors.rmse_ci95_rpm, unit, most=1))
 
 
-def where_from(found: Identification) -> str:
-    """Which rows the errors before and after are of."""
+def error_rows_words(found: Identification) -> str:
+    """Return the words for the flights whose rows the errors before and after are computed on."""
     if found.held_out is not None:
         count = found.held_out.flights
-        return f"{count} flight{'s' if count > 1 else ''} not used"
+        words = "{count} flights not used" if count > 1 else "{count} flight not used"
+        return say(words, count=count)
     if found.problem.flights > 1:
-        return f"{found.problem.flights} flights, each predicted without itself"
-    return "one flight, each fifth predicted without itself"
+        words = "{count} flights, each predicted without itself"
+        return say(words, count=found.problem.flights)
+    return say("one flight, each fifth predicted without itself")
 
 
 def margin_words(change: MarginChange, names: tuple[str, ...]) -> str:
-    """The predicted margin without and with effects: typical, or at the worst moments if more."""
-    who = "the worst rotor" if change.rotor is None else rotor_words(change.rotor, names)
+    """Return the change of predicted margin in words: at typical moments, or at the worst ones.
+
+    The worst ones are reported if their margin changes by more than NOTICED and twice as much.
+    """
+    who = say("the worst rotor")
+    if change.rotor is not None:
+        who = rotor_words(change.rotor, names)
     typical = change.typical_after - change.typical_before
     worst = change.worst_after - change.worst_before
     if abs(worst) > 2.0 * abs(typical) and abs(worst) >= NOTICED:
-        when = f"at the worst moments ({percent(WORST_SHARE)} of the time) "
-        return f"{when}margin of {who} {_moves(change.worst_before, change.worst_after)}"
+        return say(
+            "at the worst moments ({share} of the time) margin of {rotor} {change}",
+            share=percent(WORST_SHARE),
+            rotor=who,
+            change=_change_words(change.worst_before, change.worst_after),
+        )
     if abs(typical) < NOTICED:
-        return f"margin of {who} stays at {percent(change.typical_after)}"
-    return f"margin of {who} {_moves(change.typical_before, change.typical_after)}"
+        words = "margin of {rotor} stays at {share}"
+        return say(words, rotor=who, share=percent(change.typical_after))
+    moved = _change_words(change.typical_before, change.typical_after)
+    return say("margin of {rotor} {change}", rotor=who, change=moved)
 
 
-def _moves(before: float, after: float) -> str:
+def _change_words(before: float, after: float) -> str:
+    """Return `falls from 56 % to 53 %`; with a decimal if both would read the same."""
     decimals = 0 if round(before * 100) != round(after * 100) else 1
-    way = "falls" if after < before else "rises"
-    return f"{way} from {percent(before, decimals)} to {percent(after, decimals)}"
+    words = "falls from {before} to {after}" if after < before else "rises from {before} to {after}"
+    return say(words, before=percent(before, decimals), after=percent(after, decimals))
 
 
 def open_questions(found: Identification) -> list[str]:
-    """What stays open about a rotor, and what could not be tried."""
+    """Return the sentences about rotors that stay in question, and effects that could not be
+    tried."""
     lines = []
     if found.problem.of_outputs:
         lines.append(
-            "From motor outputs: only each rotor's share of the thrust was looked at, for battery, "
-            "air and load move all outputs together"
+            say(
+                "From motor outputs: only each rotor's share of the thrust was looked at, for "
+                "battery, air and load move all outputs together"
+            )
         )
         if lacks_sound_flights(found.model) and found.standing is None:
             lines.append(
-                "Outputs alone do not show by how much sound flights of this aircraft differ, so "
-                "no rotor is named: give --model with a file learnt from good flights "
-                "(thrustmargin train GOOD... --out-model FILE)"
+                say(
+                    "Outputs alone do not show by how much sound flights of this aircraft differ, "
+                    "so no rotor is named: give --model with a file learnt from good flights "
+                    "(thrustmargin train GOOD... --out-model FILE)"
+                )
             )
     elif any("airspeed" in lacking for lacking in found.untried.values()):
-        lines.append("No airspeed is measured, so drag, lift and an unknown wind were not tried")
+        lines.append(
+            say("No airspeed is measured, so drag, lift and an unknown wind were not tried")
+        )
     return lines
 
 
-def claims(found: Identification) -> tuple[str, ...]:
-    """What so few flights do not allow to say."""
+def few_flights_words(found: Identification) -> tuple[str, ...]:
+    """Return the sentence about what one or two flights cannot show; empty for three or more."""
     if found.problem.flights == 1:
-        return (
+        words = (
             "One flight only: that this holds on another flight cannot be claimed, and effects "
             "that differ from flight to flight (air, battery, fill, wind) cannot be distinguished "
             "from each other; the intervals are of this flight alone. Give two flights or more, at "
-            "different tank levels, and one more with --held-out",
+            "different tank levels, and one more with --held-out"
         )
+        return (say(words),)
     if found.problem.flights == 2:
-        return (
+        words = (
             "Two flights only: the intervals show how stretches of these flights differ, not how "
-            "flights do. Three or more would show it",
+            "flights do. Three or more would show it"
         )
+        return (say(words),)
     return ()

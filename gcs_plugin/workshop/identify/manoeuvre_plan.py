@@ -1,7 +1,8 @@
-"""A manoeuvre as a mission that a ground station loads: one waypoint a corner, hover by waiting.
+"""Write a manoeuvre as a mission for a ground station: a waypoint for each corner, hover as waiting
+time.
 
-Only take-off, waypoints, changes of speed and return to launch are used, which every autopilot
-flies; yaw turns come from corners, with the nose ahead (the usual setting of autopilots).
+It uses only take-off, waypoints, changes of speed and return to launch, which every autopilot
+flies. Yaw turns happen at corners, because autopilots usually point the nose along the path.
 """
 
 from __future__ import annotations
@@ -15,16 +16,17 @@ from thrustmargin.mission import plan as plans
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.identification.next_flight import manoeuvres
 
-LOWEST = 2.0  # m above home, but where flights were mostly lower: a mission goes there by itself
+#: m above home, or the middle of the flights' heights if lower: a mission flies there unattended.
+LOWEST = 2.0
 
 
 def manoeuvre_plan(
     manoeuvre: manoeuvres.Manoeuvre, limits: manoeuvres.FlownLimits, *, repeats: int = 1
 ) -> plans.MissionPlan:
-    """The manoeuvre flown `repeats` times about the middle of where the flights were.
+    """Return the mission that flies `manoeuvre` `repeats` times, centred on where the flights were.
 
-    Altitudes are above home, the ground taken as level. Raises PlanError when the flights reported
-    no position or no height to plan with.
+    Altitudes are above home, on ground taken as level. Raise PlanError if the flights report no
+    position or no height.
     """
     corners = manoeuvres.corners_ned(manoeuvre, limits)
     if limits.origin is None or not np.isfinite(corners).all():

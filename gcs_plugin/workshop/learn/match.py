@@ -1,4 +1,4 @@
-"""`thrustmargin match`: the paper's load matching and its Figure 10 for an airframe."""
+"""The command `thrustmargin match`: the paper's load matching of an airframe, and its Figure 10."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def match(
         matching = match_airframe(load_model(model).airframe)
     else:
         matching = match_airframe(load_airframe(airframe or PAPER_AIRFRAME))
-    points, drawn = _network(matching, model)
+    points, drawn = _network_points(matching, model)
     console = Terminal()
     console.print(load_table(matching))
     if airframe is None and model is None:
@@ -85,7 +85,8 @@ def match(
 
 
 def load_table(matching: Matching) -> Table:
-    """The load matching as a table: a row a quantity, full and empty tank side by side."""
+    """Return the load matching as a table: one row for each quantity, columns for full and empty
+    tank."""
 
     # A title given as a string would be read as markup, and it comes from a file.
     title = Text(f"Load matching of {matching.airframe.title}")
@@ -123,7 +124,8 @@ def load_table(matching: Matching) -> Table:
 
 
 def usual_fill(model: RotorModel) -> list[str]:
-    """What to fill on a usual day, and how sure that is: as `thrustmargin fill` says it."""
+    """Return the lines about how much to fill on a usual day, equal to those of `thrustmargin
+    fill`."""
     from thrustmargin.gcs_plugin.reports.fill.fill_table import conditions, fill_table
     from thrustmargin.gcs_plugin.store.remembered_day import remembered_day
     from thrustmargin.models.physics.day import complete_day
@@ -136,7 +138,8 @@ def usual_fill(model: RotorModel) -> list[str]:
 
 
 def notes(matching: Matching) -> list[str]:
-    """Sentences under the table: the two thrust coefficients, and what a lost rotor means here."""
+    """Return the sentences below the table: the thrust coefficient against the paper's range, and
+    redundancy."""
     low, high = matching.thrust_coefficient_range
     inside = "inside" if low <= matching.thrust_coefficient <= high else "outside"
     return [
@@ -147,8 +150,11 @@ def notes(matching: Matching) -> list[str]:
     ]
 
 
-def _network(matching: Matching, path: Path | None) -> tuple[NetworkPoints | None, str]:
-    """The network's points, and a sentence that says what they are or why there are none."""
+def _network_points(matching: Matching, path: Path | None) -> tuple[NetworkPoints | None, str]:
+    """Return the network's points for the figure and a sentence about them.
+
+    Without `path` the shipped model is used; None and the reason if it does not fit the airframe.
+    """
     from thrustmargin.models.model.model_file import load_model, shipped_model
     from thrustmargin.models.model.training import network_points
 

@@ -1,4 +1,5 @@
-"""Figures of a model: the paper's Figure 10 for any airframe, and the loss curves of a training."""
+"""Draw the paper's Figure 10 for any airframe, and the loss curves of a training; write the curves
+as CSV."""
 
 from __future__ import annotations
 
@@ -32,7 +33,8 @@ ENDINGS = (".svg", ".pdf")
 
 
 def figure10(matching: Matching, points: NetworkPoints | None) -> Figure:
-    """The paper's Figure 10: thrust curve, band of loads, maxima, the network's rotor speeds."""
+    """Draw the paper's Figure 10: thrust curve, band of loads, ceilings, and the network's rotor
+    speeds if given."""
     airframe, load = matching.airframe, matching.load
     share = float(airframe.rotor_effectiveness.mean())
     top = 1.12 * max(limit.max_thrust / G0 for limit in matching.ceilings)
@@ -77,21 +79,26 @@ def figure10(matching: Matching, points: NetworkPoints | None) -> Figure:
 
 
 def _draw_ceilings(made: Figure, matching: Matching, *, top: float, right: float) -> None:
-    """A line for each ceiling, and the 50 % limit of the thrust curve's maximum."""
+    """Draw a horizontal line at each ceiling of thrust, kgf, and one at half of the second ceiling,
+    that of the thrust curve.
+
+    `top`, kgf, and `right`, rpm, are the ends of the axes. Needs at least two ceilings.
+    """
     heights: list[float] = []
     for limit in matching.ceilings:
         height = limit.max_thrust / G0
         # Two ceilings of nearly one height would print their names over each other.
         below = any(abs(height - other) < 0.035 * top for other in heights)
         heights.append(height)
-        _across(made, height)
+        _draw_line(made, height)
         _label(made, f"{limit.name}: {height:.2f} kgf", (0.0, height), below=below)
     half = 0.5 * heights[1]
-    _across(made, half, dash="dash")
+    _draw_line(made, half, dash="dash")
     _label(made, f"50 % limit: {half:.2f} kgf", (right, half), left=True)
 
 
-def _across(made: Figure, height: float, **look: str) -> None:
+def _draw_line(made: Figure, height: float, **look: str) -> None:
+    """Draw a horizontal line at `height`, kgf, over the whole width."""
     line = {"color": WARN, "width": 1.6, **look}
     ends = {"x0": 0, "x1": 1, "xref": "x domain", "y0": height, "y1": height, "yref": "y"}
     made.layout["shapes"].append({"type": "line", **ends, "line": line})
@@ -106,14 +113,15 @@ def _label(
     left: bool = False,
     color: str = WARN,
 ) -> None:
-    """Text a little off the place (rpm, kgf)."""
+    """Write `text` a few pixels off the point `at` (rpm, kgf)."""
     beside = {"xanchor": "right" if left else "left", "yanchor": "top" if below else "bottom"}
     shift = {"xshift": -8 if left else 8, "yshift": -4 if below else 4}
     made.note(escape(text), x=at[0], y=at[1], font={"color": color}, **beside, **shift)
 
 
 def _network_traces(points: NetworkPoints) -> list[Trace]:
-    """The network's rotor speeds against the load: mean of the rotors, bar over their range."""
+    """Return the network's rotor speeds against load, by airspeed: the rotors' mean, and a bar over
+    their range."""
     traces = []
     for index, airspeed in enumerate(np.unique(points.airspeed)):
         chosen = points.airspeed == airspeed
@@ -131,39 +139,41 @@ def _network_traces(points: NetworkPoints) -> list[Trace]:
 
 
 def figure_paths(out: Path) -> list[Path]:
-    """The files that `write_figure` writes: `out` itself, or without an ending one of each kind."""
+    """Return the files that `write_figure` writes: `out`, or without an ending one for each of
+    ENDINGS."""
     return [out] if out.suffix else [out.with_suffix(ending) for ending in ENDINGS]
 
 
 def write_figure(figure: Figure, out: Path) -> list[Path]:
-    """Write the figure as .svg, .pdf or both; each file appears whole or not at all.
+    """Write the figure as .svg, .pdf or both, and return the paths; no file is left incomplete.
 
-    Raises DataError when one cannot be written.
+    Raise DataError if a file cannot be written.
     """
     from thrustmargin.gcs_plugin.reports.paper.drawn_figure import file_bytes
 
     paths = figure_paths(out)
     for path in paths:
-        _write(path, file_bytes(figure, path.suffix))
+        _write_file(path, file_bytes(figure, path.suffix))
     return paths
 
 
 def loss_paths(model_path: Path) -> tuple[Path, Path]:
-    """MODEL.loss.csv and MODEL.loss.svg, beside the model file."""
+    """Return the paths MODEL.loss.csv and MODEL.loss.svg beside the model file."""
     return model_path.with_suffix(".loss.csv"), model_path.with_suffix(".loss.svg")
 
 
 def write_loss_curves(curves: Sequence[LossCurve], model_path: Path) -> list[Path]:
-    """Write the table and the figure beside the model file; returns their paths.
+    """Write the loss curves as a table and a figure beside the model file; return both paths.
 
-    Raises DataError when they cannot be written.
+    Raise DataError if a file cannot be written.
     """
     table, drawn = loss_paths(model_path)
-    _write(table, loss_table(curves).encode())
+    _write_file(table, loss_table(curves).encode())
     return [table, *write_figure(loss_figure(curves), drawn)]
 
 
-def _write(path: Path, content: bytes) -> None:
+def _write_file(path: Path, content: bytes) -> None:
+    """Write the whole file or none; raise DataError if that fails."""
     try:
         with whole_file(path) as draft:
             draft.write_bytes(content)
@@ -172,7 +182,8 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def loss_table(curves: Sequence[LossCurve]) -> str:
-    """One line a network and epoch: losses are mean squares of standardised rotor speed."""
+    """Return the loss curves as CSV, a line for each network and epoch; losses are mean squares of
+    standardised rotor speed."""
     rows = [
         (curve.name, epoch, f"{training:.6g}", f"{validation:.6g}", int(epoch == curve.best_epoch))
         for curve in curves
@@ -184,7 +195,8 @@ def loss_table(curves: Sequence[LossCurve]) -> str:
 
 
 def loss_figure(curves: Sequence[LossCurve]) -> Figure:
-    """Loss against epoch, a panel a network; the dot is the epoch whose weights are kept."""
+    """Draw loss against epoch, a panel for each network; the dot marks the epoch whose weights are
+    used."""
     high, gap = 150.0, 74.0
     whole = len(curves) * (high + gap) - gap
     margin = {"l": 80, "r": 20, "t": 70, "b": 60}

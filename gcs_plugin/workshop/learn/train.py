@@ -1,8 +1,10 @@
-"""`thrustmargin train`: an aircraft's own rotor speed model from its flights."""
+"""The command `thrustmargin train`: learn the rotor speed model of one aircraft from its own
+flights."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -13,9 +15,13 @@ from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Reading
 from thrustmargin.models.errors import LogError, require
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.flight import FlightTrack
     from thrustmargin.models.model.rotor_model import RotorModel
+    from thrustmargin.models.model.training import Trained, TrainSettings
+    from thrustmargin.models.physics.airframe import Airframe
 
 
 SPLITS = {"both": ("samples", "flights"), "samples": ("samples",), "flights": ("flights",)}
@@ -63,10 +69,6 @@ def train(
         force: Replace the model file if it is there.
     """
     require("train", "torch", "scipy")
-    from dataclasses import replace
-    from datetime import UTC, datetime
-    from importlib.metadata import version
-
     from thrustmargin.gcs_plugin.commands.shared.inputs import (
         SHIPPED_AIRFRAME,
         Inputs,
@@ -80,18 +82,14 @@ def train(
         check_range,
         require_logs,
     )
-    from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal, steps
+    from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
     from thrustmargin.gcs_plugin.workshop.learn.model_figures import loss_paths, write_loss_curves
     from thrustmargin.gcs_plugin.workshop.learn.training_tables import training_tables
-    from thrustmargin.models.identification.good_flights.commissioning import commission
     from thrustmargin.models.model.model_file import save_model
     from thrustmargin.models.model.rotor_model import physics_model
-    from thrustmargin.models.model.thermometer import learnt_thermometer, with_air_temperature
     from thrustmargin.models.model.training import TrainSettings
-    from thrustmargin.models.model.training import train as fit
     from thrustmargin.models.network.network import NetConfig
     from thrustmargin.models.physics.airframe import load_airframe
-    from thrustmargin.models.physics.flight_phases import training_rows
 
     progress = Terminal(stderr=True)
     inputs = Inputs(logs=require_logs(logs), airframe=airframe, reading=reading)
@@ -110,26 +108,67 @@ def train(
         splits=SPLITS[split], members=members, seed=seed, net=NetConfig(max_epochs=max_epochs)
     )
     unread: list[UnusedLog] = []
-    model = physics_model(aircraft)
-    read = read_logs(inputs, unread, progress, model=model)
+    read = read_logs(inputs, unread, progress, model=physics_model(aircraft))
     tracks = [log.track for log in claimed(read, unread, progress)]
     if not tracks:
         raise LogError(f"no flight can be used; {listed(unread)}")
-    tracks, unfit = _learnable(tracks, model)
-    unread += unfit
-    thermometer = learnt_thermometer(tracks, aircraft)
-    tracks = [with_air_temperature(track, thermometer) for track in tracks]
+    run = training_run(tracks, aircraft, settings, progress)
+    made, trained, tracks, written = run.model, run.trained, run.tracks, [out_model]
+    unread += run.unfit
+    save_model(made, out_model)
+    if trained is not None:
+        written += write_loss_curves(trained.curves, out_model)
+
+    console = Terminal()
+    for part in training_tables(made):
+        console.print(part)
+    for one in (*unread, *_logs_without_rows(tracks)):
+        console.print(f"left out: {one.name}: {one.reason}", soft_wrap=True)
+    for path in written:
+        console.print(f"wrote {path}", soft_wrap=True)
+    return 1 if unread else 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainingRun:
+    """A trained model, the fit of its network (None without one), and the flights of it."""
+
+    model: RotorModel
+    trained: Trained | None
+    tracks: list[FlightTrack]
+    unfit: list[UnusedLog]
+
+
+def training_run(
+    tracks: Sequence[FlightTrack], aircraft: Airframe, settings: TrainSettings, console: Console
+) -> TrainingRun:
+    """Train the model of an aircraft on its flights, with a progress line on the console.
+
+    Raises LogError when no flight can be used.
+    """
+    from datetime import UTC, datetime
+    from importlib.metadata import version
+
+    from thrustmargin.gcs_plugin.commands.shared.terminal import steps
+    from thrustmargin.models.identification.good_flights.commissioning import commission
+    from thrustmargin.models.model.rotor_model import physics_model
+    from thrustmargin.models.model.thermometer import learnt_thermometer, with_air_temperature
+    from thrustmargin.models.model.training import train as fit
+    from thrustmargin.models.physics.flight_phases import training_rows
+
+    kept, unfit = _usable_flights(tracks, physics_model(aircraft))
+    thermometer = learnt_thermometer(kept, aircraft)
+    kept = [with_air_temperature(track, thermometer) for track in kept]
     names, date = settings.names(), datetime.now(UTC).date().isoformat()
-    trained, written = None, [out_model]
-    learnable = any(training_rows(track).any() for track in tracks)
-    with steps(progress, total=len(names) + 1, lines=True) as step:
+    trained = None
+    with steps(console, total=len(names) + 1, lines=True) as step:
 
         def on_epoch(name: str, epoch: int, loss: float) -> None:
             step(f"{name}: epoch {epoch}, validation loss {loss:.4f}", names.index(name))
 
-        if learnable:
+        if any(training_rows(track).any() for track in kept):
             trained = fit(
-                tracks,
+                kept,
                 aircraft,
                 settings,
                 date=date,
@@ -138,35 +177,25 @@ def train(
             )
         made = commission(
             trained,
-            tracks,
+            kept,
             aircraft,
             date=date,
-            seed=seed,
+            seed=settings.seed,
             coverage=settings.coverage,
             progress=lambda what: step(what, len(names)),
         )
-    made = replace(made, thermometer=thermometer)
-    save_model(made, out_model)
-    if trained is not None:
-        written += write_loss_curves(trained.curves, out_model)
-
-    console = Terminal()
-    for part in training_tables(made):
-        console.print(part)
-    for one in (*unread, *_unused(tracks)):
-        console.print(f"left out: {one.name}: {one.reason}", soft_wrap=True)
-    for path in written:
-        console.print(f"wrote {path}", soft_wrap=True)
-    return 1 if unread else 0
+    model = replace(made, thermometer=thermometer)
+    return TrainingRun(model=model, trained=trained, tracks=kept, unfit=unfit)
 
 
-def _learnable(
+def _usable_flights(
     tracks: Sequence[FlightTrack], model: RotorModel
 ) -> tuple[list[FlightTrack], list[UnusedLog]]:
-    """Flights without those that have some rows to learn from but too few, or speeds of other
-    rotors or seconds, which are to be named.
+    """Return the usable flights, and the unusable ones with the reason.
 
-    Raises LogError when none is left.
+    Unusable are flights with too few rows for training, or with speeds of other rotors or times.
+    Flights without any such row stay: `_logs_without_rows` reports them. Raise LogError if no
+    flight is usable.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import listed
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
@@ -187,7 +216,8 @@ def _learnable(
     return kept, unfit
 
 
-def _unused(tracks: Sequence[FlightTrack]) -> list[UnusedLog]:
+def _logs_without_rows(tracks: Sequence[FlightTrack]) -> list[UnusedLog]:
+    """Return the flights without a row for training, with the reason."""
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.model.inferred.load_inference import LOAD_FROM_SPEEDS
     from thrustmargin.models.physics.flight_phases import training_rows

@@ -1,5 +1,7 @@
-"""What `train` prints: whether the model is fit for use, by flights that it has not seen, the
-paper's table with one's own figures, and where the error is.
+"""Write what `train` prints about a trained model, for its maintainer.
+
+It states first whether the model is fit for use on flights it has not seen, then the paper's table
+with this model's values, and where the error is.
 """
 
 from __future__ import annotations
@@ -26,12 +28,15 @@ SPLIT_WORDS = {"samples": "samples, as the paper", "flights": "flights"}
 
 
 def training_tables(model: RotorModel) -> list[RenderableType]:
-    """Tables and sentences about a trained model, in the order to print them."""
+    """Return tables and sentences about a trained model, in the order to print them.
+
+    A model without an interval or training domain has only its description.
+    """
     record, interval, domain = model.training, model.interval, model.training_domain
     if interval is None or domain is None:
         return [model.description]
     shown = model.good_flights
-    parts: list[RenderableType] = [] if shown is None else [fit_for_use(shown, model)]
+    parts: list[RenderableType] = [] if shown is None else [fitness_sentence(shown, model)]
     parts += [
         f"{model.description}; "
         f"airspeed {domain.airspeed[0]:.1f} to {domain.airspeed[1]:.1f} m/s, "
@@ -41,17 +46,17 @@ def training_tables(model: RotorModel) -> list[RenderableType]:
         interval_sentence(interval),
     ]
     if shown is not None:
-        parts += odd_flights(shown)
-        parts.append(_left_out_table(shown.errors, "The model on flights left out in turn"))
+        parts += outlier_sentences(shown)
+        parts.append(_held_out_table(shown.errors, "The model on flights left out in turn"))
     if record is not None:
         title = "The network alone on flights left out in turn; it learns nothing of yaw turns"
-        parts.append(_left_out_table(record.left_out, title))
+        parts.append(_held_out_table(record.left_out, title))
         parts += [_split_table(record)] if record.splits else []
     return parts
 
 
 def effect_lines(model: RotorModel) -> list[str]:
-    """One line an effect of the model, with the values that make it and their intervals."""
+    """Return a line for each effect of the model: its main parameters with 95 % intervals."""
     lines = []
     for record, placed in zip(model.effects, model.placed, strict=True):
         values = []
@@ -66,7 +71,7 @@ def effect_lines(model: RotorModel) -> list[str]:
 
 
 def thermometer_lines(model: RotorModel) -> list[str]:
-    """One line on a thermometer that good flights agree with; none without one."""
+    """Return the line about the correction of the logs' thermometer; empty without one."""
     one = model.thermometer
     if one is None:
         return []
@@ -77,6 +82,7 @@ def thermometer_lines(model: RotorModel) -> list[str]:
 
 
 def _split_table(record: records.TrainingRecord) -> Table:
+    """Return the table of R² and loss for each split, with the paper's values in the first row."""
     table = grid(
         ("", "training", "validation", "test", "loss", "epoch"),
         title="R² of rotor speed, one network a split (0.70 : 0.15 : 0.15)",
@@ -102,14 +108,15 @@ def _split_table(record: records.TrainingRecord) -> Table:
     return table
 
 
-def _left_out_table(conditions: tuple[records.ConditionScore, ...], title: str) -> Table:
+def _held_out_table(conditions: tuple[records.ConditionScore, ...], title: str) -> Table:
+    """Return the table of R² and RMSE on held-out flights, a row for each condition."""
     rows = [
         (
             one.condition,
             str(one.score.rows),
             f"{one.score.r2:.3f}",
-            _both(*one.score.r2_ci95),
-            _both(min(one.score.r2_per_rotor), max(one.score.r2_per_rotor)),
+            _pair_text(*one.score.r2_ci95),
+            _pair_text(min(one.score.r2_per_rotor), max(one.score.r2_per_rotor)),
             f"{one.score.rmse_rpm:.0f}",
         )
         for one in conditions
@@ -123,13 +130,15 @@ def _left_out_table(conditions: tuple[records.ConditionScore, ...], title: str) 
     )
 
 
-def _both(low: float, high: float) -> str:
-    """Two figures in a narrow column: one below 0 is a failure whatever its third digit."""
+def _pair_text(low: float, high: float) -> str:
+    """Return two numbers for a narrow column; below 0 with two decimals, because it is a failure
+    anyway."""
     return ", ".join(f"{value:.{2 if value < 0.0 else 3}f}" for value in (low, high))
 
 
 def interval_sentence(interval: Interval) -> str:
-    """What the interval promises and what it held, or why there is none."""
+    """Return the sentence about the interval's nominal and measured coverage, or about why there is
+    none."""
     if interval.flights < FEWEST_FLIGHTS:
         return f"No interval: it needs at least {FEWEST_FLIGHTS} flights."
     few = interval.flights < flights_needed(interval.coverage)
@@ -155,10 +164,10 @@ def interval_sentence(interval: Interval) -> str:
 #: is off by more cannot say on which side of the limit a flight is.
 USABLE = 0.05
 
-ODD = 0.05  # of trainings on good flights only, that call one of them odd
-FEWEST_OTHERS = 3  # whose scatter can be known
+ODD = 0.05  # probability that a training on good flights reports an outlier
+FEWEST_OTHERS = 3  # flights from which a scatter can be estimated
 
-#: what to look at where flights differ from each other in a mode
+#: Mode in which flights differ most -> what to check.
 CAUSES = {
     "collective": actions.STATE_LOAD.text,
     "roll": actions.SAME_PLACE.text,
@@ -167,27 +176,30 @@ CAUSES = {
 }
 
 
-def fit_for_use(shown: records.GoodFlights, model: RotorModel) -> str:
-    """One sentence: usable and how well, or not, why, and what to do."""
+def fitness_sentence(shown: records.GoodFlights, model: RotorModel) -> str:
+    """Return the sentence about whether the model is usable, with its error, or about the reason
+    and the remedy."""
     whole, straight, turning = (
-        _share(shown, condition) for condition in ("all rows", "outside yaw turns", "in yaw turns")
+        _relative_error(shown, condition)
+        for condition in ("all rows", "outside yaw turns", "in yaw turns")
     )
     most = straight if straight is not None else whole
     assert most is not None
     reach = f"rotor speed to {_percent(most)}" + ("" if turning is None else " outside turns")
     tested = f"RMS on {shown.flights} flights, each predicted by a model made without it"
     if most > USABLE:
-        return f"not usable: {reach} ({tested}), because {why(shown, model)}"
+        return f"not usable: {reach} ({tested}), because {main_error_words(shown, model)}"
     if turning is None:
         return f"usable: {reach} ({tested})"
     reach += f", {_percent(turning)} in turns"
     if turning > USABLE:
-        return f"usable outside turns only: {reach} ({tested}), because {why(shown, model)}"
+        because = main_error_words(shown, model)
+        return f"usable outside turns only: {reach} ({tested}), because {because}"
     return f"usable: {reach} ({tested})"
 
 
-def why(shown: records.GoodFlights, model: RotorModel) -> str:
-    """The largest part of the error, and what to do about it."""
+def main_error_words(shown: records.GoodFlights, model: RotorModel) -> str:
+    """Return the words about the largest part of the error, and what to do about it."""
     squares = {name: rmse**2 for name, rmse in shown.flight_rmse_rpm.items()}
     worst = max(squares, key=lambda name: squares[name])
     if squares[worst] > 0.5 * sum(squares.values()):
@@ -203,11 +215,12 @@ def why(shown: records.GoodFlights, model: RotorModel) -> str:
     return "the channels do not say what changes: thrustmargin identify LOG... --model FILE"
 
 
-def odd_flights(shown: records.GoodFlights) -> list[str]:
-    """A sentence for each flight whose error is another's than that of the rest: is it a good one?
+def outlier_sentences(shown: records.GoodFlights) -> list[str]:
+    """Return a sentence for each flight whose RMSE is unusually large, in case the aircraft was not
+    in order.
 
-    The logarithm of its RMSE lies beyond Student's prediction interval of those of the others, at
-    5 % shared among all flights.
+    Its logarithm is above Student's prediction interval of the other flights, with a probability of
+    a false one of ODD over all flights. Empty with fewer than FEWEST_OTHERS other flights.
     """
     logs = np.log(list(shown.flight_rmse_rpm.values()))
     sentences = []
@@ -226,7 +239,8 @@ def odd_flights(shown: records.GoodFlights) -> list[str]:
     return sentences
 
 
-def _share(shown: records.GoodFlights, condition: str) -> float | None:
+def _relative_error(shown: records.GoodFlights, condition: str) -> float | None:
+    """Return the RMSE of a condition over the mean rotor speed; None if it was not scored."""
     for one in shown.errors:
         if one.condition == condition:
             return one.score.rmse_rpm / shown.mean_speed_rpm
@@ -234,4 +248,5 @@ def _share(shown: records.GoodFlights, condition: str) -> float | None:
 
 
 def _percent(share: float) -> str:
+    """Return a share as a percentage with two significant digits."""
     return f"{100 * share:.2g} %"

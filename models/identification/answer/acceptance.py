@@ -63,7 +63,7 @@ from thrustmargin.models.identification.rows.candidates import (
 )
 from thrustmargin.models.identification.rows.problem import BLOCK_SECONDS, Problem
 from thrustmargin.models.identification.sets.discrepancy import FORM, MEANS, WANDER, slow_wander
-from thrustmargin.models.identification.sets.linear_sets import FittedSet
+from thrustmargin.models.identification.sets.linear_sets import EffectSet
 from thrustmargin.models.identification.sets.search_space import USUAL_SHARE, SearchSpace
 from thrustmargin.models.identification.sets.set_search import FAR, Search
 from thrustmargin.models.physics.atmosphere import G0
@@ -169,7 +169,7 @@ def cross_validated_posterior(
     """Apply rules 1 and 2; also return the cross-validation about the best remaining set."""
     out = FoldSums.from_nuisance(answer.search.nuisance)
 
-    def fold_squares(one: FittedSet) -> Floats:
+    def fold_squares(one: EffectSet) -> Floats:
         """Return the mean square (folds,) of the held-out residual of a set."""
         own = CrossValidation.about_set(problem, answer.search, one, alone=True, out=out)
         return own.fold_squares(own.with_effects(one.key))
@@ -179,14 +179,14 @@ def cross_validated_posterior(
 
 
 def drop_unconfirmed_sets(
-    answer: Posterior, fold_squares: Callable[[FittedSet], Floats]
+    answer: Posterior, fold_squares: Callable[[EffectSet], Floats]
 ) -> Posterior:
     """Apply rules 1 and 2, computing the held-out mean squares (folds,) of each set once."""
     fold_squares = lru_cache(maxsize=None)(fold_squares)
     return drop_worse_sets(drop_larger_sets(answer, fold_squares), fold_squares)
 
 
-def drop_larger_sets(answer: Posterior, fold_squares: Callable[[FittedSet], Floats]) -> Posterior:
+def drop_larger_sets(answer: Posterior, fold_squares: Callable[[EffectSet], Floats]) -> Posterior:
     """Rule 1: drop the best set while a set with fewer effects has a lower held-out error.
 
     Additional effects must improve the prediction. Only sets within FAR of the original best log
@@ -203,7 +203,7 @@ def drop_larger_sets(answer: Posterior, fold_squares: Callable[[FittedSet], Floa
     return answer
 
 
-def drop_worse_sets(answer: Posterior, fold_squares: Callable[[FittedSet], Floats]) -> Posterior:
+def drop_worse_sets(answer: Posterior, fold_squares: Callable[[EffectSet], Floats]) -> Posterior:
     """Rule 2: drop sets that predict held-out flights clearly worse than the best set.
 
     The least probable sets, NEGLIGIBLE together, are not tried: they change no report.
@@ -280,7 +280,7 @@ def _probable_causes(answer: Posterior) -> dict[int, Floats]:
     all. Their joint probability must exceed CHOICE.
     """
     search, best = answer.search, answer.best
-    members = dict(zip(sorted(best.key), best.trials, strict=True))
+    members = best.effects
     whole = predicted_modes(search.reduced, best.trials)
 
     def square(members_out: Collection[int]) -> Floats:
@@ -338,7 +338,7 @@ def _interchangeable_causes(c: int, search: Search) -> list[int]:
     ]
 
 
-def _slow_mode(space: SearchSpace, search: Search, best: FittedSet) -> Unexplained | None:
+def _slow_mode(space: SearchSpace, search: Search, best: EffectSet) -> Unexplained | None:
     """Describe the mode with the most slow noise relative to good flights.
 
     None where no mode exceeds SLOW_FACTOR, or the model has no good flights.
@@ -367,7 +367,7 @@ def _slow_mode(space: SearchSpace, search: Search, best: FittedSet) -> Unexplain
     )
 
 
-def residual_at_best(search: Search, best: FittedSet) -> Floats:
+def residual_at_best(search: Search, best: EffectSet) -> Floats:
     """Return the residual (N, R), rpm in modes, of a set at its optimum.
 
     The optimum may be one linear step away from the values that the set is stored with.
@@ -389,7 +389,7 @@ def effects_resembling(
     likely = _probable_causes(answer)
     terms = {c: search.candidates[c].term for c in {*named, *likely}}
     uneven = {terms[c].rotor for c in likely} - {None}
-    trials = dict(zip(sorted(best.key), best.trials, strict=True))
+    trials = best.effects
     read: set[str] = set()
     if unexplained is not None and not unexplained.wanders:
         read = {needed for channel in unexplained.channels for needed in ALONG[channel].needs}

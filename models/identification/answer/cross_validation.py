@@ -26,7 +26,7 @@ from thrustmargin.models.identification.rows.candidates import (
 from thrustmargin.models.identification.rows.problem import Problem
 from thrustmargin.models.identification.rows.row_fit import fit_rows
 from thrustmargin.models.identification.sets.linear_sets import (
-    FittedSet,
+    EffectSet,
     LinearisedSets,
     SetColumns,
 )
@@ -66,13 +66,11 @@ class HeldOutFold:
         """Return the posterior of the sets `keys`, scored without this fold."""
         linear, sets = self.linear, []
         for key in keys:
-            scored = linear.score(key)
             sets.append(
-                FittedSet(
+                EffectSet(
                     key=key,
                     trials=tuple(linear.trials[c] for c in sorted(key)),
-                    set_score=scored,
-                    total=scored.log_evidence,
+                    set_score=linear.score(key),
                     residual=linear.about.residual,
                 )
             )
@@ -112,7 +110,7 @@ class CrossValidation:
         cls,
         problem: Problem,
         search: Search,
-        about: FittedSet,
+        about: EffectSet,
         *,
         alone: bool = False,
         out: FoldSums | None = None,

@@ -26,7 +26,7 @@ from thrustmargin.models.identification.rows.candidates import (
     predicted_modes,
 )
 from thrustmargin.models.identification.sets.discrepancy import FORM
-from thrustmargin.models.identification.sets.linear_sets import FittedSet, LinearisedSets
+from thrustmargin.models.identification.sets.linear_sets import EffectSet, LinearisedSets
 from thrustmargin.models.identification.sets.set_search import Search
 
 
@@ -61,13 +61,13 @@ class Posterior:
     """All fitted sets with their posterior probabilities, most probable first."""
 
     search: Search
-    sets: tuple[FittedSet, ...]
+    sets: tuple[EffectSet, ...]
     weights: Floats  # (sets,)
     steepness: float  # relative standard error of the slope of thrust over motor output
 
     @classmethod
     def from_sets(
-        cls, search: Search, fitted: Iterable[FittedSet], steepness: float = 0.0
+        cls, search: Search, fitted: Iterable[EffectSet], steepness: float = 0.0
     ) -> Posterior:
         """Sort sets by log evidence and normalise their posterior probabilities."""
         sets = sorted(fitted, key=lambda f: -f.total)
@@ -81,7 +81,7 @@ class Posterior:
         return Posterior.from_sets(self.search, kept, self.steepness)
 
     @property
-    def best(self) -> FittedSet:
+    def best(self) -> EffectSet:
         """Return the most probable set."""
         return self.sets[0]
 
@@ -138,9 +138,8 @@ class Posterior:
         for one in self.sets:
             if candidate not in one.key:
                 continue
-            of = sorted(one.key).index(candidate)
-            before = sum(len(h.candidate.free) for h in one.trials[:of])
-            trial = one.trials[of]
+            trial = one.effects[candidate]
+            before = sum(len(h.candidate.free) for c, h in one.effects.items() if c < candidate)
             weight = float(np.exp(one.total - self.sets[0].total))
             values, errors = trial.values.copy(), np.zeros_like(trial.values)
             for k, (parameter, flight) in enumerate(trial.candidate.free):
@@ -191,20 +190,17 @@ class Posterior:
             kept, found = still_clear, []
         return found
 
-    def fit_alone(self, kept: Iterable[int]) -> FittedSet:
+    def fit_alone(self, kept: Iterable[int]) -> EffectSet:
         """Return the set of exactly the effects `kept`, fitted from their values in
         probable sets."""
         key = frozenset(kept)
-        near = {c: h for s in self.sets[::-1] for c, h in zip(sorted(s.key), s.trials, strict=True)}
+        near = {c: h for s in self.sets[::-1] for c, h in s.effects.items()}
         return self.search.fitted.get(key) or self.search.fit_near(key, near)
 
     def alternatives(self) -> tuple[SetWeight, ...]:
         """Return the sets with a posterior probability of at least DOUBT."""
         return tuple(
-            SetWeight(
-                probability=float(w),
-                terms=tuple(self.search.candidates[c].term for c in sorted(s.key)),
-            )
+            SetWeight(probability=float(w), terms=s.terms)
             for s, w in zip(self.sets, self.weights, strict=True)
             if w >= DOUBT
         )

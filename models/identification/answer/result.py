@@ -263,7 +263,8 @@ class Identification:
 
     @property
     def reported(self) -> tuple[Found, ...]:
-        """Return the effects found, then those that a channel reports to the model already."""
+        """Return the effects to add to the model, then those that airspeed already includes, which
+        are not added."""
         return (*self.found, *self.followed)
 
     def to_json(self, *, model_in: str = "", model_out: str = "") -> dict[str, Any]:
@@ -322,8 +323,11 @@ class Identification:
         )
 
     def unexplained(self) -> dict[str, Any]:
-        """Return the unexplained residual as JSON: fraction of variance, mode, channels, closest
-        effects."""
+        """Return the unexplained residual as JSON: share of variance, RMS in rpm, mode, channels,
+        rotor (1-based), closest effects.
+
+        Without one, share and RMS are 0, mode, channel and rotor None, and channels empty.
+        """
         left = self.left
         return {
             "fraction_of_variance": left.share if left else 0.0,

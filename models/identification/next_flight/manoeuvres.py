@@ -112,10 +112,13 @@ class Piece:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Manoeuvre:
-    """A manoeuvre in words and in pieces, to be flown once at each of its fills."""
+    """A manoeuvre in pieces, to be flown once at each of its fills."""
 
     name: str
-    words: str  # an instruction to the pilot, without a full stop
+    #: of hover: s; of legs and speed steps: lower and higher speed, m/s; of climb: lowest and
+    #: highest height, m
+    numbers: tuple[float, ...]
+    load: str  # "full", "nearly empty", "both", or "" for an aircraft without a tank
     pieces: tuple[Piece, ...]
     height: float  # m above the ground at which it begins
     heading: float  # rad from north at which it begins
@@ -136,17 +139,18 @@ def manoeuvres(limits: FlownLimits) -> tuple[Manoeuvre, ...]:
     fills = {"": (0.0,)}
     if largest > 0.0:
         fills = {
-            f", with {largest:.3g} kg in the tank": (largest,),
-            f", with {least:.2g} kg in the tank": (least,),
-            f", once with {largest:.3g} and once with {least:.2g} kg in the tank": (largest, least),
+            "full": (largest,),
+            "nearly empty": (least,),
+            "both": (largest, least),
         }
     made = []
-    for name, words, height, pieces in _library(limits, low, middle):
+    for name, numbers, height, pieces in _library(limits, low, middle):
         for load, kg in fills.items():
             made.append(
                 Manoeuvre(
                     name=name,
-                    words=words + load,
+                    numbers=numbers,
+                    load=load,
                     pieces=pieces,
                     height=height,
                     heading=upwind,
@@ -167,12 +171,12 @@ def lightest_manoeuvres(every: Sequence[Manoeuvre]) -> tuple[Manoeuvre, ...]:
 
 def _library(
     limits: FlownLimits, low: float, middle: float
-) -> list[tuple[str, str, float, tuple[Piece, ...]]]:
-    """List name, words, first height (m) and pieces of each manoeuvre within the limits."""
+) -> list[tuple[str, tuple[float, ...], float, tuple[Piece, ...]]]:
+    """List name, numbers, first height (m) and pieces of each manoeuvre within the limits."""
     rate = float(np.clip(np.nan_to_num(limits.turn_rate), 0.1, TURN_RATE))
     around = Piece(seconds=np.pi / rate, turn=rate)
-    made: list[tuple[str, str, float, tuple[Piece, ...]]] = [
-        ("hover", f"hover {HOVER_S:.0f} s", middle, (Piece(seconds=HOVER_S),))
+    made: list[tuple[str, tuple[float, ...], float, tuple[Piece, ...]]] = [
+        ("hover", (HOVER_S,), middle, (Piece(seconds=HOVER_S),))
     ]
     speed = min(limits.speed, 2.0 * limits.reach / LEAST_LEG_S)
     if speed > LEAST_SPEED:
@@ -180,13 +184,11 @@ def _library(
         for pace in (speed / 2, speed):
             leg = Piece(seconds=min(LEG_S, 2.0 * limits.reach / pace), speed=pace)
             pieces += [leg, _stop_piece(pace), around, leg, _stop_piece(pace), around]
-        legs = f"fly a leg into the wind and back at {speed / 2:.1f} and at {speed:.1f} m/s"
-        made.append(("legs", legs, middle, tuple(pieces)))
+        made.append(("legs", (speed / 2, speed), middle, tuple(pieces)))
         short = min(LEG_S, 2.0 * limits.reach / speed) / 3
         steps = [Piece(seconds=short, speed=s * speed) for s in (0.5, 1.0, 0.5)]
         back = (*steps, _stop_piece(speed), around)
-        words = f"change speed in steps between 0, {speed / 2:.1f} and {speed:.1f} m/s"
-        made.append(("speed steps", words, middle, (*back, *back)))
+        made.append(("speed steps", (speed / 2, speed), middle, (*back, *back)))
         pace, corner = speed / 2, np.pi / 2 / rate
         sides = [
             piece
@@ -194,15 +196,14 @@ def _library(
             for piece in 4
             * [Piece(seconds=SIDE_S, speed=pace), _stop_piece(pace), _corner_piece(corner, way)]
         ]
-        words = "fly a small square to the right, then one to the left, nose ahead"
-        made.append(("squares", words, middle, tuple(sides)))
+        made.append(("squares", (), middle, tuple(sides)))
     climb = min(limits.climb, 2.0)
     if climb > LEAST_SPEED and limits.height[1] - low > LEAST_LEG_S * climb / 2:
         up = Piece(seconds=(limits.height[1] - low) / climb, climb=climb)
         down = Piece(seconds=up.seconds, climb=-climb)
         hold = Piece(seconds=5.0)
-        words = f"climb from {low:.0f} to {limits.height[1]:.0f} m and descend, twice"
-        made.append(("climb and descent", words, low, (hold, up, hold, down) * 2))
+        ends = (low, limits.height[1])
+        made.append(("climb and descent", ends, low, (hold, up, hold, down) * 2))
     return made
 
 

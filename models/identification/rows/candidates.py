@@ -213,7 +213,12 @@ def _possible_change(reduced: Reduced, effect: Effect) -> Effect | None:
 
 
 def _is_observable(reduced: Reduced, effect: Effect) -> bool:
-    """Return False for an effect that these flights could hardly show even at its usual size."""
+    """Return whether an effect of usual size would have enough influence on these flights to be
+    seen.
+
+    `effect.weight` computes that influence at start values plus one scale; it must be at least 1.
+    True for an effect without `weight`.
+    """
     if effect.weight is None:
         return True
     values = {p.name: p.start + (0.0 if p.detail else p.scale) for p in effect.parameters}

@@ -8,7 +8,7 @@ because each step of a fit needs the same columns with another residual.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.rows.candidates import TrialEffect
+from thrustmargin.models.identification.rows.candidates import Term, TrialEffect
 from thrustmargin.models.identification.rows.value_columns import ValueColumns
 from thrustmargin.models.identification.sets.discrepancy import FORM
 from thrustmargin.models.identification.sets.evidence import (
@@ -75,21 +75,38 @@ TINY = 1e-9  # keeps the matrix of a value without effect solvable
 Key = frozenset[int]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FittedSet:
-    """A set of effects fitted with the nonlinear effects, at its converged values."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EffectSet:
+    """A set of effects with its values and its score, from the search to the answer.
 
-    key: Key
-    trials: tuple[TrialEffect, ...]
+    The search fits the values with the nonlinear effects; a fold of cross-validation scores them.
+    """
+
+    key: Key  # candidate indices
+    trials: tuple[TrialEffect, ...]  # in the order of the candidate indices
     set_score: SetScore
-    total: float  # log evidence
     residual: Floats  # (N, R) rpm in modes
+
+    @cached_property
+    def effects(self) -> Mapping[int, TrialEffect]:
+        """Return the effects by candidate index, in ascending order."""
+        return dict(zip(sorted(self.key), self.trials, strict=True))
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """Return the terms in the order of the candidate indices."""
+        return tuple(one.candidate.term for one in self.trials)
+
+    @property
+    def total(self) -> float:
+        """Return the log evidence, with the log prior probability of the set."""
+        return self.set_score.log_evidence
 
     @property
     def possible_key(self) -> Key:
         """Return the set without the effects that have a main value at its bound."""
         kept = []
-        for c, trial in zip(sorted(self.key), self.trials, strict=True):
+        for c, trial in self.effects.items():
             values = zip(trial.candidate.parameters, trial.free_values, strict=True)
             if all(is_shape(p) or p.lower < value < p.upper for p, value in values):
                 kept.append(c)
@@ -100,7 +117,7 @@ class FittedSet:
 class _AboutSet:
     """All candidates about a fitted set, and the places of their values among the columns."""
 
-    about: FittedSet
+    about: EffectSet
     trials: tuple[TrialEffect, ...]  # (C,) at their values in the set; at their starts outside it
     columns: tuple[slice, ...]  # (C,) columns of each candidate's free values
     temperature: float  # factor on the noise while sets are scored

@@ -30,7 +30,7 @@ from thrustmargin.models.identification.rows.candidates import (
     candidate,
     derivatives,
 )
-from thrustmargin.models.identification.sets.linear_sets import FittedSet, Key
+from thrustmargin.models.identification.sets.linear_sets import EffectSet, Key
 from thrustmargin.models.identification.sets.set_search import FAR, Search
 
 LEAST_AFTER = 8.0  # least s of flight before and after a step
@@ -61,11 +61,11 @@ def drop_rotor_effects(search: Search, key: Key) -> Key:
     )
 
 
-def onset_candidates(search: Search, about: FittedSet) -> list[Candidate]:
+def onset_candidates(search: Search, about: EffectSet) -> list[Candidate]:
     """Return candidate steps that gain enough about the set `about` without its bad rotors, best
     first."""
     sound = drop_rotor_effects(search, about.key)
-    near = dict(zip(sorted(about.key), about.trials, strict=True))
+    near = about.effects
     fitted = search.fitted.get(sound) or search.fit_near(sound, near)
     reduced, rotors = search.reduced, search.reduced.measured_rpm.shape[1]
     found = []
@@ -155,7 +155,7 @@ class _LossSums:
     own: Sequence[Floats]  # (2, 2)
 
     @classmethod
-    def about_set(cls, search: Search, fitted: FittedSet, column: Floats) -> _LossSums:
+    def about_set(cls, search: Search, fitted: EffectSet, column: Floats) -> _LossSums:
         """Compute the sums of `column` (N, R), the loss's derivative, and the residual
         of `fitted`."""
         columns = np.stack([column, np.nan_to_num(fitted.residual)], axis=2)

@@ -33,8 +33,8 @@ from thrustmargin.models.identification.sets.evidence import (
     score,
 )
 from thrustmargin.models.identification.sets.linear_sets import (
+    EffectSet,
     FilteredColumns,
-    FittedSet,
     Key,
     LinearisedSets,
     SetColumns,
@@ -75,7 +75,7 @@ class Search:
         self.reduced, self.nuisance = reduced, replace(nuisance, whitening=tempered)
         self.candidates = list(candidates)
         self.solved = self.nuisance.marginalise()
-        self.fitted: dict[Key, FittedSet] = {}
+        self.fitted: dict[Key, EffectSet] = {}
         self.start = [
             TrialEffect(candidate=c, values=self._start_values(c)) for c in self.candidates
         ]
@@ -133,9 +133,7 @@ class Search:
         Return whether one of these sets comes within FAR of the best, so that the search should
         continue.
         """
-        near = {
-            c: h for f in self.fitted.values() for c, h in zip(sorted(f.key), f.trials, strict=True)
-        }
+        near = {c: h for f in self.fitted.values() for c, h in f.effects.items()}
         found = []
         for one in more:
             self.candidates.append(one)
@@ -145,7 +143,7 @@ class Search:
             found += [self.fit(key, values) for key in (frozenset({new}), beside | {new})]
         return any(one.total > self.best.total - FAR for one in found)
 
-    def fit_near(self, key: Key, near: Mapping[int, TrialEffect]) -> FittedSet:
+    def fit_near(self, key: Key, near: Mapping[int, TrialEffect]) -> EffectSet:
         """Fit a set from the values `near` of a similar set, without storing it among the fitted
         sets."""
         return self._fit(key, [near[c] for c in sorted(key)], 8)
@@ -175,28 +173,28 @@ class Search:
         return [key for key, found in self.fitted.items() if found.total > IMPOSSIBLE / 2]
 
     @property
-    def best(self) -> FittedSet:
+    def best(self) -> EffectSet:
         """Return the fitted set with the highest log evidence."""
         return max(self.fitted.values(), key=lambda f: f.total)
 
-    def linearise(self, about: FittedSet) -> LinearisedSets:
+    def linearise(self, about: EffectSet) -> LinearisedSets:
         """Linearise all candidates about a fitted set."""
         columns = self.set_columns(about)
         return columns.linear(self.solved, self.nuisance.sums(columns.whole))
 
-    def set_columns(self, about: FittedSet, *, alone: bool = False) -> SetColumns:
+    def set_columns(self, about: EffectSet, *, alone: bool = False) -> SetColumns:
         """Return the columns of all candidates about a fitted set.
 
         With `alone`, candidates outside the set have no values and no change.
         """
-        inside = dict(zip(sorted(about.key), about.trials, strict=True))
+        inside = about.effects
         base = predicted_modes(self.reduced, about.trials)
         trials, columns, changes, places = [], [], [], []
         first = 0
         for c, at_start in enumerate(self.start):
             if c in inside:
                 members = list(about.trials)
-                of = sorted(about.key).index(c)
+                of = list(inside).index(c)
                 rest = [h for k, h in enumerate(members) if k != of]
                 changes.append(predicted_modes(self.reduced, rest) - base)
             elif alone:
@@ -282,7 +280,7 @@ class Search:
             for k in key
         )
 
-    def fit(self, key: Key, near: Sequence[TrialEffect], steps: int = 8) -> FittedSet:
+    def fit(self, key: Key, near: Sequence[TrialEffect], steps: int = 8) -> EffectSet:
         """Fit a set with the nonlinear effects, from the values `near` of all candidates or from
         the starts.
 
@@ -302,7 +300,7 @@ class Search:
 
     def _fit(
         self, key: Key, trials: Sequence[TrialEffect], steps: int, best: float = -np.inf
-    ) -> FittedSet:
+    ) -> EffectSet:
         """Fit by Gauss-Newton with step halving; recompute derivatives once steps gain less than
         STALE.
 
@@ -355,15 +353,12 @@ class Search:
 
     def _fitted_set(
         self, key: Key, columns: FilteredColumns, trials: Sequence[TrialEffect], residual: Floats
-    ) -> FittedSet:
+    ) -> EffectSet:
         """Return a set at its present values, scored with the linear step to the optimum."""
         scored = score(prior_of(trials), columns.gram(residual), self.temperature)
-        total = scored.log_evidence
-        return FittedSet(
-            key=key, trials=tuple(trials), set_score=scored, total=total, residual=residual
-        )
+        return EffectSet(key=key, trials=tuple(trials), set_score=scored, residual=residual)
 
-    def final_step_change(self, best: FittedSet) -> Floats:
+    def final_step_change(self, best: EffectSet) -> Floats:
         """Return the change in prediction (N, R), rpm in modes, by a set's linear step to its
         optimum."""
         moved, first = np.zeros_like(best.residual), 0

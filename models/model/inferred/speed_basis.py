@@ -62,7 +62,7 @@ def measured_only(track: FlightTrack) -> FlightTrack:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeardSpeeds:
-    """For each rotor, from 0, with a measured speed so far: s of the last row that had one."""
+    """The time, s, of the last row with a measured speed, for each rotor (0-based) that had one."""
 
     last_s: Mapping[int, float] = field(default_factory=dict)
 

@@ -17,6 +17,7 @@ from thrustmargin.gcs_plugin.logs.findings import names_wrong
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.logs.log_answer import first_contact_of
 from thrustmargin.gcs_plugin.office.season.season_flight import IngestSettings, season_flights
+from thrustmargin.gcs_plugin.office.season.stored_words import flight_reason
 from thrustmargin.gcs_plugin.wording.report_words import (
     command,
     contact_facts,
@@ -145,4 +146,4 @@ def test_an_unknown_aircraft_that_lost_control_is_said_to_have_and_is_grounded(t
     assert grounded in view.whole.action
     (stored,) = season_flights(log, "0" * 16, IngestSettings(store=""), name=log.name)
     assert stored.summary["verdict"] == "lost"
-    assert stored.summary["verdict_reason"] == "LOST CONTROL AT 1:40"
+    assert flight_reason(stored.summary) == "LOST CONTROL AT 1:40"

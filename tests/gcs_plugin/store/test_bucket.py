@@ -40,8 +40,8 @@ def test_a_bucket_holds_what_a_folder_holds(season_bucket: str, tmp_path: Path):
 
 def test_a_second_writer_of_a_bucket_is_refused_until_the_first_ends(season_bucket: str):
     store = SeasonStore.open(f"{season_bucket}/two")
-    with writer_lock(store) as still_held:
-        still_held()
+    with writer_lock(store) as check_lock:
+        check_lock()
         with (
             pytest.raises(DataError, match="written by another ingest \\(process"),
             writer_lock(store),
@@ -55,10 +55,10 @@ def test_a_writer_that_died_is_followed_and_stops_when_it_wakes(
     season_bucket: str, monkeypatch: pytest.MonkeyPatch
 ):
     store = SeasonStore.open(f"{season_bucket}/three")
-    with writer_lock(store) as still_held:
+    with writer_lock(store) as check_lock:
         monkeypatch.setattr(lock_module, "STALE_S", 0.0)
         with writer_lock(store), pytest.raises(DataError, match="taken over by another"):
-            still_held()
+            check_lock()
 
 
 @pytest.mark.parametrize("off_s", [-1e6, 1e6])
@@ -73,8 +73,8 @@ def test_a_computer_s_clock_neither_frees_a_lock_nor_keeps_it(
             pass
         time.sleep(1.1)  # the bucket's times have whole seconds
         monkeypatch.setattr(lock_module, "STALE_S", 1.0)
-        with writer_lock(store) as still_held:
-            still_held()
+        with writer_lock(store) as check_lock:
+            check_lock()
 
 
 @pytest.mark.slow

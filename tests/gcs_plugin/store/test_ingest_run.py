@@ -58,14 +58,14 @@ def run(
 ) -> IngestOutcome:
     store = SeasonStore.open(str(folder))
     make, at_once = workers or local_processes(2)
-    with writer_lock(store) as still_held:
+    with writer_lock(store) as check_lock:
         return ingest_logs(
             store,
             logs,
             partial(stage_number, store=str(folder), slow=slow),
             executor=make,
             at_once=at_once,
-            still_held=still_held,
+            check_lock=check_lock,
             show=lambda *_: None,
             refused=refused,
         )

@@ -32,17 +32,17 @@ from thrustmargin.models.errors import DataError
 def test_a_damaged_note_is_refused_with_what_to_do(tmp_path: Path, held: bytes):
     (tmp_path / "_store.json").write_bytes(held)
     with pytest.raises(DataError, match=r"_store.json is damaged: .*bring it back") as refused:
-        SeasonStore.open(str(tmp_path)).names()
+        SeasonStore.open(str(tmp_path)).naming_key()
     assert "\n" not in str(refused.value)
 
 
 def test_a_whole_note_is_read_and_none_is_none(tmp_path: Path):
     store = SeasonStore.open(str(tmp_path))
-    assert store.names() is None
+    assert store.naming_key() is None
     (tmp_path / "_store.json").write_text(json.dumps({"names": "k"}))
-    assert store.names() == "k"
+    assert store.naming_key() == "k"
     (tmp_path / "_store.json").write_text('{"names": null}')  # flights keep their names
-    assert store.names() is None
+    assert store.naming_key() is None
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
@@ -52,7 +52,7 @@ def test_a_pipe_in_place_of_the_note_is_refused(tmp_path):
     # Who reads it all the same gets an answer, and the test fails instead of waiting.
     threading.Thread(target=note.write_text, args=('{"names": null}',), daemon=True).start()
     with pytest.raises(OSError, match="it is a pipe or a device"):
-        SeasonStore.open(str(tmp_path)).names()
+        SeasonStore.open(str(tmp_path)).naming_key()
 
 
 @pytest.fixture(params=["folder", "bucket"])
@@ -81,16 +81,16 @@ def test_what_is_written_is_there_whole_or_not_at_all(store: SeasonStore):
 
 
 def test_a_second_writer_is_refused_with_who_writes_and_the_next_is_not(store: SeasonStore):
-    with writer_lock(store) as still_held:
-        still_held()
+    with writer_lock(store) as check_lock:
+        check_lock()
         with (
             pytest.raises(DataError, match=rf"another ingest \(process {os.getpid()} on "),
             writer_lock(store),
         ):
             pass
-        still_held()  # who was refused took nothing away
-    with writer_lock(store) as still_held:
-        still_held()
+        check_lock()  # who was refused took nothing away
+    with writer_lock(store) as check_lock:
+        check_lock()
 
 
 def test_a_lock_in_a_bucket_that_nobody_can_read_or_renews_is_taken_over(

@@ -11,7 +11,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.gcs_plugin.office.season.made_store import empty_store
-from thrustmargin.gcs_plugin.store.season_store import query
+from thrustmargin.gcs_plugin.cli import run
+from thrustmargin.gcs_plugin.store.season_store import query, read_flights
 from thrustmargin.models.errors import DataError
 
 
@@ -21,7 +22,9 @@ def test_a_select_reads_the_tables(tmp_path: Path):
     assert "worst_margin" in query(store, "select * from flights").column_names
 
 
-def test_the_fill_of_an_older_version_is_not_shown_as_the_safe_one(tmp_path: Path):
+def test_the_fill_of_an_older_version_is_not_shown_as_the_safe_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     """Older rows have the amount at the limit, 9.8 kg, as `fill_kg`, and no `fill_limit_kg`."""
     store = empty_store(tmp_path / "season")
     for month, row in (
@@ -41,6 +44,16 @@ def test_the_fill_of_an_older_version_is_not_shown_as_the_safe_one(tmp_path: Pat
         {"flight": "new", "fill_kg": 8.6, "fill_limit_kg": 9.8},
         {"flight": "unknown", "fill_kg": 0.0, "fill_limit_kg": None},
     ]
+    rows = [store.table("flights"), store.table("flights", columns=["flight", "fill_kg"])]
+    rows.append(read_flights(store))
+    for table in rows:
+        fills = {row["flight"]: row["fill_kg"] for row in table.to_pylist()}
+        assert fills == {"old": None, "new": 8.6, "unknown": 0.0}
+    assert rows[1].column_names == ["flight", "fill_kg"]
+    season = str(tmp_path / "season")
+    assert run(["fleet", season, "--compare", "old", "new"]) == 0
+    (line,) = (x for x in capsys.readouterr().out.splitlines() if "fill_kg" in x)
+    assert line.split() == ["fill_kg", "8.6"]
 
 
 @pytest.mark.parametrize(

@@ -347,6 +347,28 @@ def test_idle_rotors_stand_on_the_ground_whatever_the_landed_state_says():
     assert flying(said, rotor_speed_rpm=speeds, clock=times)[0] == list(range(12))
 
 
+def test_half_of_the_thrust_at_rest_is_the_ground_whatever_the_landed_state_says():
+    """A pilot spools up for many seconds, and the landed state calls that flight."""
+    said = reports("landed", [2.0], times=[0])
+    clock = np.arange(12.0)
+    speeds = np.full((12, 2), 1000.0)
+    speeds[:5] = 700.0  # 0.49 of the thrust in cruise
+    force = np.tile([0.0, 0.0, -9.8], (12, 1))
+    still = np.zeros((12, 3))
+
+    def rows(**changed) -> list[int]:
+        given = {"rotor_speed_rpm": speeds, "specific_force_frd": force, "velocity_ned": still}
+        return flying(said, clock=clock, **(given | changed))[0]
+
+    # The last two of the five rows are within 3 s of a driven one.
+    assert rows() == list(range(2, 12))
+    # Half of gravity: it falls. Sinking at 2 m/s: drag may bear the rest.
+    assert rows(specific_force_frd=0.8 * force) == list(range(12))
+    assert rows(velocity_ned=np.tile([0.0, 0.0, 2.0], (12, 1))) == list(range(12))
+    # 0.52 of the thrust in cruise is flight.
+    assert rows(rotor_speed_rpm=np.where(speeds < 900.0, 721.0, speeds)) == list(range(12))
+
+
 def test_called_in_the_air_on_a_bench():
     # Half a degree is 8.73e-3 rad. From the 5th to the 95th percentile of 0 to 1 are 0.9.
     clock = np.arange(30.0)

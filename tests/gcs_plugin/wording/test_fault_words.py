@@ -13,6 +13,7 @@ from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
+from thrustmargin.gcs_plugin.wording.actions import Phase, Urgency, bad_rotor
 from thrustmargin.gcs_plugin.wording.alarm_words import episode_words, fault_words
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.fault_test import RotorFault
@@ -30,7 +31,32 @@ def test_words_name_part_amount_and_action_in_the_length_of_a_statustext():
     assert fault_words(motor) == "Motor 8 or ESC >28% slow for output: land"
     assert all(len(fault_words(fault)) <= 50 for fault in (FAULT, motor))
     episode = FaultEpisode(begin_s=145.0, end_s=None, fault=FAULT)
-    assert episode_words(episode) == f"{fault_words(FAULT)} (found at 2:25)"
+    assert episode_words(episode) == "Rotor 3 makes 12% (9-15) less thrust (found at 2:25)"
+
+
+@pytest.mark.parametrize("kind", ["propeller", "motor", "stopped"])
+@pytest.mark.parametrize("rotors", [(), (0, 3)])
+def test_only_in_flight_is_anybody_asked_to_land(kind, rotors):
+    fault = replace(FAULT, kind=kind, rotors=rotors)
+    for names in ((), ("front right", "rear left", "front left", "rear right")):
+        assert fault_words(fault, names).endswith(": land") or "? land" in fault_words(fault, names)
+        for phase in (Phase.LANDED, Phase.RECORDED):
+            assert "land" not in fault_words(fault, names, phase)
+
+
+def test_one_finding_has_one_urgency_and_one_action_when_it_is_over():
+    """By hand: 3 % is the least loss that an alarm reports."""
+    landed, recorded = (bad_rotor((3,), 0.03, p) for p in (Phase.LANDED, Phase.RECORDED))
+    assert landed == recorded
+    assert (landed.urgency, landed.action.text) == (
+        Urgency.STOP,
+        "do not fly it before propeller, motor and ESC of rotor 3 were looked at, battery off",
+    )
+    small = bad_rotor((3,), 0.029, Phase.RECORDED)
+    assert small.urgency is Urgency.BEFORE_NEXT
+    assert "inspect its propeller" in small.action.text
+    assert bad_rotor((3,), 0.029, Phase.IN_FLIGHT).action.text == "land"
+    assert {one.proof for one in (landed, recorded, small)} == {landed.proof}
 
 
 def test_faults_that_come_and_go_are_episodes():
@@ -119,3 +145,17 @@ def test_the_replay_shows_it_from_when_it_was_found(worn):
     assert shown[100.0] == ""
     assert "Rotor 3 front left >" in shown[147.0]  # as it was said then, while it grew
     assert SAID in shown[200.0]
+
+
+def test_inspect_says_first_what_the_report_finds(tmp_path, capsys):
+    out = tmp_path / "found.json"
+    log = "sitl_logs/onset/worn_prop_onset.tlog"
+    assert run(["inspect", log, "--json", str(out)]) == 0
+    first, second, *rest = json.loads(out.read_text())[0]["findings"]
+    assert (first["check"], first["level"]) == ("rotors", "grave")
+    assert first["words"] == f"{SAID.removesuffix(': land')} (found at 2:25)"
+    assert second["words"].startswith("do not fly it before propeller, motor and ESC of rotor 3")
+    assert "rotors" not in [one["check"] for one in rest]
+    assert run(["inspect", "sitl_logs/campaign/v2_m4_q1.5.tlog", "--json", str(out)]) == 0
+    sound = {one["check"]: one["level"] for one in json.loads(out.read_text())[0]["findings"]}
+    assert sound["rotors"] == "ok"

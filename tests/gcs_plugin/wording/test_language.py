@@ -41,6 +41,8 @@ MODULES = (
     *("alarm_words", "advice_words", "answer", "fill_words", "day_words"),
     *("report_words", "margin_verdict", "flight_words"),
     *("forecast_words", "plan_words", "../office/season/fleet_words"),
+    *("effect_amounts", "effect_sentences"),
+    *("../workshop/identify/identify_words", "../workshop/identify/asked_words"),
 )
 #: Pages that a pilot reads. That of `identify` is for engineers, and English.
 PAGES = (
@@ -57,6 +59,7 @@ NOT_SPOKEN = {
     *("in the air in this log", "in this log"),  # ends of sentences that are translated whole
     *("the start", "Home is taken where the first line starts; give --home for another."),
     "; the load that you state is taken for each of them",
+    *(" of rotor ", " of {rotor}"),  # what is read, and behind the name of an effect without words
 }
 
 

@@ -101,10 +101,10 @@ def run_identify(
     model: RotorModel, fit: Sequence[FlightTrack], held_out: Sequence[FlightTrack]
 ) -> dict[str, Any]:
     """The answer of the loop in the schema `thrustmargin.identify/1`, with what it asks for."""
-    from thrustmargin.gcs_plugin.workshop.identify.asked_words import asked_of
+    from thrustmargin.gcs_plugin.workshop.identify.asked_words import requested_actions
 
     found = tm.identify(fit, model, held_out=held_out)
-    return found.to_json() | {"actions": [asdict(one) for one in asked_of(found)]}
+    return found.to_json() | {"actions": [asdict(one) for one in requested_actions(found)]}
 
 
 def told_the_names(

@@ -114,7 +114,7 @@ def test_the_fill_asks_for_the_value_that_moves_it_most(capsys):
 @pytest.mark.parametrize(
     ("asked", "why"),
     [
-        ([], "no aircraft given; name one with --airframe or --model"),
+        ([], "no aircraft given; name one with --aircraft, --airframe or --model"),
         (["--airframe", "topxgun-f16", "--altitude", "nan"], "--altitude nan m is not between"),
         (["--airframe", "topxgun-f16", "--voltage", "12"], "--voltage 12 V cannot be"),
         (["--airframe", "topxgun-f16", "--voltage", "64"], "--voltage 64 V cannot be"),

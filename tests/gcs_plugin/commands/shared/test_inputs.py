@@ -42,32 +42,36 @@ SHIPPED = shipped_model().airframe.name
 
 
 def test_without_a_wish_the_shipped_model_is_used_and_judged():
-    judged, words = starting_model(None, None)
+    judged, words = starting_model(Inputs())
     assert kind(chosen_model(None, None)) == kind(judged) == (SHIPPED, True)
     assert words == "shipped"
 
 
 def test_the_shipped_models_own_airframe_keeps_its_network_but_is_judged_without_it():
-    judged, words = starting_model(None, SHIPPED)
+    judged, words = starting_model(Inputs(airframe=SHIPPED))
     assert kind(chosen_model(None, SHIPPED)) == (SHIPPED, True)
     assert kind(judged) == (SHIPPED, False)
     assert words == f"airframe {SHIPPED}"
 
 
 def test_another_airframe_alone_means_its_weight_and_thrust_curve():
-    assert kind(chosen_model(None, OTHER)) == kind(starting_model(None, OTHER)[0]) == (OTHER, False)
+    assert (
+        kind(chosen_model(None, OTHER))
+        == kind(starting_model(Inputs(airframe=OTHER))[0])
+        == (OTHER, False)
+    )
 
 
 def test_a_file_is_used_with_no_airframe_or_its_own(file):
     for airframe in (None, OTHER):
         assert chosen_model(file, airframe).airframe.name == OTHER
-        assert starting_model(file, airframe)[1] == str(file)
+        assert starting_model(Inputs(model=file, airframe=airframe))[1] == str(file)
 
 
-@pytest.mark.parametrize("choose", [chosen_model, starting_model])
+@pytest.mark.parametrize("choose", [Inputs.rotor_model, starting_model])
 def test_a_file_and_an_airframe_that_disagree_are_refused(file, choose):
     with pytest.raises(DataError, match=f"a model of {OTHER}, not of topxgun-f16"):
-        choose(file, "topxgun-f16")
+        choose(Inputs(model=file, airframe="topxgun-f16"))
 
 
 def test_a_reason_that_many_logs_share_is_said_once():

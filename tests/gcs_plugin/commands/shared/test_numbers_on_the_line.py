@@ -20,6 +20,7 @@ NEEDED = {
     "export": ["no.tlog", "--mcap=made.mcap"],
     "record": ["no.tlog", "--out=made.pdf"],
     "ingest": ["no.tlog", "--store=season"],
+    "learn": ["no.tlog"],
     "train": ["no.tlog", "--out-model=made.safetensors"],
 }
 #: Options for which a number below 0 makes sense.

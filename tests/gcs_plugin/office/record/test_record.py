@@ -20,19 +20,19 @@ from tests.gcs_plugin.reports.margin.report_flight import LOG, log
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.office.record.applied import (
     Liquid,
-    applied,
-    by_gauge,
-    by_pump,
-    by_thrust,
+    applied_swaths,
     differences,
-    in_all,
+    gauge_estimate,
+    job_estimate,
+    pump_estimate,
+    thrust_estimate,
 )
 from thrustmargin.gcs_plugin.office.record.job_record import (
     due_utc,
     job_rules,
-    of_liquid,
-    of_product,
+    liquid_entries,
     open_items,
+    product_entries,
 )
 from thrustmargin.gcs_plugin.office.record.record_words import TITLES, liquid_words, missing_words
 from thrustmargin.models.errors import DataError
@@ -59,11 +59,12 @@ def job(tmp_path_factory) -> SimpleNamespace:
     field.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
     words = [word for pair in STATED.items() for word in pair]
     more = ["--weather-source", "station", "--rule", "nsw", "--rule", "us"]
-    out = folder / "out"
-    assert run(["record", str(LOG), "--out", str(out), "--field", str(field), *words, *more]) == 0
+    out, asked = folder / "out", ["--field", str(field), *words, *more]
+    assert run(["record", str(LOG), "--out", str(out), *asked]) == 0
     assert run(["report", str(LOG), "--json", str(folder / "r.json")]) == 0
     return SimpleNamespace(
         out=out,
+        asked=asked,
         record=json.loads((out / "record.json").read_text("utf-8")),
         flight=json.loads((folder / "r.json").read_text("utf-8"))["flights"][0]["flight"],
     )
@@ -82,6 +83,16 @@ def test_the_pump_is_summed_from_no_level_that_somebody_would_have_stated(job):
     kg = {one["by"]: one["kg"] for one in job.record["liquid"]["estimates"]}
     # The tank lost 6.155 kg in this flight.
     assert kg == pytest.approx(dict.fromkeys(("gauge", "pump", "thrust"), 6.155), abs=0.2)
+
+
+def test_the_record_is_the_same_in_every_language(job, tmp_path, monkeypatch):
+    """It is kept for years, and for an authority that need not read the user's language."""
+    monkeypatch.setenv("THRUSTMARGIN_LANGUAGE", "de")
+    assert run(["record", str(LOG), "--out", str(tmp_path), *job.asked]) == 0
+    made = json.loads((tmp_path / "record.json").read_text("utf-8"))
+    assert made | {"made_utc": ""} == job.record | {"made_utc": ""}
+    for name in ("record.csv", "applied.geojson"):
+        assert (tmp_path / name).read_bytes() == (job.out / name).read_bytes()
 
 
 def test_area_and_liquid_are_those_of_the_report(job):
@@ -176,7 +187,7 @@ def test_the_pdf_says_the_same(job):
 
 
 def test_ground_that_is_sprayed_twice_counts_once():
-    once, twice = applied([log()], 5.0), applied([log(), log()], 5.0)
+    once, twice = applied_swaths([log()], 5.0), applied_swaths([log(), log()], 5.0)
     assert once is not None
     assert twice is not None
     assert once.area > 2000.0
@@ -192,7 +203,7 @@ def test_sorties_with_other_origins_meet_on_one_plane():
     moved = one.track.position_ned - np.array([110.97, 0.0, 0.0])
     there = replace(zero, latitude_deg=zero.latitude_deg + 0.001)
     other = replace(one, track=replace(one.track, position_ned=moved, origin=there))
-    alone, both = applied([one], 5.0), applied([one, other], 5.0)
+    alone, both = applied_swaths([one], 5.0), applied_swaths([one, other], 5.0)
     assert alone is not None
     assert both is not None
     assert both.area == pytest.approx(alone.area, rel=0.01)
@@ -200,7 +211,7 @@ def test_sorties_with_other_origins_meet_on_one_plane():
 
 def test_sorties_without_a_place_on_the_globe_have_no_common_area():
     bare = replace(log(), track=replace(log().track, origin=None))
-    both, one = applied([bare, log()], 5.0), applied([bare], 5.0)
+    both, one = applied_swaths([bare, log()], 5.0), applied_swaths([bare], 5.0)
     assert both is not None
     assert one is not None
     assert np.isnan(both.area)
@@ -214,8 +225,8 @@ def test_a_pause_of_the_log_is_not_sprayed():
     half = on[20]
     later = track.time_s + np.where(np.arange(track.time_s.size) > half, 60.0, 0.0)
     whole, cut = (
-        applied([log()], 5.0),
-        applied([replace(log(), track=replace(track, time_s=later))], 5.0),
+        applied_swaths([log()], 5.0),
+        applied_swaths([replace(log(), track=replace(track, time_s=later))], 5.0),
     )
     assert whole is not None
     assert cut is not None
@@ -225,40 +236,40 @@ def test_a_pause_of_the_log_is_not_sprayed():
 
 def test_a_pump_that_is_never_on_makes_no_area():
     off = replace(log().track, spraying=np.zeros(log().track.time_s.size))
-    assert applied([replace(log(), track=off)], 5.0) is None
+    assert applied_swaths([replace(log(), track=off)], 5.0) is None
 
 
 def test_a_gauge_and_a_stated_or_inferred_level_are_not_confused():
-    assert by_gauge(log().track) is not None
-    assert by_pump(log().track) is None
+    assert gauge_estimate(log().track) is not None
+    assert pump_estimate(log().track) is None
     stated = replace(log().track.source("tank_kg"), kind="stated")
     sources = {**log().track.sources, "tank_kg": stated}
-    assert by_gauge(replace(log().track, sources=sources)) is None
+    assert gauge_estimate(replace(log().track, sources=sources)) is None
 
 
 def test_what_rotors_carried_less_is_an_estimate_where_their_speeds_are_known():
     """The gauge fell by 6.15 kg, which no other estimate may use."""
     track, airframe = log().track, load_airframe("topxgun-f16-sitl")
-    found = by_thrust(track, airframe)
+    found = thrust_estimate(track, airframe)
     assert found is not None
     assert found.by == "thrust"
     assert 0.5 < found.within_kg < 4.0
     assert found.kg == pytest.approx(6.15, abs=found.within_kg)
     unknown = np.full_like(track.rotor_speed_rpm, np.nan)
-    assert by_thrust(replace(track, rotor_speed_rpm=unknown), airframe) is None
+    assert thrust_estimate(replace(track, rotor_speed_rpm=unknown), airframe) is None
 
 
 def test_what_a_pump_did_in_a_pause_of_the_log_is_not_known():
     track = log().track
     summed = replace(track.source("tank_kg"), kind=SourceKind.INFERRED, remarks=("3 L/min",))
     track = replace(track, sources={**track.sources, "tank_kg": summed})
-    whole = by_pump(track)
+    whole = pump_estimate(track)
     assert whole is not None
     assert whole.kg > 1.0
     row = np.flatnonzero(track.flying)[600]
     for pause, known in ((2.8, True), (3.2, False)):  # beside the 0.1 s between rows
         later = track.time_s + np.where(np.arange(track.time_s.size) > row, pause - 0.1, 0.0)
-        assert (by_pump(replace(track, time_s=later)) is not None) == known
+        assert (pump_estimate(replace(track, time_s=later)) is not None) == known
 
 
 def made(by: str, kg: float, within: float = 0.0) -> Liquid:
@@ -284,24 +295,26 @@ def test_two_estimates_agree_within_a_tenth_and_their_intervals(gauge, pump, wit
 
 
 def test_the_liquid_of_a_job_is_known_when_that_of_each_sortie_is():
-    assert in_all([made("gauge", 3.0), None]) is None
-    whole = in_all([made("gauge", 3.0, 3.0), made("gauge", 4.0, 4.0)])
+    assert job_estimate([made("gauge", 3.0), None]) is None
+    whole = job_estimate([made("gauge", 3.0, 3.0), made("gauge", 4.0, 4.0)])
     assert whole is not None
     assert (whole.kg, whole.within_kg) == (7.0, 5.0)
 
 
 def test_litres_are_not_made_without_a_density():
-    found = of_liquid([made("gauge", 6.0)], None, 0.5)
+    found = liquid_entries([made("gauge", 6.0)], None, 0.5)
     assert found["quantity"].unit == "kg"
     assert "spray_volume" not in found
-    assert of_liquid([made("gauge", 6.0)], 1.2, 0.5)["spray_volume"].value == pytest.approx(10.0)
+    assert liquid_entries([made("gauge", 6.0)], 1.2, 0.5)["spray_volume"].value == pytest.approx(
+        10.0
+    )
 
 
 def test_the_rate_needs_a_unit(capsys, tmp_path):
-    assert of_product("200 g/ha", 2.0)["product_quantity"].value == 400.0
-    assert of_product("1,5 L/ha", None) == {}
+    assert product_entries("200 g/ha", 2.0)["product_quantity"].value == 400.0
+    assert product_entries("1,5 L/ha", None) == {}
     with pytest.raises(DataError, match="is no dose"):
-        of_product("1.5", 2.0)
+        product_entries("1.5", 2.0)
     out = tmp_path / "job"
     assert run(["record", str(LOG), "--rate", "a lot", "--out", str(out)]) == 1
     assert "is no dose" in capsys.readouterr().err

@@ -8,8 +8,8 @@ import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import flight, log, model
 from thrustmargin.gcs_plugin.office.record import applied as liquid
-from thrustmargin.gcs_plugin.office.record.applied import applied, each_once
-from thrustmargin.gcs_plugin.office.record.job_record import from_logs
+from thrustmargin.gcs_plugin.office.record.applied import applied_swaths, better_logs
+from thrustmargin.gcs_plugin.office.record.job_record import log_entries
 from thrustmargin.gcs_plugin.office.record.record import common_density, liquids
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.models.flight import FlightTrack, Origin
@@ -40,7 +40,7 @@ def test_the_wind_is_that_of_the_rows_with_the_pump_on_and_where_it_comes_from()
     # atan2(4, 3) = 53 degrees. Without the pump it blows north.
     wind = np.where(ROWS[:, None] < 20.0, [-3.0, -4.0, 0.0], [-6.0, -8.0, 0.0])
     one = flown(wind_ned=np.where(flown().track.spraying[:, None] > 0.5, wind, [20.0, 0.0, 0.0]))
-    found = from_logs([one], applied([one], 4.0), None)["wind"]
+    found = log_entries([one], applied_swaths([one], 4.0), None)["wind"]
     assert (found.value, found.unit) == ("7.5 from 53°, at most 10.0", "m/s")
 
 
@@ -49,19 +49,19 @@ def test_the_wind_is_that_of_the_rows_with_the_pump_on_and_where_it_comes_from()
 )
 def test_a_temperature_is_that_of_the_air(meaning, celsius):
     one = flown({"temperature": source(meaning)}, temperature=np.full(40, 300.15))
-    fields = from_logs([one], None, None)
+    fields = log_entries([one], None, None)
     assert (fields["temperature"].value if "temperature" in fields else None) == celsius
 
 
 def test_a_pump_that_is_tried_on_the_ground_sprays_nothing():
-    one = applied([flown(flying=ROWS >= 15.0)], 4.0)
+    one = applied_swaths([flown(flying=ROWS >= 15.0)], 4.0)
     assert one is not None
     assert one.start_unix_s == 1.7e9 + 15.0
     assert [p.length for p in one.passes] == [14.0]
 
 
 def test_a_pass_is_a_strip_as_wide_as_the_swath():
-    done = applied([flown()], 4.0)
+    done = applied_swaths([flown()], 4.0)
     assert done is not None
     (one,) = done.passes
     assert one.strip is not None
@@ -74,7 +74,7 @@ def test_a_pass_is_a_strip_as_wide_as_the_swath():
 def test_a_gauge_is_read_over_ten_rows_at_either_end(rising):
     level = np.select([ROWS < 10.0, ROWS < 30.0], [10.0, 8.0], 4.0)
     level = level[::-1] if rising else level
-    found = liquid.by_gauge(flown({"tank_kg": source()}, tank_kg=level).track)
+    found = liquid.gauge_estimate(flown({"tank_kg": source()}, tank_kg=level).track)
     # A tank that is fuller after the flight says nothing of what was sprayed.
     assert (None if found is None else found.kg) == (None if rising else 6.0)
 
@@ -88,7 +88,7 @@ def test_the_interval_by_thrust_holds_nine_of_ten(monkeypatch):
 
     monkeypatch.setattr(liquid, "with_load", shown)
     track = flown({"tank_kg": source()}, tank_kg=np.full(40, 7.0)).track
-    found = liquid.by_thrust(track, model().airframe)
+    found = liquid.thrust_estimate(track, model().airframe)
     assert found is not None
     # Standard errors of 0.3 and 0.4 kg make 0.5; 90 % lie within 1.645 of it.
     assert (found.kg, found.within_kg) == (5.0, pytest.approx(0.8224, abs=1e-3))
@@ -125,7 +125,7 @@ def test_clocks_of_one_flight_are_five_seconds_apart_at_most():
     start = log().track.start_unix_s
     assert start is not None
     # 2 s beyond that are 8 m at 4 m/s.
-    assert each_once([log(), moved(start_unix_s=start + 7.0)]) == [None, None]
+    assert better_logs([log(), moved(start_unix_s=start + 7.0)]) == [None, None]
 
 
 @pytest.mark.parametrize(("metres", "stands"), [(2.0, 0), (4.0, None)])
@@ -136,7 +136,7 @@ def test_no_two_fly_within_three_metres(metres, stands):
     # Across the lines: along them another clock would do.
     shift = np.array([metres, 0.0, 0.0] if lines[0] < lines[1] else [0.0, metres, 0.0])
     shifted = moved(position_ned=log().track.position_ned + shift)
-    assert each_once([log(), shifted]) == [None, stands]
+    assert better_logs([log(), shifted]) == [None, stands]
 
 
 @pytest.mark.parametrize(("from_share", "stands"), [(0.15, 0), (0.3, None)])
@@ -157,11 +157,11 @@ def test_logs_of_one_flight_share_half_of_their_time(from_share, stands):
         )
         for one in half
     ]
-    found = each_once(logs)
+    found = better_logs(logs)
     assert (found.count(None) == 1) == (stands is not None)
 
 
 @pytest.mark.parametrize(("board", "stands"), [("A1", 0), ("", None)])
 def test_without_a_place_one_autopilot_makes_one_flight_and_none_makes_no_such(board, stands):
     one = replace(moved(origin=None), hardware_id=board)
-    assert each_once([one, one]) == [None, stands]
+    assert better_logs([one, one]) == [None, stands]

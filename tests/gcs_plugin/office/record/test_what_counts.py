@@ -16,8 +16,16 @@ from tests.gcs_plugin.reports.margin.report_flight import LOG, log, model
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.mavlink.frame import frame_of
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
-from thrustmargin.gcs_plugin.office.record.applied import applied, cut_at_date_line, each_once
-from thrustmargin.gcs_plugin.office.record.job_record import from_logs, of_field, of_product
+from thrustmargin.gcs_plugin.office.record.applied import (
+    applied_swaths,
+    better_logs,
+    cut_at_date_line,
+)
+from thrustmargin.gcs_plugin.office.record.job_record import (
+    field_entries,
+    log_entries,
+    product_entries,
+)
 from thrustmargin.gcs_plugin.office.record.record import counted_once
 from thrustmargin.gcs_plugin.office.record.record_files import geojson
 from thrustmargin.gcs_plugin.reports.paper.pdf_page import pdf_bytes
@@ -66,27 +74,27 @@ def test_flights_are_the_same_at_one_time_at_one_place():
     start = log().track.start_unix_s
     assert start is not None
     north = log().track.position_ned + np.array([20.0, 0.0, 0.0])
-    assert each_once([log(), with_track(position_ned=north)]) == [None, None]
-    assert each_once([log(), with_track(start_unix_s=start + 3600.0)]) == [None, None]
-    assert each_once([log(), with_track(start_unix_s=start + 40.0)]) == [None, None]
-    assert each_once([log(), with_track(start_unix_s=start + 4.0)]) == [None, 0]
+    assert better_logs([log(), with_track(position_ned=north)]) == [None, None]
+    assert better_logs([log(), with_track(start_unix_s=start + 3600.0)]) == [None, None]
+    assert better_logs([log(), with_track(start_unix_s=start + 40.0)]) == [None, None]
+    assert better_logs([log(), with_track(start_unix_s=start + 4.0)]) == [None, 0]
     # Simulators fly one route at once: what else is read distinguishes them.
     fuller = with_track(tank_kg=log().track.tank_kg + 0.5)
     faster = with_track(rotor_speed_rpm=log().track.rotor_speed_rpm * [1.0, 1.02, 1.0, 1.0])
-    assert each_once([log(), fuller, faster]) == [None, None, None]
+    assert better_logs([log(), fuller, faster]) == [None, None, None]
     # The one that knows more stands, whichever comes first.
-    assert each_once([without_place(30.0), log(), log()]) == [1, None, 1]
+    assert better_logs([without_place(30.0), log(), log()]) == [1, None, 1]
     undated = with_track(start_unix_s=None)
-    assert each_once([undated, undated, log()]) == [None, 0, 0]
+    assert better_logs([undated, undated, log()]) == [None, 0, 0]
 
 
 @pytest.mark.parametrize("seconds", [0.5, 30.0])
 def test_an_area_of_which_a_part_is_lost_is_not_the_area(seconds):
     one = without_place(seconds)
-    done, whole = applied([one], 5.0), applied([log()], 5.0)
+    done, whole = applied_swaths([one], 5.0), applied_swaths([log()], 5.0)
     assert done is not None
     assert whole is not None
-    fields = from_logs([one], done, None)
+    fields = log_entries([one], done, None)
     if seconds < 1.0:  # below a hundredth of the 156 s with the pump on
         assert "area_at_least" not in fields
         assert fields["area"].value == pytest.approx(whole.area / 1e4, rel=0.01)
@@ -102,30 +110,30 @@ def test_a_pause_and_a_sortie_whose_pump_is_not_known_make_it_a_part():
     later = track.time_s + np.where(np.arange(track.time_s.size) > half, 60.0, 0.0)
     silent = with_track(spraying=np.full(track.time_s.size, np.nan))
     for logs in ([with_track(time_s=later)], [log(), silent]):
-        done = applied(logs, 5.0)
+        done = applied_swaths(logs, 5.0)
         assert done is not None
         assert not done.field.whole
-    both = applied([log(), with_track(spraying=np.zeros(track.time_s.size))], 5.0)
+    both = applied_swaths([log(), with_track(spraying=np.zeros(track.time_s.size))], 5.0)
     assert both is not None
     assert both.field.whole
 
 
 def test_times_are_known_where_the_place_is_not():
     nowhere = with_track(position_ned=np.full_like(log().track.position_ned, np.nan))
-    done, known = applied([nowhere], 5.0), applied([log()], 5.0)
+    done, known = applied_swaths([nowhere], 5.0), applied_swaths([log()], 5.0)
     assert done is not None
     assert known is not None
     assert (done.start_unix_s, done.end_unix_s) == (known.start_unix_s, known.end_unix_s)
-    assert "area" not in from_logs([nowhere], done, None)
+    assert "area" not in log_entries([nowhere], done, None)
 
 
 def test_a_job_over_the_date_line_stays_in_one_place():
     zero = log().track.origin
     assert zero is not None
     # East of 180° by the eastern part of its swaths alone.
-    done = applied([with_track(origin=replace(zero, longitude_deg=180.0))], 5.0)
+    done = applied_swaths([with_track(origin=replace(zero, longitude_deg=180.0))], 5.0)
     assert done is not None
-    latitude, longitude = map(float, from_logs([log()], done, None)["location"].value.split(", "))
+    latitude, longitude = map(float, log_entries([log()], done, None)["location"].value.split(", "))
     assert abs(abs(longitude) - 180.0) < 0.002
     assert latitude == pytest.approx(zero.latitude_deg, abs=0.002)
     for feature in geojson(done)["features"]:
@@ -147,16 +155,18 @@ def test_a_field_in_which_nothing_was_sprayed_is_another(tmp_path):
     ring = [[10.0, 50.0], [10.01, 50.0], [10.01, 50.01], [10.0, 50.0]]
     (tmp_path / "far.geojson").write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
     with pytest.raises(DataError, match="nothing in it was sprayed"):
-        of_field(read_field(tmp_path / "far.geojson"), applied([log()], 5.0))
+        field_entries(read_field(tmp_path / "far.geojson"), applied_swaths([log()], 5.0))
 
 
 def test_a_dose_is_read_in_one_way_or_not_at_all():
     # 2 ha are 4.942 acres.
-    assert of_product("8 fl oz/ac", 2.0)["product_quantity"].value == pytest.approx(39.54, abs=0.01)
-    assert of_product("0,250 kg/ha", 2.0)["product_quantity"].value == 0.5
+    assert product_entries("8 fl oz/ac", 2.0)["product_quantity"].value == pytest.approx(
+        39.54, abs=0.01
+    )
+    assert product_entries("0,250 kg/ha", 2.0)["product_quantity"].value == 0.5
     for rate in ("1,500 ml/ha", "0 L/ha", "\uff11.5 L/ha", "9" * 400 + " L/ha", "1.5 L/ac/ha"):
         with pytest.raises(DataError, match="--rate"):
-            of_product(rate, 2.0)
+            product_entries(rate, 2.0)
 
 
 def test_a_field_that_no_page_could_hold_is_refused(tmp_path, capsys):
@@ -171,7 +181,7 @@ def test_a_job_of_two_days_has_both_dates():
     start = log().track.start_unix_s
     assert start is not None
     logs = [log(), with_track(start_unix_s=start + 2 * day)]
-    found = from_logs(logs, applied(logs, 5.0), UTC)
+    found = log_entries(logs, applied_swaths(logs, 5.0), UTC)
     assert found["date"].value == "2026-11-21 to 2026-11-23"
 
 
@@ -301,7 +311,7 @@ def test_a_pass_is_the_line_sprayed_as_wide_as_the_swath_and_its_wind_that_of_th
         start_unix_s=1_770_000_000.0,
     )
     one = replace(log(), track=track)
-    done = applied([one], 4.0)
+    done = applied_swaths([one], 4.0)
     assert done is not None
     (made,) = done.passes
     assert (made.length, made.speed) == pytest.approx((50.0, 5.0))
@@ -310,4 +320,4 @@ def test_a_pass_is_the_line_sprayed_as_wide_as_the_swath_and_its_wind_that_of_th
     # At the equator a degree is 110.57 km to the north and 111.32 km to the east (WGS 84).
     assert made.strip is not None
     assert made.strip.area * 110_570.0 * 111_320.0 == pytest.approx(200.0, rel=1e-3)
-    assert from_logs([one], done, None)["wind"].value == "3.0 from 180°, at most 3.0"
+    assert log_entries([one], done, None)["wind"].value == "3.0 from 180°, at most 3.0"

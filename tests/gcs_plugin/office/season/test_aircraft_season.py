@@ -16,12 +16,12 @@ from thrustmargin.gcs_plugin.office.season.aircraft_season import (
     LOAD,
     WATCH,
     aircraft_season,
-    level_of,
+    change_level,
 )
-from thrustmargin.gcs_plugin.office.season.fleet_page import ranked
+from thrustmargin.gcs_plugin.office.season.fleet_page import rank_aircraft
 from thrustmargin.gcs_plugin.office.season.part_history import with_parts
 from thrustmargin.gcs_plugin.office.season.parts import Part
-from thrustmargin.gcs_plugin.office.season.same_aircraft import by_frame
+from thrustmargin.gcs_plugin.office.season.same_aircraft import group_by_frame
 from thrustmargin.gcs_plugin.wording import actions
 
 RNG = np.random.default_rng
@@ -39,7 +39,7 @@ def test_wear_that_goes_on_is_looked_at_first_with_its_date_and_what_was_said():
         "thrust lost by rotor 2: 0.20 % more a flight since flight 31 (31 May 2026" in top.sentence
     )
     assert top.action.startswith("with the battery off, change propeller 2")
-    assert top.then == "rotor 2 weak"
+    assert top.then == "rotor 2 weak (in the words of the day it was taken in)"
 
 
 def test_a_small_step_is_watched_and_a_larger_one_acted_on():
@@ -104,7 +104,7 @@ def test_a_swap_is_named_by_its_part_and_is_no_reason_to_look():
     ],
 )
 def test_3_times_what_sound_aircraft_differ_by_is_acted_on_and_10_times_first(ratio, part, level):
-    assert level_of(ratio, part=part) == level
+    assert change_level(ratio, part=part) == level
 
 
 def test_an_ageing_battery_is_dated_and_a_steady_one_is_silent():
@@ -141,7 +141,8 @@ def test_a_worn_out_battery_is_named_where_no_thrust_was_left_and_a_better_one_i
     for k, row in enumerate(rows := rows_of(60, battery_ohm_error=0.0003)):
         row["battery_ohm"] = 0.060 + noise[k] - 0.001 * slope[k]
     (found,) = with_parts([aircraft_season("a", rows, [])])
-    assert found.level == WATCH
+    assert found.level == FINE
+    assert found.findings[0].action == "nothing: a newer battery or a warmer day"
     assert "from 60" in found.findings[0].sentence
 
 
@@ -204,12 +205,12 @@ def test_flights_of_a_quad_and_of_a_hexacopter_with_one_name_are_two_aircraft():
     hexa = rows_of(3, rotor_count=6, layout="hexa-x")
     blind = rows_of(1, rotor_count=6)  # says its rotors and no layout: there is one it can be of
     silent = rows_of(1)
-    assert {w: len(own) for w, own in by_frame([*quad, *hexa, *blind]).items()} == {
+    assert {w: len(own) for w, own in group_by_frame([*quad, *hexa, *blind]).items()} == {
         "4 rotors, quad-x": 4,
         "6 rotors, hexa-x": 4,
     }
-    assert [len(own) for own in by_frame([*quad, *hexa, *silent]).values()] == [4, 3, 1]
-    assert [len(own) for own in by_frame([*quad, *silent]).values()] == [5]
+    assert [len(own) for own in group_by_frame([*quad, *hexa, *silent]).values()] == [4, 3, 1]
+    assert [len(own) for own in group_by_frame([*quad, *silent]).values()] == [5]
     frames = {"4 rotors, quad-x": 4, "6 rotors, hexa-x": 3}
     found = aircraft_season("sysid-1 (4 rotors, quad-x)", quad, [], (), frames)
     assert found.findings[0].level == ACT
@@ -239,9 +240,11 @@ def test_aircraft_are_in_the_order_of_what_is_wrong_with_what_their_reports_say(
         aircraft_season(name, rows_of(3, verdict=name, action=f"do {name}", **margin), [])
         for name in sorted((*grave_first, "under"))
     ]
-    order = ranked("season", made).aircraft
+    order = rank_aircraft("season", made).aircraft
     assert [one.name for one in order] == [*grave_first, "under"]
-    assert [one.findings[0].action for one in order[:7]] == [f"do {v}" for v in grave_first[:7]]
+    day = "(in the words of the day it was taken in)"
+    asked = [one.findings[0].action for one in order[:7]]
+    assert asked == [f"do {v} {day}" for v in grave_first[:7]]
 
 
 def test_flights_above_the_limit_and_without_verdict_are_reasons():
@@ -278,7 +281,7 @@ def test_an_aircraft_without_verdicts_has_the_reason_as_reason_and_an_action(
 ):
     rows = rows_of(4, verdict="unknown", verdict_reason="why it has none", **row)
     top = aircraft_season("a", rows, []).findings[0]
-    assert top.sentence == "4 of 4 flights have no verdict: why it has none"
+    assert top.sentence.startswith("4 of 4 flights have no verdict: why it has none (in the words")
     assert top.action == action
 
 
@@ -308,8 +311,17 @@ def test_a_drifting_gauge_asks_for_scales():
     assert "weigh what is filled in" in found.findings[0].action
 
 
+PLACE = {
+    "latitude_deg": 48.0,
+    "longitude_deg": 11.0,
+    "tank_start_kg": 10.0,
+    "tank_end_kg": 3.85,
+    "current_median": 60.0,
+}
+
+
 def test_one_flight_in_two_logs_counts_once_and_the_one_with_sums_stays():
-    first, second, later = rows_of(3, duration_s=700.0, worst_time_s=100.0)
+    first, second, later = rows_of(3, duration_s=700.0, worst_time_s=100.0, **PLACE)
     second |= {"started_unix_s": first["started_unix_s"] + 20.0, "worst_time_s": 82.0}
     first["sums_reason"] = "no rotor speed"
     found = aircraft_season("a", [first, second, later], [])
@@ -317,14 +329,73 @@ def test_one_flight_in_two_logs_counts_once_and_the_one_with_sums_stays():
     assert (found.twice, found.hours) == (1, 2 * 600.0 / 3600.0)
     unknown = [{**row, "started_unix_s": None} for row in (first, second)]
     assert aircraft_season("a", unknown, []).twice == 0
-    formats = zip((first, second), ("tlog", "DataFlash"), strict=True)
-    blind = [{**row, "worst_time_s": None, "log_format": kind} for row, kind in formats]
+    blind = [{**row, "worst_time_s": None} for row in (first, second)]
     assert aircraft_season("a", blind, []).twice == 1
-    assert aircraft_season("a", [{**row, "log_format": "tlog"} for row in blind], []).twice == 0
+
+
+@pytest.mark.parametrize(
+    ("other", "twice"),
+    [
+        ({}, 1),
+        ({"latitude_deg": 48.001}, 1),  # 111 m: loggers have origins of their own
+        ({"latitude_deg": 48.01}, 0),
+        ({"longitude_deg": 11.01}, 0),  # 744 m
+        ({"tank_end_kg": 6.4}, 0),
+        ({"tank_end_kg": 3.9, "current_median": 60.5}, 1),
+        ({"current_median": 60.8}, 0),  # 1.3 % more: in wind, all else alike
+        ({"worst_time_s": 106.0}, 0),
+        ({"board": "b"}, 1),
+        (dict.fromkeys(("latitude_deg", "tank_start_kg", "tank_end_kg")), 1),
+        (dict.fromkeys(("latitude_deg", "tank_start_kg", "tank_end_kg", "current_median")), 0),
+    ],
+)
+def test_logs_of_one_time_are_of_one_flight_where_place_load_and_current_agree_too(
+    other: dict, twice: int
+):
+    """Aircraft of one make fly at one time, in simulation to the second."""
+    first, second = rows_of(2, duration_s=700.0, worst_time_s=100.0, **PLACE)
+    second |= {"started_unix_s": first["started_unix_s"], **other}
+    assert aircraft_season("a", [first, second], []).twice == twice
+
+
+def test_of_flights_that_are_certainly_of_several_aircraft_no_change_is_followed():
+    """Two aircraft of one name fly at the same times, each with a battery of its own."""
+    rows = rows_of(40, duration_s=700.0, battery_ohm_error=0.0003)
+    for k, row in enumerate(rows):
+        row["started_unix_s"] = START + (k // 2) * 1000.0
+        row["battery_ohm"] = 0.030 if k < 20 else 0.060
+        row["latitude_deg"], row["longitude_deg"] = 48.0 + 0.1 * (k % 2), 11.0
+    (alone,) = with_parts([aircraft_season("a", rows, sums_of(season(RNG(6), 40)))])
+    assert any(f.sentence.startswith("20 of 40 flights are at the") for f in alone.findings)
+    assert any("battery resistance" in f.sentence for f in alone.findings)  # may be one twice
+    for row in rows:
+        row["started_unix_s"] = START  # any overlap more than half
+    (mixed,) = with_parts([aircraft_season("a", rows, sums_of(season(RNG(6), 40)))])
+    (only,) = mixed.findings
+    assert only.sentence.startswith("39 of 40 flights are at the time of another")
+    assert mixed.changes is None
+    assert mixed.no_changes.startswith("no change is followed: most flights are at the time of")
+
+
+def test_amounts_before_and_after_a_change_differ_in_their_unit():
+    shifted = words.value_words("cg_offset:tank.x_full")
+    assert shifted.amounts(0.0004, -0.0021) == ("0 mm", "−2 mm")
+    assert shifted.amounts(0.0011, 0.0013) == ("1.1 mm", "1.3 mm")
+    assert words.value_words("drag_moment.roll").amounts(0.01, 0.03) == ("10 mm", "30 mm")
+    assert words.value_words("climb_inflow.slope").amounts(1.2, 1.3) == ("1.200", "1.300")
+    assert words.value_words("yaw_trim.moment").amounts(1.0, 1.0) == ("1.0000 N m",) * 2
+
+
+def test_one_autopilot_flies_once_at_a_time_and_two_are_two_aircraft():
+    first, second = rows_of(2, duration_s=700.0, worst_time_s=100.0, **PLACE, board="a")
+    second |= {"started_unix_s": first["started_unix_s"], "tank_end_kg": 3.0}
+    assert aircraft_season("a", [first, second], []).twice == 1
+    second |= {"board": "b", "tank_end_kg": first["tank_end_kg"]}
+    assert aircraft_season("a", [first, second], []).twice == 0
 
 
 def test_of_two_logs_of_one_flight_the_graver_verdict_stays():
-    first, second = rows_of(2, duration_s=700.0, worst_time_s=100.0)
+    first, second = rows_of(2, duration_s=700.0, worst_time_s=100.0, **PLACE)
     second |= {"started_unix_s": first["started_unix_s"], "sums_reason": "no model"}
     for rows in ([first, second], [second, first]):
         second["verdict"] = "damaged"

@@ -19,7 +19,7 @@ from thrustmargin.gcs_plugin.office.season.fleet_page import (
     cells,
     chart,
     html_text,
-    ranked,
+    rank_aircraft,
 )
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore
 from thrustmargin.gcs_plugin.store.staging import SeasonFlight, merge, stage, staged_partitions
@@ -33,7 +33,7 @@ CHANGE = "with the battery off, change propeller 2 for a new one of the same kin
 def fleet():
     worn = with_change(season(RNG(1), 40), LOSS_2, wear(40, 20, 0.003))
     rows = rows_of(40, alarms=[HOSTILE], log_name=HOSTILE)
-    return ranked(
+    return rank_aircraft(
         "season",
         [
             aircraft_season("sound", rows_of(40), sums_of(season(RNG(2), 40))),
@@ -66,7 +66,7 @@ def test_the_worst_aircraft_is_the_call_of_the_page():
 )
 def test_hectares_of_a_part_are_not_those_of_the_season(second, whole, least):
     rows = [flight_row(0, hectares=2.0, spraying_s=200.0), flight_row(1, **second)]
-    made = ranked("season", [aircraft_season("mine", rows, [])])
+    made = rank_aircraft("season", [aircraft_season("mine", rows, [])])
     (one,) = json.loads(as_json(made))["aircraft"]
     assert (one["hectares"], one["hectares_at_least"]) == (whole, least)
 
@@ -74,18 +74,18 @@ def test_hectares_of_a_part_are_not_those_of_the_season(second, whole, least):
 def test_a_flight_that_was_lost_without_a_known_margin_is_listed_first():
     bad = {"verdict": "battery", "worst_margin": None, "log_name": "collapsed.tlog"}
     rows = [flight_row(0, verdict="over", worst_margin=0.4), flight_row(1, **bad)]
-    made = ranked("season", [aircraft_season("mine", rows, [])])
+    made = rank_aircraft("season", [aircraft_season("mine", rows, [])])
     assert [f["log_name"] for _, f in made.above_limit] == ["collapsed.tlog", "flight_1.tlog"]
     assert "collapsed.tlog" in html_text(made)
 
 
 def test_a_season_goes_from_its_first_day_to_its_last_and_has_its_least_margin():
     sound = aircraft_season("a", [*rows_of(39), flight_row(39, worst_margin=0.42)], [])
-    made = ranked("season", [sound])
+    made = rank_aircraft("season", [sound])
     assert made.days == "1 May 2026 to 9 Jun 2026"
     assert cells(sound)[:6] == ("a", "sound", "40", "6.7", "42 %", "0")
     blind = aircraft_season("b", [flight_row(0, started_unix_s=None, worst_margin=None)], [])
-    assert ranked("season", [blind]).days == "no dates"
+    assert rank_aircraft("season", [blind]).days == "no dates"
     assert cells(blind)[4] == "none measured"
 
 

@@ -19,6 +19,7 @@ from thrustmargin.gcs_plugin.office.season.season_flight import (
     IngestSettings,
     season_flights,
 )
+from thrustmargin.gcs_plugin.office.season.stored_words import flight_reason
 from thrustmargin.gcs_plugin.store.ingest_run import content_of
 from thrustmargin.gcs_plugin.store.schema import FLIGHTS
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, read_flights, read_sums
@@ -101,11 +102,12 @@ def test_a_good_flight_that_is_predicted_alone_has_no_margin_and_no_good_rank(
     assert stored["verdict"] == "unknown"
     assert {stored[n] for n in ("worst_margin", "mean_margin", "worst_rotor")} == {None}
     assert set(stored["margin_by_rotor"]) == {None}
-    assert stored["verdict_reason"].startswith("predicted: for most of the flight")
+    assert stored["reason_kinds"] == ["predicted_alone"]
+    assert flight_reason(stored).startswith("predicted: for most of the flight")
     capsys.readouterr()
     assert run(["fleet", store, "--json", str(tmp_path / "fleet.json")]) == 0
-    (ranked,) = json.loads((tmp_path / "fleet.json").read_text())["aircraft"]
-    assert (ranked["level"], ranked["worst_margin"]) == ("no verdict", None)
+    (rank_aircraft,) = json.loads((tmp_path / "fleet.json").read_text())["aircraft"]
+    assert (rank_aircraft["level"], rank_aircraft["worst_margin"]) == ("no verdict", None)
     said = capsys.readouterr().out
     assert "none measured" in said
     assert "1 of 1 flights have no verdict: predicted: for most of" in said

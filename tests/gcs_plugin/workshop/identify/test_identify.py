@@ -18,7 +18,7 @@ from tests.models.made_flights import F16, made_flight, made_flights, table
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.workshop.identify.identify import show, write_result
-from thrustmargin.gcs_plugin.workshop.identify.identify_result import Result, result_of
+from thrustmargin.gcs_plugin.workshop.identify.identify_result import Result, make_result
 from thrustmargin.mission.plan import read_plan
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.flight import FlightTrack
@@ -170,7 +170,7 @@ def undecided(tracks: list[FlightTrack]) -> Result:
     found = identify(tracks, physics_model(F16), catalogue=table(["extra_mass"]))
     terms = [Term(effect=BY_KEY[key]) for key in ("extra_mass", "tank_scale")]
     one = OneOf(terms=tuple(terms), probabilities=(0.6, 0.4))
-    return result_of(replace(found, one_of=(one,)), tracks=tracks, mission="next.plan")
+    return make_result(replace(found, one_of=(one,)), tracks=tracks, mission="next.plan")
 
 
 def lines_of(capsys) -> tuple[str, str]:

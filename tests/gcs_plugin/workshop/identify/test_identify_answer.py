@@ -8,19 +8,19 @@ import pytest
 
 from tests.models.made_flights import curve_model, made_flights, table
 from thrustmargin.gcs_plugin.wording.language import chance
-from thrustmargin.gcs_plugin.workshop.identify.asked_words import unnamed_causes
+from thrustmargin.gcs_plugin.workshop.identify.asked_words import unnamed_causes_words
 from thrustmargin.gcs_plugin.workshop.identify.identify_words import (
     answer,
-    at_most,
-    claims,
     excluded_rows,
+    few_flights_words,
     margin_words,
-    mentioned,
+    mentioned_words,
     next_flight_words,
-    nothing,
-    one_of,
+    nothing_missing_words,
+    one_of_words,
     set_words,
-    unexplained,
+    unexplained_words,
+    upper_limit,
 )
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.compose import EffectRecord, Identified
@@ -85,7 +85,7 @@ def test_part_amount_and_action_come_first_then_the_error(worn):
     first, second = said(worn)
     assert first.startswith("Rotor 1 (front right) makes 8")
     assert first.endswith(
-        "): with the battery off, inspect its propeller or fit a new one of the same kind."
+        "): do not fly it before propeller, motor and ESC of rotor 1 were looked at, battery off."
     )
     before, after = worn.before.rmse_rpm, worn.after.rmse_rpm
     assert second.startswith(f"Rotor speed error (RMSE) {before:.0f} -> {after:.0f} rpm (")
@@ -112,7 +112,7 @@ def test_nothing_missing_says_what_is_excluded(sound):
     assert said(clear)[0] == f"Nothing is found missing: a loss above 1.8 % {rest}."
     part = replace(sound, excluded=limits[1:3])
     some = rest.replace("any rotor", "rotor 2, 3")
-    assert nothing(part) == f"Nothing is found missing: a loss above 1.7 % {some}"
+    assert nothing_missing_words(part) == f"Nothing is found missing: a loss above 1.7 % {some}"
     assert len(said(clear)) == 2
 
 
@@ -120,7 +120,7 @@ def test_nothing_is_missing_only_where_that_is_likely(sound):
     rotor, mass = SetWeight(probability=0.63, terms=(weak(2),)), (MASS,)
 
     def first(*sets: SetWeight) -> str:
-        return nothing(replace(sound, excluded=(), alternatives=sets))
+        return nothing_missing_words(replace(sound, excluded=(), alternatives=sets))
 
     none = SetWeight(probability=0.96, terms=())
     assert first(none) == "Nothing is found missing"
@@ -146,20 +146,22 @@ def test_an_error_beyond_that_of_sound_flights_is_no_nothing(sound):
     model = replace(sound.model, good_flights=GoodFlights(flights=3, flight_rmse_rpm=flights))
     error = replace(sound.after, rmse_rpm=230.0, per_rotor_rmse_rpm=(50.0, 60.0, 400.0, 70.0))
     found = replace(sound, model=model, after=error, floor_rpm=100.0)  # 207.1 rpm of channels
-    assert nothing(found) == (
+    assert nothing_missing_words(found) == (
         "These flights are not like sound ones, and no effect explains it: off by 230 rpm, sound "
         "flights by up to 207 rpm (95 %), most on rotor 3 (front left): with the "
         "battery off, look there first"
     )
     alike = replace(error, per_rotor_rmse_rpm=(220.0, 225.0, 235.0, 239.0))
-    assert nothing(replace(found, after=alike)).endswith("(95 %), and no rotor stands out")
+    assert nothing_missing_words(replace(found, after=alike)).endswith(
+        "(95 %), and no rotor stands out"
+    )
     # The square root of 400² - 343² is 205.8.
     near = replace(error, per_rotor_rmse_rpm=(343.0, 343.0, 400.0, 343.0))
-    assert nothing(replace(found, after=near)).endswith("and no rotor stands out")
+    assert nothing_missing_words(replace(found, after=near)).endswith("and no rotor stands out")
     noisy = replace(found, floor_rpm=101.0)  # 206.6 rpm
-    assert nothing(noisy).startswith("Nothing is found missing")
+    assert nothing_missing_words(noisy).startswith("Nothing is found missing")
     few = replace(model, good_flights=GoodFlights(flights=2, flight_rmse_rpm={"a": 1.0, "b": 2.0}))
-    assert nothing(replace(found, model=few)).startswith("Nothing is found missing")
+    assert nothing_missing_words(replace(found, model=few)).startswith("Nothing is found missing")
 
 
 def test_excluded_sizes_are_one_row_for_all_rotors_and_in_the_units_of_the_field(sound):
@@ -189,12 +191,12 @@ def test_a_limit_of_rotors_is_of_the_others_where_one_is_spoken_of(sound):
 
 
 def test_a_limit_is_rounded_away_from_zero():
-    assert at_most(0.0201, "1") == "2.1 %"
-    assert at_most(0.02, "1") == "2 %"
-    assert at_most(0.123, "kg") == "0.13 kg"
-    assert at_most(0.000037, "1/s") == "0.23 % a minute"
-    assert at_most(0.14, "1", "exponent") == "0.14"
-    assert at_most(123.4, "s") == "130 s"
+    assert upper_limit(0.0201, "1") == "2.1 %"
+    assert upper_limit(0.02, "1") == "2 %"
+    assert upper_limit(0.123, "kg") == "0.13 kg"
+    assert upper_limit(0.000037, "1/s") == "0.23 % a minute"
+    assert upper_limit(0.14, "1", "exponent") == "0.14"
+    assert upper_limit(123.4, "s") == "130 s"
 
 
 def test_no_chance_is_called_sure():
@@ -210,14 +212,14 @@ def test_no_chance_is_called_sure():
 def test_effects_of_which_one_is_there_are_said_with_their_shares(sound):
     one = OneOf(terms=(MASS, GAUGE), probabilities=(0.6, 0.35))
     line = "Either hidden mass (60 %) or a wrong tank gauge (35 %): 3 flights do not tell which"
-    assert one_of(one, NAMES, 3) == line
-    assert one_of(one, NAMES, 1).endswith(": one flight does not tell which")
+    assert one_of_words(one, NAMES, 3) == line
+    assert one_of_words(one, NAMES, 1).endswith(": one flight does not tell which")
     assert said(replace(sound, one_of=(one,)))[0] == f"{line}."
 
 
 def test_a_rotor_that_is_not_cleared_is_always_said(worn, sound):
     rotor = Mentioned(rotor=2, probability=0.08, loss=0.031, ci95=(0.012, 0.05))
-    line = mentioned(rotor, NAMES, 3)
+    line = mentioned_words(rotor, NAMES, 3)
     assert line == (
         "Rotor 3 (front left) cannot be ruled out (8 % by 3 flights): it may make 3 % less "
         "thrust (1 to 5), so with the battery off, inspect its propeller or fit a new one of the "
@@ -228,13 +230,13 @@ def test_a_rotor_that_is_not_cleared_is_always_said(worn, sound):
     choice = OneOf(terms=(MASS, GAUGE), probabilities=(0.6, 0.35))
     assert said(replace(sound, mentioned=(rotor,), one_of=(choice,)))[0] == f"{line}."
     strong = Mentioned(rotor=2, probability=0.08, loss=-0.031, ci95=(-0.05, -0.012))
-    assert "it may make 3 % more thrust (1 to 5), so with" in mentioned(strong, NAMES, 3)
+    assert "it may make 3 % more thrust (1 to 5), so with" in mentioned_words(strong, NAMES, 3)
 
 
 @pytest.mark.parametrize("loss", [0.009, -0.009])
 def test_a_rotor_of_which_the_sign_is_not_known_has_an_amount_for_either(loss):
     unsure = Mentioned(rotor=2, probability=0.97, loss=loss, ci95=(-0.041, 0.058))
-    assert "it may make up to 5.8 % less or 4.1 % more thrust, so with" in mentioned(
+    assert "it may make up to 5.8 % less or 4.1 % more thrust, so with" in mentioned_words(
         unsure, NAMES, 3
     )
 
@@ -255,28 +257,28 @@ class _Left:
 
 
 def test_what_is_unexplained_has_mode_channel_closest_names_and_an_action(sound):
-    assert unexplained(sound) == ""
+    assert unexplained_words(sound) == ""
     action = "nothing was added for it; compare with a flight of this aircraft when it was sound"
-    assert unexplained(_Left(sound)) == (  # type: ignore[arg-type]
+    assert unexplained_words(_Left(sound)) == (  # type: ignore[arg-type]
         "No effect explains 21 rpm in pitch, 34 % of what is left, that goes with tank level: "
         f"{action}"
     )
     little = _Left(sound, fraction_of_variance=0.004)
-    assert "in pitch, under 1 % of what is left, that" in unexplained(little)  # type: ignore[arg-type]
+    assert "in pitch, under 1 % of what is left, that" in unexplained_words(little)  # type: ignore[arg-type]
     close = _Left(sound, closest=["cg_offset", "rotor_degradation of rotor 2", "new_thing"])
     things = "a shifted centre of gravity or a weak rotor 2 (rear left) or new thing"
-    assert f"tank level; closest in the table: {things}: " in unexplained(close)  # type: ignore[arg-type]
+    assert f"tank level; closest in the table: {things}: " in unexplained_words(close)  # type: ignore[arg-type]
     twice = _Left(sound, closest=["cg_offset", "extra_mass", "cg_offset:tank"])
     things = "a shifted centre of gravity or hidden mass"
-    assert f"closest in the table: {things}: " in unexplained(twice)  # type: ignore[arg-type]
+    assert f"closest in the table: {things}: " in unexplained_words(twice)  # type: ignore[arg-type]
     either = _Left(sound, channels=["tank_kg", "voltage"])
-    assert "that goes with tank level or battery voltage: " in unexplained(either)  # type: ignore[arg-type]
+    assert "that goes with tank level or battery voltage: " in unexplained_words(either)  # type: ignore[arg-type]
     slow = _Left(sound, channel="time_s", wanders=True)
-    assert "and goes with no channel: with the battery off, look at ice" in unexplained(slow)  # type: ignore[arg-type]
+    assert "and goes with no channel: with the battery off, look at ice" in unexplained_words(slow)  # type: ignore[arg-type]
     warm = _Left(sound, channel="time_s", rotor=1)
-    assert "all along: the loss goes with time in the log (" in unexplained(warm)  # type: ignore[arg-type]
+    assert "all along: the loss goes with time in the log (" in unexplained_words(warm)  # type: ignore[arg-type]
     bends = _Left(sound, channel="load", rotor=2)
-    assert unexplained(bends) == (  # type: ignore[arg-type]
+    assert unexplained_words(bends) == (  # type: ignore[arg-type]
         "Rotor 2 (rear left) does not lose the same share of its thrust all along: the loss goes "
         "with its own thrust (21 rpm), and no effect of the table does that, so none was added; "
         f"{INSPECT}, and look for what bends, slips or gets warm"
@@ -361,7 +363,7 @@ def test_one_flight_says_what_cannot_be_claimed(worn):
     assert "one flight, each fifth predicted without itself" in lines[1]
     assert "cannot be claimed" in lines[-1]
     assert "--held-out" in lines[-1]
-    assert claims(worn) == ()
+    assert few_flights_words(worn) == ()
 
 
 def test_every_sentence_ends_once(worn):
@@ -379,10 +381,12 @@ def test_the_page_of_the_answer_shows_each_kind_of_sentence(sound):
         separates=((MASS,), (GAUGE,)), manoeuvre=hover, repeats=2, nats=6.0, certainty=0.96
     )
     for sentence in (
-        one_of(OneOf(terms=(MASS, GAUGE), probabilities=(0.6, 0.35)), NAMES, 3),
-        mentioned(Mentioned(rotor=2, probability=0.08, loss=0.031, ci95=(0.012, 0.05)), NAMES, 3),
-        nothing(replace(sound, excluded=limits)),
-        unexplained(_Left(sound, closest=["cg_offset"])),  # type: ignore[arg-type]
+        one_of_words(OneOf(terms=(MASS, GAUGE), probabilities=(0.6, 0.35)), NAMES, 3),
+        mentioned_words(
+            Mentioned(rotor=2, probability=0.08, loss=0.031, ci95=(0.012, 0.05)), NAMES, 3
+        ),
+        nothing_missing_words(replace(sound, excluded=limits)),
+        unexplained_words(_Left(sound, closest=["cg_offset"])),  # type: ignore[arg-type]
         next_flight_words(following, NAMES, "next.plan"),
     ):
         assert f"| {sentence} |" in shown
@@ -406,7 +410,7 @@ def test_what_has_no_name_is_said_with_its_range_and_its_interval_beyond(sound):
     pitch = of(Term(effect=UNNAMED["pitch", "airspeed"]), *curve)
     uneven = replace(of(Term(effect=UNNAMED["rotor", "airspeed"], rotor=2), *curve), alike=())
     mass = of(Term(effect=BY_KEY["extra_mass"]), 0.25)
-    assert unnamed_causes(replace(sound, open_causes=(pitch, uneven, mass))) == (
+    assert unnamed_causes_words(replace(sound, open_causes=(pitch, uneven, mass))) == (
         "Without a name, as it was seen: pitch along airspeed (or climb (axial advance ratio)), "
         "2.0 to 9.0 m/s (12 rpm); the loss of rotor 3 (front left) along airspeed, 2.0 to 9.0 m/s "
         "(12 rpm), an alarm until it is repaired; the aircraft is 0.25 kg heavier than model and "
@@ -414,9 +418,9 @@ def test_what_has_no_name_is_said_with_its_range_and_its_interval_beyond(sound):
         "at its edge beyond that range, with twice the interval"
     )
     alone = replace(sound, open_causes=(mass,))
-    assert "edge" not in unnamed_causes(alone)
+    assert "edge" not in unnamed_causes_words(alone)
     worse = replace(alone, after=replace(sound.before, rmse_rpm=sound.before.rmse_rpm + 0.1))
-    assert unnamed_causes(worse).endswith(
+    assert unnamed_causes_words(worse).endswith(
         "91 % likely; flights not used are predicted worse with it, so keep no model of it"
     )
     limits = tuple(
@@ -425,7 +429,7 @@ def test_what_has_no_name_is_said_with_its_range_and_its_interval_beyond(sound):
     unsure = (SetWeight(probability=0.6, terms=(MASS,)),)
     shown = replace(alone, excluded=limits, alternatives=unsure)
     first, second, error, *_ = answer(shown, change())
-    assert first == f"{unnamed_causes(alone)}."
+    assert first == f"{unnamed_causes_words(alone)}."
     assert second == "A loss above 1.5 % on any rotor is excluded, a smaller one is not."
     assert "->" in error
     assert "; " in error

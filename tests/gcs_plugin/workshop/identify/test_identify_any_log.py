@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from tests.models.made_flights import curve_model, made_flight
 from thrustmargin.gcs_plugin.workshop.identify.identify_page import html_text
-from thrustmargin.gcs_plugin.workshop.identify.identify_result import json_text, result_of
+from thrustmargin.gcs_plugin.workshop.identify.identify_result import json_text, make_result
 from thrustmargin.models.errors import ThrustMarginError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.identification.loop import identify
@@ -83,7 +83,7 @@ def ends_in_an_answer(
         return
     assert math.isfinite(found.before.rmse_rpm)
     assert math.isfinite(found.after.rmse_rpm)
-    result = result_of(found, tracks=(*flights, *held_out))
+    result = make_result(found, tracks=(*flights, *held_out))
     assert json.loads(json_text(result))["answer"]
     assert html_text(result)
 

@@ -21,14 +21,14 @@ from thrustmargin.gcs_plugin.workshop.identify.identify_page import (
     html_text,
     map_figure,
     map_limit,
-    rows_of,
+    residual_rows,
     time_figure,
 )
 from thrustmargin.gcs_plugin.workshop.identify.identify_result import (
     Result,
     json_text,
+    make_result,
     printed_tables,
-    result_of,
 )
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.flight import FlightTrack
@@ -53,7 +53,7 @@ def result() -> Result:
         held_out=flights[2:],
         catalogue=table(["rotor_degradation"]),
     )
-    return result_of(
+    return make_result(
         found,
         tracks=flights,
         not_used=(UnusedLog(name=HOSTILE, reason=HOSTILE),),
@@ -70,7 +70,7 @@ def page(result) -> str:
 
 @pytest.fixture(scope="module")
 def rows(result) -> Rows:
-    return rows_of(result.unseen, result.tracks)
+    return residual_rows(result.unseen, result.tracks)
 
 
 def data_of(page: str) -> dict[str, dict]:
@@ -155,7 +155,7 @@ def undecided() -> Result:
             Excluded(term=t, parameter="loss", unit="1", above=0.02) for t in rotors[1:]
         ),
     )
-    return result_of(found, tracks=flights, mission=HOSTILE)
+    return make_result(found, tracks=flights, mission=HOSTILE)
 
 
 @pytest.mark.slow
@@ -201,7 +201,7 @@ def test_the_printed_tables_fit_80_columns(undecided):
 
 def test_rows_are_where_the_aircraft_was(rows, result):
     for f, track in enumerate(result.tracks):
-        mine = rows.of(f)
+        mine = rows.flight_rows(f)
         at = np.searchsorted(track.time_s, track.time_s[0] + rows.time_s[mine] - 1e-9)
         np.testing.assert_allclose(rows.north[mine], track.position_ned[at, 0])
         np.testing.assert_allclose(rows.east[mine], track.position_ned[at, 1])
@@ -210,7 +210,7 @@ def test_rows_are_where_the_aircraft_was(rows, result):
 
 
 def test_rows_hold_every_residual_in_rotors_and_in_modes(rows, result):
-    held = rows.of(2)
+    held = rows.flight_rows(2)
     rmse = np.sqrt(np.mean(rows.after_rpm[held] ** 2))
     assert rmse == pytest.approx(result.found.after.rmse_rpm)
     assert np.sum(rows.before_modes**2) == pytest.approx(np.sum(rows.before_rpm**2))
@@ -258,8 +258,8 @@ def test_a_pause_breaks_the_line():
     track = made_flight(1, loss=0.08)
     paused = _without(track, 30.0, 40.0)
     found = identify([paused], curve_model(), catalogue=table(["rotor_degradation"]))
-    made = result_of(found, tracks=[paused])
-    trace = time_figure(rows_of(made.unseen, made.tracks), 0).data[0]
+    made = make_result(found, tracks=[paused])
+    trace = time_figure(residual_rows(made.unseen, made.tracks), 0).data[0]
     assert np.count_nonzero(np.isnan(trace["y"])) == 1
 
 

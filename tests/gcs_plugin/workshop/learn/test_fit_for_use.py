@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from tests.models.model.made_models import learnt_model
-from thrustmargin.gcs_plugin.workshop.learn.training_tables import fit_for_use, odd_flights
+from thrustmargin.gcs_plugin.workshop.learn.training_tables import (
+    fitness_sentence,
+    outlier_sentences,
+)
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.network.records import ConditionScore, GoodFlights
@@ -65,7 +68,7 @@ BAD = {"straight": 200.0, "flights": (200.0,) * 3}
     ],
 )
 def test_the_sentence_names_use_size_reason_and_remedy(given, begins, says):
-    sentence = fit_for_use(shown(**given), MODEL)
+    sentence = fitness_sentence(shown(**given), MODEL)
     assert sentence.startswith(begins)
     assert says in sentence
     assert "R²" not in sentence
@@ -80,21 +83,22 @@ def test_with_moments_of_turning_in_the_model_the_loop_is_next():
             for p in BY_KEY["manoeuvre_moment"].parameters
         },
     )
-    sentence = fit_for_use(shown(**BAD), learnt_model(effects=(turning,)))
+    sentence = fitness_sentence(shown(**BAD), learnt_model(effects=(turning,)))
     assert sentence.endswith("thrustmargin identify LOG... --model FILE")
 
 
 def test_a_flight_that_is_unlike_the_others_is_named():
     good = (12.8, 13.7, 15.7, 12.9)
-    [sentence] = odd_flights(shown(flights=(*good, 31.3)))
+    [sentence] = outlier_sentences(shown(flights=(*good, 31.3)))
     assert sentence.startswith("look at 4.tlog: off by 1.6 %, the others by 0.69 %")
-    assert odd_flights(shown(flights=(*good, 16.9))) == []
-    assert odd_flights(shown(flights=(12.8, 13.7, 99.0))) == []  # two show no scatter
+    assert outlier_sentences(shown(flights=(*good, 16.9))) == []
+    assert outlier_sentences(shown(flights=(12.8, 13.7, 99.0))) == []  # two show no scatter
 
 
 def test_good_flights_are_seldom_called_odd():
     rng = np.random.default_rng(3)
     called = sum(
-        bool(odd_flights(shown(flights=tuple(np.exp(rng.normal(3.0, 0.3, 6)))))) for _ in range(400)
+        bool(outlier_sentences(shown(flights=tuple(np.exp(rng.normal(3.0, 0.3, 6))))))
+        for _ in range(400)
     )
     assert 8 <= called <= 33  # 5 % of 400 is 20, and three standard errors

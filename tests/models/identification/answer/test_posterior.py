@@ -13,7 +13,7 @@ from thrustmargin.models.effects.unnamed import UNNAMED
 from thrustmargin.models.identification.answer.posterior import EffectEstimate, posterior_of
 from thrustmargin.models.identification.rows.candidates import Term, TrialEffect, candidate
 from thrustmargin.models.identification.sets.evidence import SetScore
-from thrustmargin.models.identification.sets.linear_sets import FittedSet
+from thrustmargin.models.identification.sets.linear_sets import EffectSet
 
 MASS, GAUGE, CG = (
     candidate(Term(effect=BY_KEY[k]), 1) for k in ("extra_mass", "tank_scale", "cg_offset")
@@ -24,7 +24,7 @@ SINCE = candidate(Term(effect=BY_KEY["rotor_degradation:since"], rotor=2), 1)
 ALL = [MASS, GAUGE, CG, LOSS, LAST, SINCE]
 
 
-def a_set(weight: float, **values: tuple[float, float]) -> FittedSet:
+def a_set(weight: float, **values: tuple[float, float]) -> EffectSet:
     """A set: the first value of each effect and its standard error by name."""
     names = {"mass": 0, "gauge": 1, "cg": 2, "loss": 3, "last": 4, "since": 5}
     key = frozenset(names[n] for n in values)
@@ -35,17 +35,18 @@ def a_set(weight: float, **values: tuple[float, float]) -> FittedSet:
         start[0, 0] = values[n][0]
         trials.append(TrialEffect(candidate=one, values=start))
         errors += [values[n][1]] + [0.1] * (len(one.free) - 1)
-    scored = SetScore(log_evidence=0.0, step=np.zeros(len(errors)), variance=np.square(errors))
-    return FittedSet(
+    scored = SetScore(
+        log_evidence=float(np.log(weight)), step=np.zeros(len(errors)), variance=np.square(errors)
+    )
+    return EffectSet(
         key=key,
         trials=tuple(trials),
         set_score=scored,
-        total=float(np.log(weight)),
         residual=np.zeros((1, 4)),
     )
 
 
-def answer_of(*sets: FittedSet):
+def answer_of(*sets: EffectSet):
     search: Any = SimpleNamespace(fitted={s.key: s for s in sets}, candidates=ALL)
     return posterior_of(search)
 
@@ -231,7 +232,7 @@ def law_error(c: int, k: int) -> float:
     return 0.03 if (c, k) == (0, 0) else 0.0
 
 
-def excluded(value: float, error: float, *sets: FittedSet, named=()):
+def excluded(value: float, error: float, *sets: EffectSet, named=()):
     """What is excluded where each effect alone beside the best set would have this value."""
 
     def score(key: frozenset[int]) -> SetScore:
@@ -317,20 +318,19 @@ def test_values_of_single_flights_are_averaged_flight_by_flight():
     zero = candidate(Term(effect=BY_KEY["tank_zero"]), 2)
     assert [flight for _, flight in zero.free] == [0, 1]
 
-    def at(weight: float, values, steps, key) -> FittedSet:
+    def at(weight: float, values, steps, key) -> EffectSet:
         scored = SetScore(
-            log_evidence=0.0,
+            log_evidence=float(np.log(weight)),
             step=np.array(steps),
             variance=np.array([0.01, 0.04, 9.0][: len(steps)]),
         )
         trials = [TrialEffect(candidate=zero, values=np.array(values)[:, None])]
         if len(key) > 1:
             trials.append(TrialEffect(candidate=MASS, values=np.zeros((2, 1))))
-        return FittedSet(
+        return EffectSet(
             key=frozenset(key),
             trials=tuple(trials),
             set_score=scored,
-            total=float(np.log(weight)),
             residual=np.zeros((1, 4)),
         )
 
@@ -347,12 +347,11 @@ def test_a_loss_that_is_mentioned_is_that_of_the_flight_that_shows_most():
     values = onset.start.copy()
     values[:, 0] = [0.02, 0.09, 0.05]
     errors = np.array([0.01 if k == 0 else 0.0 for k, _ in onset.free], dtype=np.float64)
-    scored = SetScore(log_evidence=0.0, step=0.0 * errors, variance=errors**2)
-    rare = FittedSet(
+    scored = SetScore(log_evidence=float(np.log(0.2)), step=0.0 * errors, variance=errors**2)
+    rare = EffectSet(
         key=frozenset({0}),
         trials=(TrialEffect(candidate=onset, values=values),),
         set_score=scored,
-        total=float(np.log(0.2)),
         residual=np.zeros((1, 4)),
     )
     sets = [rare, a_set(0.8)]
@@ -452,11 +451,12 @@ def test_a_rotor_is_named_by_a_steady_loss_and_one_along_a_channel_together(alon
     """A cause without a name is none; of the same rotor it counts for the loss."""
     uneven = candidate(Term(effect=UNNAMED["rotor", "airspeed"], rotor=2), 1)
     errors = np.full(len(uneven.free), 0.01)
-    other = FittedSet(
+    other = EffectSet(
         key=frozenset({len(ALL)}),
         trials=(TrialEffect(candidate=uneven, values=uneven.start + 0.05),),
-        set_score=SetScore(log_evidence=0.0, step=0.0 * errors, variance=errors**2),
-        total=float(np.log(along)),
+        set_score=SetScore(
+            log_evidence=float(np.log(along)), step=0.0 * errors, variance=errors**2
+        ),
         residual=np.zeros((1, 4)),
     )
     sets = [a_set(0.78, loss=(0.08, 0.01)), other, a_set(0.22 - along)]
@@ -475,11 +475,10 @@ def test_a_knot_that_no_flight_reaches_is_as_the_last_that_one_does():
     values[:, :4] = 0.0, 0.004, 0.03, 0.002
 
     def estimate(*errors: float) -> list[float]:
-        one = FittedSet(
+        one = EffectSet(
             key=frozenset({0}),
             trials=(TrialEffect(candidate=curve, values=values),),
             set_score=SetScore(log_evidence=0.0, step=np.zeros(3), variance=np.square(errors)),
-            total=0.0,
             residual=np.zeros((1, 4)),
         )
         search: Any = SimpleNamespace(fitted={one.key: one}, candidates=[curve])

@@ -7,7 +7,10 @@ import pytest
 
 from tests.made_sources import FROM_OUTPUTS
 from tests.models.made_flights import curve_model, made_flight
-from thrustmargin.gcs_plugin.workshop.identify.identify_words import nothing, standing_words
+from thrustmargin.gcs_plugin.workshop.identify.identify_words import (
+    nothing_missing_words,
+    standing_words,
+)
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.effects.compose import rotor_speed_rpm
@@ -110,7 +113,7 @@ def test_of_flights_that_differ_the_one_that_differs_most_is_reported():
 def test_what_is_too_small_to_matter_is_not_reported():
     found = identify(flights(0.004, -0.004, 0.004, -0.004), curve_model())
     assert found.standing is None
-    assert nothing(found).endswith("cannot clear a rotor")
+    assert nothing_missing_words(found).endswith("cannot clear a rotor")
 
 
 def test_measured_speeds_are_not_concerned():

@@ -26,7 +26,7 @@ from thrustmargin.models.identification.rows.candidates import (
 )
 from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.identification.sets.evidence import SetScore
-from thrustmargin.models.identification.sets.linear_sets import FittedSet
+from thrustmargin.models.identification.sets.linear_sets import EffectSet
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Search
 from thrustmargin.models.network.records import GoodFlights
@@ -308,14 +308,13 @@ def test_two_curves_that_take_back_each_other_are_as_large_as_what_they_do_toget
         values[:, 1:4] = size
         return c, TrialEffect(candidate=search.candidates[c], values=values)
 
-    def alone(*members: tuple[int, TrialEffect]) -> FittedSet:
+    def alone(*members: tuple[int, TrialEffect]) -> EffectSet:
         kept = sorted(members, key=lambda pair: pair[0])
         count = sum(len(h.candidate.free) for _, h in kept)
-        return FittedSet(
+        return EffectSet(
             key=frozenset(c for c, _ in kept),
             trials=tuple(h for _, h in kept),
             set_score=SetScore(log_evidence=0.0, step=np.zeros(count), variance=np.ones(count)),
-            total=0.0,
             residual=np.zeros_like(space.reduced.measured_rpm),
         )
 

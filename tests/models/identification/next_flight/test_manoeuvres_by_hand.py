@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.models.made_flights import curve_model
+from thrustmargin.gcs_plugin.workshop.identify.identify_words import manoeuvre_words
 from thrustmargin.models.flight import FlightTrack, Origin
 from thrustmargin.models.identification.next_flight.manoeuvres import (
     FlownLimits,
@@ -83,7 +84,8 @@ def test_what_is_flown_lies_about_the_middle_of_where_was_flown(heading):
     """40 m ahead, a turn to the right and 10 m more: from -20 to 20 m and -5 to 5 m about it."""
     made = Manoeuvre(
         name="a corner",
-        words="fly a corner",
+        numbers=(),
+        load="",
         pieces=(
             Piece(seconds=10.0, speed=4.0),
             Piece(seconds=2.0, turn=np.pi / 4),
@@ -176,7 +178,8 @@ def test_limits_are_those_of_the_rows_in_flight():
 def test_speed_comes_at_two_metres_a_second_squared_over_a_smooth_second():
     order = Manoeuvre(
         name="x",
-        words="x",
+        numbers=(),
+        load="",
         pieces=(Piece(seconds=10.0, speed=4.0), Piece(seconds=10.0, turn=0.5)),
         height=5.0,
         heading=0.0,
@@ -193,7 +196,8 @@ def test_speed_comes_at_two_metres_a_second_squared_over_a_smooth_second():
 def test_turns_begin_at_two_radians_a_second_squared():
     order = Manoeuvre(
         name="x",
-        words="x",
+        numbers=(),
+        load="",
         pieces=(Piece(seconds=10.0), Piece(seconds=10.0, turn=0.5)),
         height=5.0,
         heading=0.2,
@@ -208,7 +212,7 @@ def test_turns_begin_at_two_radians_a_second_squared():
 
 
 def test_what_is_flown_is_said_in_words():
-    said = {m.name: m.words for m in manoeuvres(limits())}
+    said = {m.name: manoeuvre_words(m) for m in manoeuvres(limits())}
     assert said == {
         "hover": "hover 30 s",
         "legs": "fly a leg into the wind and back at 3.0 and at 6.0 m/s",
@@ -216,7 +220,9 @@ def test_what_is_flown_is_said_in_words():
         "squares": "fly a small square to the right, then one to the left, nose ahead",
         "climb and descent": "climb from 3 to 20 m and descend, twice",
     }
-    loads = [m.words for m in manoeuvres(limits(fill_kg=(1.23, 15.0))) if m.name == "hover"]
+    loads = [
+        manoeuvre_words(m) for m in manoeuvres(limits(fill_kg=(1.23, 15.0))) if m.name == "hover"
+    ]
     assert loads == [
         "hover 30 s, with 15 kg in the tank",
         "hover 30 s, with 1.2 kg in the tank",

@@ -7,7 +7,10 @@ import pytest
 
 from tests.made_sources import FROM_OUTPUTS, sent
 from tests.models.made_flights import curve_model, made_flight, table
-from thrustmargin.gcs_plugin.workshop.identify.identify_words import nothing, open_questions
+from thrustmargin.gcs_plugin.workshop.identify.identify_words import (
+    nothing_missing_words,
+    open_questions,
+)
 from thrustmargin.models.effects.base import Kind
 from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
 from thrustmargin.models.errors import DataError
@@ -64,7 +67,7 @@ def test_sound_rotors_get_no_name_though_their_trim_differs_from_flight_to_fligh
     assert names(found) == []
     assert found.mentioned == ()
     assert [e for e in found.excluded if e.term.rotor is not None] == []
-    assert nothing(found).endswith("but they cannot clear a rotor")
+    assert nothing_missing_words(found).endswith("but they cannot clear a rotor")
 
 
 def test_one_flight_names_a_rotor_only_beside_what_good_flights_have_shown():

@@ -252,7 +252,9 @@ def test_a_set_that_was_found_from_elsewhere_is_fitted_again_from_the_values_of_
     mass, both = place(search, "extra_mass"), place(search, "extra_mass", "yaw_trim")
     right = search.fit(both, ()).total
     far = [at(search, "extra_mass", 9.0), at(search, "yaw_trim", 0.0)]
-    search.fitted[both] = replace(search._fit(both, far, 0), total=right - 8.0)
+    stale = search._fit(both, far, 0)
+    poor = replace(stale.set_score, log_evidence=right - 8.0)
+    search.fitted[both] = replace(stale, set_score=poor)
     search.fit(frozenset(), ())
     search.fit(mass, ())
     search.run()

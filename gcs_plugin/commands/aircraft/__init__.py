@@ -1,0 +1,129 @@
+"""`thrustmargin aircraft`: what is known of each aircraft, and what was changed on it."""
+
+from __future__ import annotations
+
+import time
+from datetime import UTC, datetime
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from rich.markup import escape
+from tyro.conf import Positional
+
+from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.models.errors import DataError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from thrustmargin.gcs_plugin.store.hangar import Hangar, KnownAircraft
+
+
+def aircraft(
+    name: Positional[Annotated[str, tyro.conf.arg(metavar="[NAME]", help_behavior_hint="")]] = "",
+    *,
+    hangar: Path | None = None,
+    changed: str | None = None,
+    on: str | None = None,
+    forget: str | None = None,
+) -> int:
+    """List the known aircraft, or show one: its flights, how well it is predicted, what changed.
+
+    A repair that you note lets the model follow the aircraft faster, and its next flight shows
+    whether the repair did what it should.
+
+    Example: thrustmargin aircraft north-field-2 --changed "propeller 3"
+
+    Args:
+        name: Name of the aircraft; without it all are listed.
+        hangar: Folder of the known aircraft; else THRUSTMARGIN_HANGAR, else the user's data folder.
+        changed: Note that this part was repaired or replaced.
+        on: Day of the change as 2026-05-31, or with the time as 2026-05-31T14:30; without it now.
+        forget: Remove what a flight taught: the name of its log, or its digest.
+    """
+    from thrustmargin.gcs_plugin.store.hangar import Event, open_hangar
+
+    place, console = open_hangar(hangar), Terminal(soft_wrap=True)
+    if not name:
+        if changed or forget:
+            raise DataError("no aircraft named; give its NAME first")
+        return _list(place, console)
+    known = place.load(name)
+    if changed is not None:
+        place.add_event(name, Event(unix_s=_unix(on), changed=changed))
+        console.print(escape(f"{name}: noted: {changed}; its next flight is the check of it"))
+    if forget is not None:
+        found = [row for row in known.flights if forget in (row.log_name, row.flight)]
+        if not found:
+            raise DataError(f"{name} has no flight of {forget}; `thrustmargin aircraft {name}`")
+        for row in found:
+            place.forget(name, row.flight)
+            console.print(escape(f"{name}: forgot {row.log_name}"))
+    if changed is None and forget is None:
+        _show(known, console)
+    return 0
+
+
+def _list(place: Hangar, console: Console) -> int:
+    """Print a line for each aircraft."""
+    if not place.names():
+        console.print(
+            f"no aircraft in {place.folder}; make one from its logs: thrustmargin learn LOG..."
+        )
+    for name in place.names():
+        known = place.load(name)
+        last = known.flights[-1] if known.flights else None
+        ends = (
+            ""
+            if last is None
+            else f"; last flown {_day(last.start_unix_s, last.longitude_deg)}, {last.level}"
+        )
+        console.print(escape(f"{name}: {_counted(len(known.flights), known.days)}{ends}"))
+    return 0
+
+
+def _counted(flights: int, days: int) -> str:
+    """Return how many flights on how many days are known."""
+    return f"{flights} flight{'s' * (flights != 1)} on {days} day{'s' * (days != 1)}"
+
+
+def _show(known: KnownAircraft, console: Console) -> None:
+    """Print the timeline of one aircraft: its flights and what was noted, by time."""
+    steps = known.steps()
+    console.print(escape(f"{known.name}: {_counted(len(known.flights), known.days)}"), style="bold")
+    console.print(
+        f"  rotor speeds move by {100 * steps.flight:.1f} % from flight to flight and "
+        f"{100 * steps.day:.1f} % more from day to day"
+    )
+    where = known.flights[-1].longitude_deg if known.flights else float("nan")
+    lines = [(event.unix_s, f"changed: {event.changed}") for event in known.events]
+    for row in known.flights:
+        use = f"{100 * row.use_lasting:.0f} % of thrust in use"
+        held = f"interval held {100 * row.coverage:.0f} %"
+        taught = "trained" if row.trained else "taught"
+        if row.not_taught is not None:
+            taught = f"taught nothing: {row.not_taught}"
+        bad = f"; {', '.join(row.faults)}" if row.faults else ""
+        odd = "; changed since the flights before it" if row.changed else ""
+        words = f"{row.log_name}: {row.level}, {use}, {held}, {taught}{bad}{odd}"
+        lines.append((row.start_unix_s, words))
+    for unix_s, words in sorted(lines):
+        console.print(escape(f"  {_day(unix_s, where)} {words}"))
+
+
+def _day(unix_s: float, longitude_deg: float = float("nan")) -> str:
+    """Return the date of a Unix time, s, by mean solar time at a longitude; else in UTC."""
+    east_s = 240.0 * longitude_deg if isfinite(longitude_deg) else 0.0
+    return datetime.fromtimestamp(unix_s + east_s, UTC).date().isoformat()
+
+
+def _unix(words: str | None) -> float:
+    """Return the Unix time, s, of a day or time in the computer's zone; without one now."""
+    if words is None:
+        return time.time()
+    try:
+        return datetime.fromisoformat(words).timestamp()
+    except ValueError as error:
+        raise DataError(f"--on {words!r} is no day; give it as 2026-05-31") from error

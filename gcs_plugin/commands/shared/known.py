@@ -1,0 +1,203 @@
+"""Flights of known aircraft: recognise each log's aircraft, predict by its state, and learn."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.markup import escape
+
+from thrustmargin.models.errors import LogError, ThrustMarginError
+
+if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
+    from thrustmargin.gcs_plugin.logs import FlightLog
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.gcs_plugin.store.aircraft_marks import Recognition
+    from thrustmargin.gcs_plugin.store.hangar import AircraftFlight, Hangar, KnownAircraft
+    from thrustmargin.gcs_plugin.store.learnt_flight import LearntFlight
+    from thrustmargin.models.model.airframe_claim import AirframeClaim
+    from thrustmargin.models.model.analysis import FlightAnalysis
+    from thrustmargin.models.model.rotor_model import RotorModel
+
+
+def hangar_of(inputs: Inputs) -> Hangar:
+    """Return the hangar that the options name."""
+    from thrustmargin.gcs_plugin.store.hangar import open_hangar
+
+    return open_hangar(inputs.known.hangar)
+
+
+def recognised(path: Path, inputs: Inputs, hangar: Hangar) -> Recognition:
+    """Return which known aircraft a log is of. Raises LogError where it cannot be read."""
+    from thrustmargin.gcs_plugin.commands.shared.inputs import reading_keywords
+    from thrustmargin.gcs_plugin.logs.read import read_sorties
+    from thrustmargin.gcs_plugin.store.aircraft_marks import Recognition, marks_of
+
+    if inputs.known.aircraft is not None:
+        return Recognition(name=hangar.load(inputs.known.aircraft).name)
+    return hangar.recognise(marks_of(read_sorties(path, **reading_keywords(inputs.reading))[0]))
+
+
+def with_recognised(inputs: Inputs, console: Console) -> Inputs:
+    """Return the inputs with the name of the known aircraft of all their logs; unchanged where
+    they are of none, of several or of one that is named already.
+    """
+    hangar = hangar_of(inputs)
+    if inputs.given or not hangar.names():
+        return inputs
+    names = set()
+    for path in inputs.logs:
+        try:
+            names.add(recognised(path, inputs, hangar).name)
+        except LogError:
+            continue  # the caller reads it again and reports why it cannot be read
+    name = next(iter(names)) if len(names) == 1 else None
+    if name is None:
+        return inputs
+    console.print(escape(f"aircraft {name}"), soft_wrap=True)
+    return replace(inputs, known=replace(inputs.known, aircraft=name))
+
+
+def known_flights(
+    inputs: Inputs, unread: list[UnusedLog], console: Console
+) -> list[tuple[FlightAnalysis, FlightLog]]:
+    """Return the flights of those logs whose aircraft is known, each by the state before it.
+
+    The flights of an aircraft are taken in the order of their time, and each updates the state
+    before the next, unless the options exclude that. A log whose aircraft must be asked for is
+    reported on the console and left to the caller, like one of an unknown aircraft.
+    """
+    from thrustmargin.gcs_plugin.wording.aircraft_words import open_words
+
+    hangar = hangar_of(inputs)
+    if inputs.known.aircraft is None and not hangar.names():
+        return []
+    of_aircraft: dict[str, list[Path]] = {}
+    for path in inputs.logs:
+        try:
+            found = recognised(path, inputs, hangar)
+        except LogError:
+            continue  # the caller reads it again and reports why it cannot be read
+        if found.name is not None:
+            of_aircraft.setdefault(found.name, []).append(path)
+        elif found.open:
+            console.print(escape(f"{path.name}: {open_words(found.open)}"), soft_wrap=True)
+    flights: list[tuple[FlightAnalysis, FlightLog]] = []
+    for name, paths in of_aircraft.items():
+        learnt, _ = learn_logs(hangar.load(name), paths, inputs, hangar, unread, console)
+        for flight, log in learnt:
+            if words := change_of(flight):
+                console.print(escape(f"{log.name}: {words}"), soft_wrap=True)
+            flights.append((flight.analysis, log))
+    return flights
+
+
+def change_of(flight: LearntFlight) -> str:
+    """Return what is different in a flight from the flights before it, for people; else empty."""
+    import numpy as np
+
+    from thrustmargin.gcs_plugin.wording.aircraft_words import changed_words
+    from thrustmargin.models.model.mode_walk import mode_columns
+
+    row, analysis = flight.row, flight.analysis
+    if not row.changed or row.offsets is None:
+        return ""
+    state, rotors = analysis.model.state, len(row.offsets.offset)
+    before = np.zeros(rotors) if state is None else np.array(state.offset)
+    speed = np.nanmedian(analysis.prediction.rotor_speed_rpm[analysis.track.flying])
+    by_rpm = (np.array(row.offsets.offset) - before) * speed
+    return changed_words(by_rpm, row.changed, mode_columns(analysis.model.airframe))
+
+
+def learn_logs(
+    aircraft: KnownAircraft,
+    paths: list[Path],
+    inputs: Inputs,
+    hangar: Hangar,
+    unread: list[UnusedLog],
+    console: Console,
+) -> tuple[list[tuple[LearntFlight, FlightLog]], KnownAircraft]:
+    """Analyse the logs of one aircraft in the order of their time, and keep what each teaches.
+
+    Return the flights, and the aircraft with them.
+    """
+    from thrustmargin.gcs_plugin.commands.shared.inputs import read_logs
+    from thrustmargin.gcs_plugin.store.hangar import NotTaught
+    from thrustmargin.gcs_plugin.store.learnt_flight import learnt_flight
+    from thrustmargin.gcs_plugin.wording.aircraft_words import known_words
+
+    model = aircraft.model()
+    its = replace(inputs, logs=tuple(paths), airframe=str(aircraft.airframe_file))
+    read = list(read_logs(its, unread, console, model=model, skipped=ThrustMarginError))
+    made: list[tuple[LearntFlight, FlightLog]] = []
+    for log, claim in sorted(read, key=_start):
+        if not claim.withheld:
+            claim = replace(
+                claim, words=known_words(aircraft.name, len(aircraft.sound_flights), aircraft.days)
+            )
+        flight = learnt_flight(
+            log, claim, model, aircraft, flight=flight_key(log), limit=inputs.limit
+        )
+        made.append((flight, log))
+        if not math.isfinite(flight.row.start_unix_s):
+            continue
+        if flight.row.not_taught is NotTaught.NO_VERDICT or inputs.known.no_learn:
+            continue
+        hangar.add_flight(aircraft.name, flight.row)
+        aircraft = with_flight(aircraft, flight.row)
+    return made, aircraft
+
+
+def with_flight(aircraft: KnownAircraft, row: AircraftFlight) -> KnownAircraft:
+    """Return the aircraft with one flight more, in the place of an older row of that flight."""
+    others = (one for one in aircraft.flights if one.flight != row.flight)
+    return replace(
+        aircraft, flights=tuple(sorted([*others, row], key=lambda one: one.start_unix_s))
+    )
+
+
+def model_of_log(inputs: Inputs, log: Path, console: Console) -> RotorModel:
+    """Return the model for one recorded flight: of its known aircraft with the state before it,
+    else that of the options.
+
+    Where the aircraft must be asked for, the console shows the question.
+    """
+    from thrustmargin.gcs_plugin.commands.shared.inputs import reading_keywords
+    from thrustmargin.gcs_plugin.logs.read import read_sorties
+    from thrustmargin.gcs_plugin.store.aircraft_marks import marks_of
+    from thrustmargin.gcs_plugin.wording.aircraft_words import open_words
+
+    hangar, name = hangar_of(inputs), inputs.known.aircraft
+    if inputs.by_file or (name is None and not hangar.names()):
+        return inputs.rotor_model()
+    flown = read_sorties(log, **reading_keywords(inputs.reading))[0]
+    if name is None:
+        found = hangar.recognise(marks_of(flown))
+        if found.open:
+            console.print(escape(f"{log.name}: {open_words(found.open)}"), soft_wrap=True)
+        name = found.name
+    if name is None:
+        return inputs.rotor_model()
+    aircraft = hangar.load(name)
+    start = flown.track.start_unix_s
+    longitude = flown.track.origin.longitude_deg if flown.track.origin else math.nan
+    return aircraft.model() if start is None else aircraft.model_before(start, longitude)
+
+
+def flight_key(log: FlightLog) -> str:
+    """Return the digest of a log's file, with the sortie from the second on."""
+    from hashlib import file_digest
+
+    with log.path.open("rb") as file:
+        content = file_digest(file, "sha256").hexdigest()[:16]
+    return content if log.sortie == 1 else f"{content}-sortie-{log.sortie}"
+
+
+def _start(read: tuple[FlightLog, AirframeClaim]) -> float:
+    """Return the Unix time, s, of a flight's start; the largest number where it is unknown."""
+    start = read[0].track.start_unix_s
+    return math.inf if start is None else start

@@ -1,0 +1,331 @@
+"""Keep what is known of each aircraft in a folder that survives a crash and two writers.
+
+    HANGAR/aircraft/NAME/aircraft.json        marks, the model's last flight
+    HANGAR/aircraft/NAME/airframe.toml        its airframe
+    HANGAR/aircraft/NAME/model.safetensors    the model that its first flights made
+    HANGAR/aircraft/NAME/flights/FLIGHT.json  one file a flight, with what it taught
+    HANGAR/aircraft/NAME/events/TIME.json     one file a repair or change that somebody noted
+
+Each file is written whole or not at all, and a flight's file holds nothing of another flight, so
+no lock is needed: two programs that learn the same flight write the same file. The folder of the
+hangar is the store of a season as well (`gcs_plugin.store`), which `fleet` reads.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, TypeVar
+
+from thrustmargin.gcs_plugin.store.aircraft_marks import Marks, Recognition, recognise
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.json_values import from_json_values, to_json_values
+from thrustmargin.models.model.mode_walk import (
+    FlightOffsets,
+    ModeState,
+    WalkSizes,
+    WalkStep,
+    fit_steps,
+    state_before,
+    walk,
+)
+from thrustmargin.models.model.model_file import load_model
+from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.whole_file import regular, whole_file
+
+SCHEMA = "thrustmargin.aircraft/1"
+FLIGHT_SCHEMA = "thrustmargin.aircraft-flight/1"
+EVENT_SCHEMA = "thrustmargin.aircraft-event/1"
+VARIABLE = "THRUSTMARGIN_HANGAR"
+_NAME = re.compile(r"[A-Za-z0-9][\w.-]{0,79}")
+NAN = math.nan
+Kind = TypeVar("Kind")
+
+
+class NotTaught(StrEnum):
+    """The reasons for which a flight does not update the state of its aircraft."""
+
+    FAULT = "a bad part"
+    LOST = "loss of control"
+    NO_VERDICT = "no verdict"
+    ORDER = "motors in another order"
+    LOAD = "the load is not the one reported"
+    READINGS = "rotor speeds that are not trusted"
+    TOO_SHORT = "too little flight with rotor speeds and load"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AircraftFlight:
+    """One flight of an aircraft: its conditions, its figures, and what it taught; NaN unknown."""
+
+    flight: str  # digest of the log, with the sortie
+    log_name: str
+    start_unix_s: float
+    latitude_deg: float = NAN
+    longitude_deg: float = NAN
+    airborne_s: float = 0.0
+    level: str = "unknown"
+    use_lasting: float = NAN  # share of the worst rotor's largest thrust
+    use_lasting_low: float = NAN
+    use_lasting_high: float = NAN
+    tank_start_kg: float = NAN
+    density: float = NAN  # kg/m³, median
+    rest_voltage: float = NAN  # V before take-off
+    mean_power: float = NAN  # W in flight, voltage times current
+    power_coefficient: float = NAN  # W/rpm³ in air of the model's reference density
+    coverage: float = NAN  # share of speeds inside the interval of the state before the flight
+    bias: float = NAN  # mean of ln measured over predicted speed
+    faults: tuple[str, ...] = ()  # kind and rotor, as "propeller 3"
+    #: Modes, from 0, that are further from the state before the flight than the walk allows.
+    changed: tuple[int, ...] = ()
+    offsets: FlightOffsets | None = None
+    not_taught: NotTaught | None = None  # why the flight taught nothing; None where it taught
+    trained: bool = False  # the model was made from it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Event:
+    """A repair or change that somebody noted, at a Unix time, s."""
+
+    unix_s: float
+    changed: str  # the part, in the user's words
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Record:
+    """The content of aircraft.json."""
+
+    schema: str
+    name: str
+    marks: tuple[Marks, ...]
+    made_unix_s: float
+    training: tuple[str, ...]  # flights that the model was made from
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KnownAircraft:
+    """One aircraft of the hangar with its flights and events, as its files say them."""
+
+    folder: Path
+    name: str
+    marks: tuple[Marks, ...]
+    made_unix_s: float = NAN
+    training: tuple[str, ...] = ()
+    flights: tuple[AircraftFlight, ...] = ()  # by time
+    events: tuple[Event, ...] = ()  # by time
+
+    @property
+    def airframe_file(self) -> Path:
+        """Return the path of the airframe file."""
+        return self.folder / "airframe.toml"
+
+    @property
+    def model_file(self) -> Path:
+        """Return the path of the model file."""
+        return self.folder / "model.safetensors"
+
+    @property
+    def lessons(self) -> tuple[FlightOffsets, ...]:
+        """Return the offsets of the flights that teach, by time."""
+        rows = (row for row in self.flights if not row.trained and row.not_taught is None)
+        return tuple(row.offsets for row in rows if row.offsets is not None)
+
+    @property
+    def last_training(self) -> FlightOffsets | None:
+        """Return the offsets of the last flight that the model was made from; None if unknown."""
+        made = [row.offsets for row in self.flights if row.trained and row.offsets is not None]
+        return made[-1] if made else None
+
+    @property
+    def repairs(self) -> tuple[float, ...]:
+        """Return the Unix times, s, of the noted changes."""
+        return tuple(event.unix_s for event in self.events)
+
+    @property
+    def sound_flights(self) -> tuple[AircraftFlight, ...]:
+        """Return the flights on which what is known of it rests: those that taught."""
+        return tuple(row for row in self.flights if row.not_taught is None)
+
+    @property
+    def days(self) -> int:
+        """Return the number of days of the sound flights."""
+        return len({row.offsets.day for row in self.sound_flights if row.offsets is not None})
+
+    def steps(self, before_unix_s: float = math.inf) -> WalkSizes:
+        """Return the sizes of the walk's steps by the lessons before a time."""
+        lessons = [one for one in self.lessons if one.start_unix_s < before_unix_s]
+        return fit_steps(lessons, last_training=self.last_training, repairs=self.repairs)
+
+    def state_before(
+        self, start_unix_s: float, rotors: int, longitude_deg: float = NAN
+    ) -> ModeState:
+        """Return the mode state in which a flight that starts at a Unix time is predicted."""
+        return state_before(
+            self.lessons,
+            self.steps(start_unix_s),
+            rotors,
+            start_unix_s,
+            longitude_deg=longitude_deg,
+            last_training=self.last_training,
+            repairs=self.repairs,
+        )
+
+    def model(self) -> RotorModel:
+        """Load the model as it was made. Raises ModelError where the file is damaged."""
+        return load_model(self.model_file)
+
+    def model_before(self, start_unix_s: float, longitude_deg: float = NAN) -> RotorModel:
+        """Load the model with the state in which a flight that starts at a Unix time is
+        predicted; without a state where the model has no interval to widen.
+        """
+        model = self.model()
+        if model.interval is None:
+            return model
+        if not math.isfinite(longitude_deg) and self.flights:
+            longitude_deg = self.flights[-1].longitude_deg
+        rotors = model.airframe.rotor_count
+        return replace(model, state=self.state_before(start_unix_s, rotors, longitude_deg))
+
+    def walk(self) -> tuple[WalkStep, ...]:
+        """Return the walk over all lessons, with the steps that they show together."""
+        return walk(
+            self.lessons, self.steps(), last_training=self.last_training, repairs=self.repairs
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Hangar:
+    """The folder of all known aircraft; it may not exist yet."""
+
+    folder: Path
+
+    def names(self) -> tuple[str, ...]:
+        """Return the names of the aircraft, in order."""
+        place = self.folder / "aircraft"
+        if not place.is_dir():
+            return ()
+        return tuple(
+            sorted(one.name for one in place.iterdir() if (one / "aircraft.json").exists())
+        )
+
+    def aircraft_folder(self, name: str) -> Path:
+        """Return the folder of an aircraft. Raises DataError for a name that cannot be one."""
+        return self.folder / "aircraft" / checked_name(name)
+
+    def load(self, name: str) -> KnownAircraft:
+        """Read an aircraft. Raises DataError where it is unknown or a file is damaged."""
+        folder = self.aircraft_folder(name)
+        if not (folder / "aircraft.json").exists():
+            known = ", ".join(self.names()) or "none yet"
+            raise DataError(
+                f"no aircraft {name} in {self.folder}; known: {known}; "
+                f"make it with: thrustmargin learn LOG... --aircraft {name}"
+            )
+        record = _read(folder / "aircraft.json", _Record, SCHEMA)
+        rows = [_read(one, AircraftFlight, FLIGHT_SCHEMA) for one in _files(folder / "flights")]
+        events = [_read(one, Event, EVENT_SCHEMA) for one in _files(folder / "events")]
+        return KnownAircraft(
+            folder=folder,
+            name=record.name,
+            marks=record.marks,
+            made_unix_s=record.made_unix_s,
+            training=record.training,
+            flights=tuple(sorted(rows, key=lambda row: row.start_unix_s)),
+            events=tuple(sorted(events, key=lambda event: event.unix_s)),
+        )
+
+    def recognise(self, marks: Marks) -> Recognition:
+        """Return which aircraft of the hangar a log with these marks is of."""
+        records = (
+            _read(self.aircraft_folder(name) / "aircraft.json", _Record, SCHEMA)
+            for name in self.names()
+        )
+        return recognise(marks, [(record.name, record.marks) for record in records])
+
+    def keep(
+        self, name: str, marks: Sequence[Marks], *, made_unix_s: float, training: Sequence[str]
+    ) -> None:
+        """Write the record of an aircraft, replacing an older one."""
+        distinct = tuple(one for k, one in enumerate(marks) if one not in marks[:k])
+        record = _Record(
+            schema=SCHEMA,
+            name=checked_name(name),
+            marks=distinct,
+            made_unix_s=made_unix_s,
+            training=tuple(training),
+        )
+        _write(self.aircraft_folder(name) / "aircraft.json", to_json_values(record))
+
+    def add_flight(self, name: str, row: AircraftFlight) -> None:
+        """Write one flight of an aircraft, replacing what was known of that flight."""
+        path = self.aircraft_folder(name) / "flights" / f"{row.flight}.json"
+        _write(path, {"schema": FLIGHT_SCHEMA, **to_json_values(row)})
+
+    def forget(self, name: str, flight: str) -> bool:
+        """Remove one flight of an aircraft; return whether it was there."""
+        path = self.aircraft_folder(name) / "flights" / f"{flight}.json"
+        there = path.exists()
+        path.unlink(missing_ok=True)
+        return there
+
+    def add_event(self, name: str, event: Event) -> None:
+        """Write one noted change of an aircraft."""
+        path = self.aircraft_folder(name) / "events" / f"{event.unix_s:.3f}.json"
+        _write(path, {"schema": EVENT_SCHEMA, **to_json_values(event)})
+
+
+def checked_name(name: str) -> str:
+    """Return the name. Raises DataError where it cannot be that of a folder everywhere."""
+    if not _NAME.fullmatch(name):
+        raise DataError(
+            f"--aircraft {name!r}: give letters, digits and . _ - such as north-field-2"
+        )
+    return name
+
+
+def open_hangar(folder: Path | None = None) -> Hangar:
+    """Return the hangar of a folder, else of THRUSTMARGIN_HANGAR, else of the user's data."""
+    if folder is not None:
+        return Hangar(folder)
+    if named := os.environ.get(VARIABLE):
+        return Hangar(Path(named))
+    from platformdirs import user_data_path
+
+    return Hangar(user_data_path("thrustmargin", appauthor=False) / "hangar")
+
+
+def _files(folder: Path) -> list[Path]:
+    """Return the JSON files of a folder, in order; none where it is missing."""
+    return sorted(folder.glob("*.json")) if folder.is_dir() else []
+
+
+def _read(path: Path, kind: type[Kind], schema: str) -> Kind:
+    """Read one file of the hangar. Raises DataError where it is damaged or of another schema."""
+    try:
+        data = json.loads(regular(path).read_text("utf-8"))
+        if not isinstance(data, dict) or data.get("schema") != schema:
+            found = data.get("schema") if isinstance(data, dict) else None
+            raise ValueError(f"its schema is {found!r}, this version reads {schema!r}")
+        if kind is not _Record:
+            data.pop("schema")
+        return from_json_values(kind, data, path.name)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise DataError(
+            f"{path}: {error}; take it away, and learn its flights again: thrustmargin learn LOG..."
+        ) from error
+
+
+def _write(path: Path, values: Any) -> None:
+    """Write JSON whole or not at all. Raises DataError where the disk refuses."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(path) as draft:
+            draft.write_text(json.dumps(values, indent=1) + "\n", "utf-8")
+    except OSError as error:
+        raise DataError(f"cannot write {path}: {error.strerror or error}") from error

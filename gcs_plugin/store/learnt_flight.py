@@ -1,0 +1,177 @@
+"""Predict a flight by the state of its aircraft before it, then let the flight update the state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.store.hangar import AircraftFlight, KnownAircraft, NotTaught
+from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.model.advice import Advice, FlightLevel, advise
+from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.analysis import FlightAnalysis, analyse, analysis_for_verdict
+from thrustmargin.models.model.flight_offsets import flight_offsets
+from thrustmargin.models.model.mode_walk import FlightOffsets, WalkStep, walk
+from thrustmargin.models.model.model_misfit import Caveat
+from thrustmargin.models.model.rotor_model import RotorModel, without_state
+from thrustmargin.models.physics.smoothing import known_median
+
+NAN = float("nan")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LearntFlight:
+    """One flight of a known aircraft: its analysis by the state before it, and its row."""
+
+    analysis: FlightAnalysis
+    advice: Advice
+    row: AircraftFlight
+
+
+def learnt_flight(
+    log: FlightLog,
+    claim: AirframeClaim,
+    model: RotorModel,
+    aircraft: KnownAircraft,
+    *,
+    flight: str,
+    limit: float = 0.5,
+) -> LearntFlight:
+    """Analyse a flight of a known aircraft by its state before the flight, and make its row.
+
+    `model` is the aircraft's own; `flight` is the digest of the log. A log that does not state when
+    it was flown is predicted by the state after the last flight, and teaches nothing.
+    """
+    track = log.track
+    start_unix_s = NAN if track.start_unix_s is None else track.start_unix_s
+    longitude_deg = track.origin.longitude_deg if track.origin else NAN
+    latitude_deg = track.origin.latitude_deg if track.origin else NAN
+    if model.interval is not None and not claim.withheld:
+        earlier = tuple(one for one in aircraft.flights if one.flight != flight)
+        state = replace(aircraft, flights=earlier).state_before(
+            start_unix_s if np.isfinite(start_unix_s) else _after_last(aircraft),
+            model.airframe.rotor_count,
+            longitude_deg,
+        )
+        model = replace(model, state=state)
+    analysis = analysis_for_verdict(analyse(track, model, claim=claim))
+    advice = advise(analysis, limit=limit).advice
+    offsets = None
+    if np.isfinite(start_unix_s):
+        offsets = flight_offsets(
+            analysis, flight=flight, start_unix_s=start_unix_s, longitude_deg=longitude_deg
+        )
+    reason = not_taught(advice, offsets)
+    step = None
+    if offsets is not None and reason is None and model.interval is not None:
+        step = step_of(aircraft, offsets)
+    row = AircraftFlight(
+        flight=flight,
+        log_name=log.name,
+        start_unix_s=start_unix_s,
+        latitude_deg=latitude_deg,
+        longitude_deg=longitude_deg,
+        airborne_s=advice.airborne_s,
+        level=str(advice.level),
+        use_lasting=advice.use.lasting_most,
+        use_lasting_low=advice.use.lasting_low,
+        use_lasting_high=advice.use.lasting_high,
+        tank_start_kg=_first_known(np.where(track.flying, track.tank_kg, np.nan)),
+        density=known_median(analysis.density[track.flying]),
+        rest_voltage=rest_voltage(analysis),
+        mean_power=_mean_power(analysis),
+        power_coefficient=power_coefficient(analysis),
+        coverage=coverage(analysis),
+        bias=advice.misfit.bias,
+        faults=tuple(f"{one.fault.kind} {one.fault.rotor + 1}" for one in advice.faults),
+        changed=() if step is None else step.changed,
+        offsets=offsets,
+        not_taught=reason,
+        trained=flight in aircraft.training,
+    )
+    return LearntFlight(analysis=analysis, advice=advice, row=row)
+
+
+def _after_last(aircraft: KnownAircraft) -> float:
+    """Return a Unix time, s, after the last dated flight of an aircraft; 0 without one."""
+    times = [one.start_unix_s for one in aircraft.flights if np.isfinite(one.start_unix_s)]
+    return max(times, default=0.0) + 1.0
+
+
+def step_of(aircraft: KnownAircraft, offsets: FlightOffsets) -> WalkStep:
+    """Return the step that a flight makes in the walk of its aircraft, by the flights before it."""
+    earlier = [
+        one
+        for one in aircraft.lessons
+        if one.start_unix_s < offsets.start_unix_s and one.flight != offsets.flight
+    ]
+    steps = aircraft.steps(offsets.start_unix_s)
+    last = aircraft.last_training
+    if last is not None and last.flight == offsets.flight:
+        last = None
+    return walk([*earlier, offsets], steps, last_training=last, repairs=aircraft.repairs)[-1]
+
+
+def not_taught(advice: Advice, offsets: FlightOffsets | None) -> NotTaught | None:
+    """Return why a flight does not update the state of its aircraft; None where it does."""
+    if advice.faults:
+        return NotTaught.FAULT
+    if advice.losses or FlightLevel.LOST in advice.levels:
+        return NotTaught.LOST
+    if advice.withheld or advice.level is FlightLevel.UNKNOWN:
+        return NotTaught.NO_VERDICT
+    if FlightLevel.ORDER in advice.levels:
+        return NotTaught.ORDER
+    if advice.misread is not None or Caveat.ROTOR_SPEEDS in advice.caveats:
+        return NotTaught.READINGS
+    if Caveat.LOAD in advice.caveats or Caveat.GAUGE in advice.caveats:
+        return NotTaught.LOAD
+    return NotTaught.TOO_SHORT if offsets is None else None
+
+
+def coverage(analysis: FlightAnalysis) -> float:
+    """Return the share of measured speeds in flight inside the interval of their prediction; NaN
+    without any."""
+    track, prediction = analysis.track, analysis.prediction
+    speed = track.measured("rotor_speed_rpm")
+    known = track.flying[:, None] & np.isfinite(speed) & np.isfinite(prediction.lower_rpm)
+    inside = (speed >= prediction.lower_rpm) & (speed <= prediction.upper_rpm)
+    return float(inside[known].mean()) if known.any() else NAN
+
+
+def rest_voltage(analysis: FlightAnalysis) -> float:
+    """Return the median voltage, V, before the first take-off; NaN where the log begins later."""
+    track = analysis.track
+    return known_median(track.voltage[np.cumsum(track.flying) == 0])
+
+
+def _mean_power(analysis: FlightAnalysis) -> float:
+    """Return the mean electric power in flight, W; NaN without voltage and current."""
+    track = analysis.track
+    power = (track.voltage * track.current)[track.flying]
+    return float(np.nanmean(power)) if np.isfinite(power).any() else NAN
+
+
+def power_coefficient(analysis: FlightAnalysis) -> float:
+    """Return k, W/rpm³, of electric power = k rho / rho_ref sum of N³ over the rotors.
+
+    By least squares over rows in flight with all rotor speeds measured; rho_ref is the model's
+    reference density. NaN with fewer than 100 rows. Source: torque and thrust of a rotor are
+    proportional to rho N², so its power to rho N³ (Leishman, Helicopter Aerodynamics, 2.3).
+    """
+    track, model = analysis.track, without_state(analysis.model)
+    cubes = np.sum(track.measured("rotor_speed_rpm") ** 3, axis=1)
+    cubes = cubes * analysis.density / model.reference_density
+    power = track.voltage * track.current
+    rows = track.flying & np.isfinite(cubes) & np.isfinite(power) & (power > 0.0)
+    if np.count_nonzero(rows) < 100:
+        return NAN
+    return float(cubes[rows] @ power[rows] / (cubes[rows] @ cubes[rows]))
+
+
+def _first_known(values: Floats) -> float:
+    """Return the first finite value; NaN without one."""
+    known = values[np.isfinite(values)]
+    return float(known[0]) if known.size else NAN

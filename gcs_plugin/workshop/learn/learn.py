@@ -1,0 +1,303 @@
+"""`thrustmargin learn`: make aircraft known from their logs, and follow them with further ones."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from rich.markup import escape
+from tyro.conf import Positional
+
+from thrustmargin.gcs_plugin.commands.airframe.questions import OwnerStatement, check_numbers
+from thrustmargin.gcs_plugin.commands.shared.inputs import (
+    ANY_KNOWN,
+    AS_HEARD,
+    Inputs,
+    Known,
+    Reading,
+)
+from thrustmargin.models.errors import DataError, LogError, require
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.gcs_plugin.store.aircraft_marks import Marks, MarksMatch
+    from thrustmargin.gcs_plugin.store.hangar import Hangar, KnownAircraft
+    from thrustmargin.models.physics.airframe import Airframe
+
+
+NOTHING_STATED = OwnerStatement()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Group:
+    """The logs of one aircraft: a known one by its name, or a new one by its marks."""
+
+    name: str | None
+    marks: tuple[Marks, ...]
+    paths: tuple[Path, ...]
+
+
+def learn(
+    logs: Positional[
+        Annotated[tuple[Path, ...], tyro.conf.arg(metavar="LOG|FOLDER...", help_behavior_hint="")]
+    ],
+    *,
+    owner: Annotated[OwnerStatement, tyro.conf.OmitArgPrefixes] = NOTHING_STATED,
+    reading: Reading = AS_HEARD,
+    known: Known = ANY_KNOWN,
+    seed: int = 0,
+) -> int:
+    """Make aircraft known from their logs: who they are, their airframes, their models.
+
+    Groups the logs by aircraft. Of a new one it asks for what no log says, makes its airframe from
+    the hover in its flights, and trains its model on those that are sound. A known one is followed:
+    each flight is compared with what was known before it, and then taught. Afterwards `report`,
+    `replay` and the others know the aircraft of a log by themselves.
+
+    Example: thrustmargin learn flights --aircraft north-field-2 --mass 18 --arm 0.74
+    --tank-litres 0 --power-set hobbywing-x6-plus
+    (flights is the folder of your logs)
+
+    Args:
+        logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv; or folders of
+            them.
+        owner: What no log says of a new aircraft; asked for in a terminal.
+        reading: How the logs are read.
+        known: The name of the aircraft, and where it is kept.
+        seed: Number from which all chance of the training is drawn.
+    """
+    require("train", "torch", "scipy")
+    from thrustmargin.gcs_plugin.commands.shared.known import change_of, hangar_of, learn_logs
+    from thrustmargin.gcs_plugin.commands.shared.options import check_range, require_logs
+    from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+    from thrustmargin.gcs_plugin.store.hangar import NotTaught
+
+    check_range("--seed", seed, 0, 2**32 - 1)
+    check_numbers(owner)
+    progress, console = Terminal(stderr=True), Terminal(soft_wrap=True)
+    inputs = Inputs(logs=require_logs(logs), reading=reading, known=known)
+    hangar = hangar_of(inputs)
+    unread: list[UnusedLog] = []
+    groups = _groups(inputs, hangar, unread)
+    new = [group for group in groups if group.name is None or group.name not in hangar.names()]
+    if len(new) > 1 and known.aircraft is None and owner != NOTHING_STATED:
+        raise DataError(
+            f"the logs are of {len(new)} new aircraft, and the options state one; learn the logs "
+            "of one aircraft at a time"
+        )
+    for group in groups:
+        if group in new:
+            known_one = _make(group, owner, inputs, hangar, progress, seed=seed)
+            paths = [path for path in group.paths if _untrained(path, known_one)]
+        else:
+            known_one = hangar.load(str(group.name))
+            hangar.keep(
+                known_one.name,
+                [*known_one.marks, *group.marks],
+                made_unix_s=known_one.made_unix_s,
+                training=known_one.training,
+            )
+            paths = list(group.paths)
+        learnt, known_one = learn_logs(known_one, paths, inputs, hangar, unread, progress)
+        for flight, log in learnt:
+            row = flight.row
+            if row.not_taught is NotTaught.NO_VERDICT:
+                console.print(escape(f"{log.name}: no verdict, nothing learnt"))
+                continue
+            taught = "" if row.not_taught is None else f"; taught nothing: {row.not_taught}"
+            console.print(
+                escape(
+                    f"{log.name}: {row.level}, steady use up to {100 * row.use_lasting:.0f} %, "
+                    f"interval held {100 * row.coverage:.0f} %{taught}"
+                )
+            )
+            if words := change_of(flight):
+                console.print(escape(f"  {words}"))
+        for line in card(known_one):
+            console.print(escape(line))
+    for one in unread:
+        console.print(escape(f"not learnt: {one.name}: {one.reason}"))
+    return 1 if unread else 0
+
+
+def _groups(inputs: Inputs, hangar: Hangar, unread: list[UnusedLog]) -> list[_Group]:
+    """Return the logs by aircraft; those that cannot be read or assigned are added to `unread`."""
+    from thrustmargin.gcs_plugin.commands.shared.inputs import reading_keywords, unnamed
+    from thrustmargin.gcs_plugin.logs.read import read_sorties
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.gcs_plugin.store.aircraft_marks import Recognition, marks_of, recognise
+    from thrustmargin.gcs_plugin.wording.aircraft_words import open_words
+
+    found: dict[str, _Group] = {}
+    for path in inputs.logs:
+        try:
+            marks = marks_of(read_sorties(path, **reading_keywords(inputs.reading))[0])
+        except LogError as error:
+            unread.append(UnusedLog(name=path.name, reason=unnamed(error, path)))
+            continue
+        named = inputs.known.aircraft
+        seen = Recognition(name=named) if named is not None else hangar.recognise(marks)
+        known = seen.name
+        if known is None and not seen.open:  # of a new aircraft, perhaps that of an earlier log
+            new = [(key, one.marks) for key, one in found.items() if one.name is None]
+            seen = recognise(marks, new)
+            seen = seen if seen.open else replace(seen, name=seen.name or path.name)
+        key = seen.name or _chosen(path.name, seen.open)
+        if key is None:
+            unread.append(UnusedLog(name=path.name, reason=open_words(seen.open)))
+            continue
+        group = found.get(key, _Group(name=known, marks=(), paths=()))
+        marked = group.marks if marks in group.marks else (*group.marks, marks)
+        found[key] = replace(group, marks=marked, paths=(*group.paths, path))
+    return list(found.values())
+
+
+def _chosen(log: str, open_ones: Sequence[tuple[str, MarksMatch]]) -> str | None:
+    """Ask in a terminal which of the open aircraft flew a log; None where nobody can be asked or
+    the answer is none of them.
+    """
+    if not sys.stdin.isatty():
+        return None
+    for name, why in open_ones:
+        try:
+            answer = input(f"is {log} of the same aircraft as {name} ({why})? [y/n] ")
+        except EOFError:
+            return None
+        if answer.strip().lower() in ("y", "yes", "j", "ja"):
+            return name
+    return None
+
+
+def _make(
+    group: _Group,
+    owner: OwnerStatement,
+    inputs: Inputs,
+    hangar: Hangar,
+    console: Console,
+    *,
+    seed: int,
+) -> KnownAircraft:
+    """Make a new aircraft: its airframe from hovers, its model from the sound flights."""
+    import time
+
+    from thrustmargin.gcs_plugin.commands.airframe.new import AirframeNew
+    from thrustmargin.gcs_plugin.commands.shared.inputs import claimed, listed, read_logs
+    from thrustmargin.gcs_plugin.commands.shared.known import flight_key, with_flight
+    from thrustmargin.gcs_plugin.store.hangar import checked_name
+    from thrustmargin.gcs_plugin.store.learnt_flight import learnt_flight
+    from thrustmargin.gcs_plugin.workshop.learn.train import training_run
+    from thrustmargin.gcs_plugin.workshop.learn.training_tables import fit_for_use
+    from thrustmargin.models.model.advice import advise
+    from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
+    from thrustmargin.models.model.model_file import save_model
+    from thrustmargin.models.model.rotor_model import physics_model
+    from thrustmargin.models.model.training import TrainSettings
+    from thrustmargin.models.physics.airframe import load_airframe
+
+    name = checked_name(group.name or _new_name(group.marks[0]))
+    folder = hangar.aircraft_folder(name)
+    folder.mkdir(parents=True, exist_ok=True)
+    airframe_file = folder / "airframe.toml"
+    made = AirframeNew(
+        source=str(group.paths[0]),
+        out=airframe_file,
+        owner=replace(owner, name=owner.name or name),
+        hover=group.paths,
+        reading=inputs.reading,
+        force=True,
+    ).made(console)
+    for note in made.notes:
+        console.print(escape(f"note: {note}"), soft_wrap=True)
+    craft: Airframe = load_airframe(airframe_file)
+    base = physics_model(craft)
+    reading = made.reading
+    its = replace(inputs, logs=group.paths, airframe=str(airframe_file), reading=reading)
+    unfit: list[UnusedLog] = []
+    logs = list(claimed(read_logs(its, unfit, console, model=base), unfit, console))
+    sound = []
+    for log in logs:
+        advice = advise(analysis_for_verdict(analyse(log.track, base))).advice
+        if not advice.faults and not advice.losses:
+            sound.append(log)
+    model, training = base, []
+    if sound:
+        try:
+            run = training_run(
+                [log.track for log in sound], craft, TrainSettings(seed=seed), console
+            )
+        except DataError as error:  # too few flights, or none with steady rows
+            console.print(escape(f"no model of its own yet: {error}"), soft_wrap=True)
+        else:
+            model = run.model
+            kept = {track.name for track in run.tracks}
+            training = [log for log in sound if log.track.name in kept]
+            if model.good_flights is not None:
+                console.print(fit_for_use(model.good_flights, model))
+    else:
+        console.print(
+            f"no model of its own yet: {listed(unfit) or 'no sound flight'}", soft_wrap=True
+        )
+    save_model(model, folder / "model.safetensors")
+    hangar.keep(
+        name,
+        group.marks,
+        made_unix_s=time.time(),
+        training=[flight_key(log) for log in training],
+    )
+    known = hangar.load(name)
+    used = {log.path for log in training}
+    its = replace(its, logs=tuple(path for path in group.paths if path in used))
+    for log, claim in read_logs(its, [], console, model=model):
+        flight = learnt_flight(log, claim, model, known, flight=flight_key(log))
+        if flight.row.flight in known.training and flight.row.offsets is not None:
+            hangar.add_flight(name, flight.row)
+            known = with_flight(known, flight.row)
+    return known
+
+
+def _untrained(path: Path, aircraft: KnownAircraft) -> bool:
+    """Return whether the model of an aircraft was not made from a log."""
+    from hashlib import file_digest
+
+    with path.open("rb") as file:
+        content = file_digest(file, "sha256").hexdigest()[:16]
+    return not any(flight.startswith(content) for flight in aircraft.training)
+
+
+def _new_name(marks: Marks) -> str:
+    """Return the name of a new aircraft: asked for in a terminal, else made from its marks."""
+    if sys.stdin.isatty():
+        try:
+            if answer := input("a short name for this aircraft: ").strip():
+                return answer
+        except EOFError as error:
+            raise DataError("no answer; give --aircraft NAME") from error
+    return f"{marks.layout or 'aircraft'}-{sha256(repr(marks).encode()).hexdigest()[:4]}"
+
+
+def card(aircraft: KnownAircraft) -> tuple[str, ...]:
+    """Return what is known of an aircraft, in a few lines: from what, how well, what is open."""
+    import numpy as np
+
+    flights, days = aircraft.sound_flights, aircraft.days
+    counted = f"{len(flights)} flight{'s' * (len(flights) != 1)} on {days} day{'s' * (days != 1)}"
+    lines = [f"{aircraft.name}: known from {counted}, kept in {aircraft.folder}"]
+    held = [row.coverage for row in flights if not row.trained and np.isfinite(row.coverage)]
+    if held:
+        lines.append(
+            f"  its interval, made for 90 %, held {100 * np.mean(held):.0f} % on {len(held)} later "
+            f"flights, each predicted before it was taught; least {100 * min(held):.0f} %"
+        )
+    else:
+        lines.append(
+            "  how well it predicts another day is not known yet: the interval is widened by "
+            f"{100 * aircraft.steps().day:.1f} % of rotor speed for a new day"
+        )
+    return tuple(lines)

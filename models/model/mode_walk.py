@@ -1,0 +1,257 @@
+"""Follow how the rotor speeds of one aircraft drift from its model, from flight to flight.
+
+A model is made from the flights of one or two days. On the next day the trim of the aircraft, its
+battery, its weight and its air differ a little, and all rotor speeds are offset in one of the
+layout's modes: collective, roll, pitch, yaw, and the rest. The offset of each mode is a random
+walk: a step with every flight, and a further one with every day. After each flight the walk is
+updated with the flight's median residual, by a Kalman filter of one variable for each mode (Kalman,
+J. Basic Eng. 82, 35 (1960)). Offsets are shares of the flight's mean rotor speed; a mode's
+direction has entries of size 1 in the root mean square, so an offset of 0.01 in the collective is
+1 % on every rotor.
+
+A flight is predicted with the state before it, and updates the state afterwards, so no flight is
+scored with itself. The sizes of the steps maximise the marginal likelihood of the aircraft's own
+flights times a prior that a few flights outweigh.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise, product
+from statistics import NormalDist
+
+import numpy as np
+
+from thrustmargin.models.errors import DataError, ModelError
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.margin import mixer
+
+DAY_S = 86_400.0
+#: Prior medians of the steps by flight and by day. Source: modes of a heavy quad, Quiver PT1, 22
+#: flights of three days (github.com/Arrow-air/project-quiver).
+FLIGHT_STEP, DAY_STEP = 0.015, 0.025
+#: Standard deviation of ln of a step in the prior: a factor of two either way is usual.
+STEP_SPREAD = math.log(2.0)
+#: Factors of the prior medians among which the steps are chosen.
+STEP_FACTORS = np.geomspace(0.05, 4.0, 45)
+#: Standard deviation of the change that a repair makes to each mode. Source: the same aircraft,
+#: whose modes changed by 1 to 5 % when motors were aligned and a propeller replaced.
+REPAIR_STEP = 0.03
+#: Probability with which a sound flight is reported as changed.
+FALSE_CHANGE = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WalkSizes:
+    """The standard deviations of the walk's steps, as shares of rotor speed."""
+
+    flight: float = FLIGHT_STEP
+    day: float = DAY_STEP
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModeState:
+    """The offsets of the modes at one time, with their standard errors; shares of rotor speed.
+
+    Raises ModelError where an error is negative or a number is not finite.
+    """
+
+    offset: tuple[float, ...]  # (R,)
+    error: tuple[float, ...]  # (R,)
+
+    def __post_init__(self) -> None:
+        values = [*self.offset, *self.error]
+        if len(self.offset) != len(self.error) or not all(map(math.isfinite, values)):
+            raise ModelError("its mode state needs one finite error for each offset")
+        if min(self.error, default=0.0) < 0.0:
+            raise ModelError("its mode state has a negative error")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightOffsets:
+    """The middle residual of one flight in each mode, by the model without a mode state."""
+
+    flight: str  # digest of the log
+    start_unix_s: float
+    longitude_deg: float  # of the place, for the day; NaN unknown
+    offset: tuple[float, ...]  # (R,) median over blocks, share of the predicted speed
+    error: tuple[float, ...]  # (R,) its standard error within the flight
+    rows: int
+
+    @property
+    def day(self) -> int:
+        """Return the number of the day at the flight's longitude, by mean solar time."""
+        east_s = 240.0 * self.longitude_deg if math.isfinite(self.longitude_deg) else 0.0
+        return math.floor((self.start_unix_s + east_s) / DAY_S)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WalkStep:
+    """One flight in the walk: the state before it, and how far the flight was from that state."""
+
+    flight: FlightOffsets
+    before: ModeState
+    after: ModeState
+    surprise: tuple[float, ...]  # (R,) difference over its expected standard deviation
+
+    @property
+    def changed(self) -> tuple[int, ...]:
+        """Return the modes, from 0, that differ by more than the walk allows in FALSE_CHANGE."""
+        beyond = surprise_limit(len(self.surprise))
+        return tuple(k for k, value in enumerate(self.surprise) if abs(value) > beyond)
+
+
+@lru_cache(maxsize=16)
+def surprise_limit(modes: int) -> float:
+    """Return the standard deviations that no mode of `modes` exceeds, but in FALSE_CHANGE of
+    flights."""
+    return NormalDist().inv_cdf(1.0 - FALSE_CHANGE / (2.0 * modes))
+
+
+def mode_columns(airframe: Airframe) -> Floats:
+    """Return the directions (R, R) of the modes, one a column, of root mean square 1.
+
+    Collective, roll, pitch and yaw as the mixer of the layout moves them, then the rest.
+    """
+    rows = mixer(airframe)
+    rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+    rotors = rows.shape[1]
+    columns = np.linalg.qr(np.concatenate([rows.T, np.eye(rotors)], axis=1))[0][:, :rotors]
+    known = min(rows.shape[0], rotors)
+    sign = np.sign(np.sum(columns[:, :known] * rows.T[:, :known], axis=0))
+    columns[:, :known] *= np.where(sign == 0.0, 1.0, sign)
+    return columns * math.sqrt(rotors)
+
+
+def walk(
+    flights: Sequence[FlightOffsets],
+    steps: WalkSizes,
+    *,
+    last_training: FlightOffsets | None = None,
+    repairs: Sequence[float] = (),
+) -> tuple[WalkStep, ...]:
+    """Run the filter over flights in the order of their time.
+
+    `last_training` is the last flight that the model was made from; without one the first flight
+    counts as of another day. `repairs` are the Unix times, s, of repairs and other noted changes,
+    each of which lets every mode change by REPAIR_STEP. Before its first flight the state is 0
+    with the error of one step by flight and by day, because the model is the mean of other flights.
+    Raises DataError where one flight is given twice.
+    """
+    ordered = sorted(flights, key=lambda one: one.start_unix_s)
+    for one, other in pairwise(sorted(one.flight for one in ordered)):
+        if one == other:
+            raise DataError(f"flight {one} is given twice")
+    if not ordered:
+        return ()
+    mean = np.zeros(len(ordered[0].offset))
+    variance = mean + steps.day**2
+    last, made = last_training, []
+    for one in ordered:
+        variance = variance + _step_variance(last, one, steps, repairs)
+        before = _state(mean, variance)
+        error = np.array(one.error)
+        expected = variance + error**2
+        difference = np.array(one.offset) - mean
+        gain = variance / expected
+        mean, variance = mean + gain * difference, variance * (1.0 - gain)
+        made.append(
+            WalkStep(
+                flight=one,
+                before=before,
+                after=_state(mean, variance),
+                surprise=tuple((difference / np.sqrt(expected)).tolist()),
+            )
+        )
+        last = one
+    return tuple(made)
+
+
+def _step_variance(
+    last: FlightOffsets | None, one: FlightOffsets, steps: WalkSizes, repairs: Sequence[float]
+) -> float:
+    """Return the variance that a flight adds to each mode, by what lies since the `last` one."""
+    since = -math.inf if last is None else last.start_unix_s
+    repaired = sum(since < time_s <= one.start_unix_s for time_s in repairs)
+    days = last is not None and last.day != one.day
+    return steps.flight**2 + days * steps.day**2 + repaired * REPAIR_STEP**2
+
+
+def _state(mean: Floats, variance: Floats) -> ModeState:
+    """Return a mode state from means and variances (R,)."""
+    return ModeState(offset=tuple(mean.tolist()), error=tuple(np.sqrt(variance).tolist()))
+
+
+def state_before(
+    flights: Sequence[FlightOffsets],
+    steps: WalkSizes,
+    rotors: int,
+    start_unix_s: float,
+    *,
+    longitude_deg: float = math.nan,
+    last_training: FlightOffsets | None = None,
+    repairs: Sequence[float] = (),
+) -> ModeState:
+    """Return the state in which a flight of `rotors` rotors that starts at a time is predicted.
+
+    Only earlier flights count. See `walk` for the other arguments.
+    """
+    earlier = [one for one in flights if one.start_unix_s < start_unix_s]
+    coming = FlightOffsets(
+        flight="",
+        start_unix_s=start_unix_s,
+        longitude_deg=longitude_deg,
+        offset=(0.0,) * rotors,
+        error=(1.0,) * rotors,
+        rows=0,
+    )
+    return walk([*earlier, coming], steps, last_training=last_training, repairs=repairs)[-1].before
+
+
+def log_likelihood(made: Sequence[WalkStep]) -> float:
+    """Return ln of the probability density of the walk's flights, each by the state before it."""
+    total = 0.0
+    for one in made:
+        variance = np.square(one.before.error) + np.square(one.flight.error)
+        total -= 0.5 * float(np.sum(np.square(one.surprise) + np.log(2.0 * math.pi * variance)))
+    return total
+
+
+def fit_steps(
+    flights: Sequence[FlightOffsets],
+    *,
+    last_training: FlightOffsets | None = None,
+    repairs: Sequence[float] = (),
+) -> WalkSizes:
+    """Return the steps of the largest posterior density; without flights the prior medians.
+
+    ln of each step is normal about its prior median with STEP_SPREAD.
+    """
+
+    def density(steps: WalkSizes) -> float:
+        """Return ln of the posterior density of some steps, without its constant."""
+        factors = (steps.flight / FLIGHT_STEP, steps.day / DAY_STEP)
+        prior = sum(-0.5 * (math.log(factor) / STEP_SPREAD) ** 2 for factor in factors)
+        made = walk(flights, steps, last_training=last_training, repairs=repairs)
+        return prior + log_likelihood(made)
+
+    if not flights:
+        return WalkSizes()
+    chosen = (
+        WalkSizes(flight=FLIGHT_STEP * float(one), day=DAY_STEP * float(other))
+        for one, other in product(STEP_FACTORS[::2], STEP_FACTORS[::2])
+    )
+    return max(chosen, key=density)
+
+
+def shift_rpm(state: ModeState, airframe: Airframe, speed_rpm: Floats) -> tuple[Floats, Floats]:
+    """Return the offset (T, R) rpm of predicted speeds (T, R) rpm by a state, and its standard
+    error."""
+    columns = mode_columns(airframe)
+    scale = np.mean(speed_rpm, axis=1, keepdims=True)
+    share, error = np.array(state.offset) @ columns.T, np.square(state.error) @ columns.T**2
+    return scale * share, scale * np.sqrt(error)

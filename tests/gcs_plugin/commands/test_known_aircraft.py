@@ -1,0 +1,107 @@
+"""An aircraft that is known: recognised by its log, predicted by its state, taught by landings."""
+
+import json
+from importlib import resources
+from pathlib import Path
+
+import pytest
+
+from thrustmargin.gcs_plugin.cli import run
+from thrustmargin.gcs_plugin.logs.read import read_log
+from thrustmargin.gcs_plugin.store.aircraft_marks import marks_of
+from thrustmargin.gcs_plugin.store.hangar import Hangar
+
+LOGS = Path("sitl_logs")
+LOG = LOGS / "campaign/v4_m16_q2.5.tlog"
+WORN = LOGS / "onset/worn_prop_onset.tlog"
+BOARD_LOG = LOGS / "formats/v4_m10_q2.5.BIN"  # with the calibration of its sensors
+
+
+@pytest.fixture
+def hangar(tmp_path: Path) -> Hangar:
+    """A hangar with the simulated F16 under the name north, as its shipped model predicts it."""
+    made = Hangar(tmp_path / "hangar")
+    folder = made.aircraft_folder("north")
+    folder.mkdir(parents=True)
+    for name, place, file in (
+        ("model.safetensors", "shipped", "default.safetensors"),
+        ("airframe.toml", "airframes", "topxgun-f16-sitl.toml"),
+    ):
+        content = resources.files(f"thrustmargin.models.{place}").joinpath(file).read_bytes()
+        (folder / name).write_bytes(content)
+    made.keep("north", [marks_of(read_log(BOARD_LOG))], made_unix_s=0.0, training=[])
+    return made
+
+
+def reported(hangar: Hangar, *words: str) -> dict:
+    """The report of a log as JSON, of an aircraft of the hangar."""
+    out = hangar.folder.parent / "r.json"
+    assert run(["report", *words, "--hangar", str(hangar.folder), "--json", str(out)]) == 0
+    return json.loads(out.read_text())["flights"][0]
+
+
+def test_a_named_aircraft_is_predicted_by_its_state_and_taught_once(hangar, capsys):
+    reported(hangar, str(LOG), "--aircraft", "north")
+    assert "aircraft north, known from" in capsys.readouterr().out
+    (first,) = hangar.load("north").flights
+    assert first.log_name == LOG.name
+    assert first.not_taught is None
+    assert first.coverage > 0.85
+    assert abs(first.offsets.offset[0]) < 0.01  # the shipped model is of this aircraft
+    reported(hangar, str(LOG), "--aircraft", "north")
+    assert hangar.load("north").flights == (first,)  # the same flight once, not by its own lesson
+
+
+def test_a_flight_with_a_bad_rotor_is_named_as_before_and_teaches_nothing(hangar, capsys):
+    reported(hangar, str(WORN), "--aircraft", "north")
+    said = capsys.readouterr().out
+    assert "ROTOR 3, FRONT LEFT: 12 % LESS THRUST" in said
+    known = hangar.load("north")
+    assert known.flights[0].not_taught == "a bad part"
+    assert known.lessons == ()
+
+
+def test_nothing_is_written_where_nothing_may_be_learnt(hangar, capsys):
+    reported(hangar, str(LOG), "--aircraft", "north", "--no-learn")
+    assert "aircraft north" in capsys.readouterr().out
+    assert hangar.load("north").flights == ()
+
+
+def test_a_log_with_the_marks_of_a_known_aircraft_needs_no_option(hangar, capsys):
+    reported(hangar, str(BOARD_LOG))
+    assert "aircraft north" in capsys.readouterr().out
+    assert len(hangar.load("north").flights) == 1
+
+
+def test_a_log_that_may_be_of_it_is_asked_for_and_read_as_before(hangar, capsys):
+    reported(hangar, str(LOG))  # a station's recording with few parameters
+    said = capsys.readouterr()
+    assert "its aircraft may be that of north" in said.err
+    assert "recognised (4 rotors" in said.out
+    assert hangar.load("north").flights == ()
+
+
+def test_a_repair_is_noted_and_a_flight_forgotten_by_its_log(hangar, capsys):
+    reported(hangar, str(LOG), "--aircraft", "north")
+    place = ["--hangar", str(hangar.folder)]
+    assert run(["aircraft", "north", "--changed", "propeller 3", "--on", "2026-05-31", *place]) == 0
+    assert [event.changed for event in hangar.load("north").events] == ["propeller 3"]
+    capsys.readouterr()
+    assert run(["aircraft", "north", *place]) == 0
+    said = capsys.readouterr().out
+    assert "changed: propeller 3" in said
+    assert LOG.name in said
+    assert run(["aircraft", "north", "--forget", LOG.name, *place]) == 0
+    assert hangar.load("north").flights == ()
+    assert run(["aircraft", "north", "--forget", LOG.name, *place]) == 1
+    assert run(["aircraft", "north", "--changed", "x", "--on", "soon", *place]) == 1
+    assert run(["aircraft", *place]) == 0
+    assert "north: 0 flights" in capsys.readouterr().out
+
+
+def test_fill_and_replay_take_the_aircraft_by_its_name(hangar, capsys):
+    place = ["--aircraft", "north", "--hangar", str(hangar.folder)]
+    assert run(["fill", *place, "--air-temperature", "15"]) == 0
+    assert "kg" in capsys.readouterr().out
+    assert run(["fill", "--aircraft", "south", "--hangar", str(hangar.folder)]) == 1
+    assert "no aircraft south" in capsys.readouterr().err

@@ -1,0 +1,162 @@
+"""The folder of known aircraft: whole after a crash, with two writers, and a full disk."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from thrustmargin.gcs_plugin.store.aircraft_marks import Marks
+from thrustmargin.gcs_plugin.store.hangar import (
+    AircraftFlight,
+    Event,
+    Hangar,
+    NotTaught,
+    open_hangar,
+)
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.model.mode_walk import FlightOffsets
+
+DAY = 86_400.0
+
+
+def row(name: str, day: float, offset: float = 0.0, **others) -> AircraftFlight:
+    offsets = FlightOffsets(
+        flight=name, start_unix_s=day * DAY, longitude_deg=0.0,
+        offset=(offset, 0.0, 0.0, 0.0), error=(0.001,) * 4, rows=500,
+    )  # fmt: skip
+    return AircraftFlight(
+        flight=name, log_name=f"{name}.tlog", start_unix_s=day * DAY, offsets=offsets, **others
+    )
+
+
+@pytest.fixture
+def hangar(tmp_path: Path) -> Hangar:
+    made = Hangar(tmp_path / "hangar")
+    made.keep("north", [Marks(board="01")], made_unix_s=0.0, training=["t"])
+    made.add_flight("north", row("t", 1.2, trained=True))
+    return made
+
+
+def test_what_was_kept_is_read_again(hangar: Hangar):
+    hangar.add_flight("north", row("b", 4.2, 0.02))
+    hangar.add_flight("north", row("a", 3.2, 0.01, level="under"))
+    hangar.add_event("north", Event(unix_s=3.9 * DAY, changed="propeller 3"))
+    known = hangar.load("north")
+    assert [one.flight for one in known.flights] == ["t", "a", "b"]
+    assert known.flights[1] == row("a", 3.2, 0.01, level="under")
+    assert known.events == (Event(unix_s=3.9 * DAY, changed="propeller 3"),)
+    assert known.days == 3
+    assert hangar.names() == ("north",)
+
+
+def test_a_late_log_takes_its_place_by_its_date(hangar: Hangar):
+    for name, day, offset in (("b", 4.2, 0.05), ("a", 3.2, 0.01)):
+        hangar.add_flight("north", row(name, day, offset))
+    known = hangar.load("north")
+    assert [step.flight.flight for step in known.walk()] == ["a", "b"]
+    assert known.state_before(4.0 * DAY, 4).offset[0] < 0.0101
+
+
+def test_a_flight_that_may_not_teach_moves_no_state(hangar: Hangar):
+    before = hangar.load("north").state_before(9.2 * DAY, 4)
+    hangar.add_flight("north", row("bad", 5.2, 0.2, not_taught=NotTaught.FAULT))
+    after = hangar.load("north").state_before(9.2 * DAY, 4)
+    assert after.offset == before.offset
+
+
+def test_a_lesson_is_taken_once_and_undone_whole(hangar: Hangar):
+    before = hangar.load("north")
+    hangar.add_flight("north", row("a", 3.2, 0.03))
+    once = hangar.load("north")
+    hangar.add_flight("north", row("a", 3.2, 0.03))
+    assert hangar.load("north") == once
+    assert hangar.forget("north", "a")
+    assert hangar.load("north") == before
+    assert not hangar.forget("north", "a")
+
+
+def test_an_unknown_aircraft_is_refused_with_those_that_are_known(hangar: Hangar):
+    with pytest.raises(DataError, match=r"no aircraft south .* known: north"):
+        hangar.load("south")
+    with pytest.raises(DataError, match="letters, digits"):
+        hangar.load("../south")
+
+
+def test_a_damaged_file_is_named(hangar: Hangar):
+    path = hangar.folder / "aircraft/north/flights/a.json"
+    path.write_text('{"schema": "thrustmargin.aircraft-flight/1", "flight": 3}')
+    with pytest.raises(DataError, match=r"flights/a\.json: .*log_name is missing"):
+        hangar.load("north")
+    path.write_text('{"schema": "thrustmargin.aircraft-flight/9"}')
+    with pytest.raises(DataError, match="this version reads"):
+        hangar.load("north")
+
+
+WRITER = """
+import sys
+from pathlib import Path
+from tests.gcs_plugin.store.test_hangar import row
+from thrustmargin.gcs_plugin.store.hangar import Hangar
+hangar = Hangar(Path(sys.argv[1]))
+print("writes", flush=True)
+for k in range(100_000):
+    hangar.add_flight("north", row(f"{sys.argv[2]}{k % 20}", 3.0 + 0.01 * (k % 20), 0.001 * k))
+"""
+
+
+def test_killed_writers_leave_every_file_whole(hangar: Hangar):
+    writers = [
+        subprocess.Popen(
+            [sys.executable, "-c", WRITER, str(hangar.folder), name],
+            stdout=subprocess.PIPE,
+            cwd=Path(__file__).parents[3],
+        )
+        for name in ("a", "a")
+    ]
+    for one in writers:
+        assert one.stdout is not None
+        one.stdout.readline()
+    folder = hangar.folder / "aircraft/north/flights"
+    ends = time.monotonic() + 60.0
+    while len(list(folder.glob("a*.json"))) < 20 and time.monotonic() < ends:
+        time.sleep(0.01)
+    for one in writers:
+        one.kill()
+        one.communicate()
+    assert len(hangar.load("north").flights) == 21
+
+
+def test_a_disk_that_refuses_loses_nothing(hangar: Hangar, monkeypatch):
+    before = hangar.load("north")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.raises(DataError, match=r"cannot write .*No space left"):
+        hangar.add_flight("north", row("a", 3.2))
+    monkeypatch.undo()
+    assert hangar.load("north") == before
+    assert not list((hangar.folder / "aircraft/north/flights").glob(".*"))
+
+
+def test_the_hangar_is_the_folder_given_else_that_of_the_variable(tmp_path, monkeypatch):
+    monkeypatch.setenv("THRUSTMARGIN_HANGAR", str(tmp_path / "named"))
+    assert open_hangar().folder == tmp_path / "named"
+    assert open_hangar(tmp_path / "given").folder == tmp_path / "given"
+    monkeypatch.delenv("THRUSTMARGIN_HANGAR")
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    if sys.platform == "linux":
+        assert open_hangar().folder == tmp_path / "thrustmargin" / "hangar"
+
+
+def test_a_row_holds_numbers_and_kinds_alone(hangar: Hangar):
+    hangar.add_flight("north", row("a", 3.2, not_taught=NotTaught.LOAD))
+    text = (hangar.folder / "aircraft/north/flights/a.json").read_text()
+    kept = json.loads(text)
+    assert kept["not_taught"] == "the load is not the one reported"
+    assert kept["offsets"]["offset"] == [0.0, 0.0, 0.0, 0.0]
