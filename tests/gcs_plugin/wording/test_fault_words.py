@@ -147,7 +147,7 @@ def test_the_replay_shows_it_from_when_it_was_found(worn):
     assert SAID in shown[200.0]
 
 
-def test_inspect_says_first_what_the_report_finds(tmp_path, capsys):
+def test_inspect_says_first_what_the_report_finds(tmp_path):
     out = tmp_path / "found.json"
     log = "sitl_logs/onset/worn_prop_onset.tlog"
     assert run(["inspect", log, "--json", str(out)]) == 0

@@ -99,7 +99,7 @@ def test_sql_answers_in_the_readers_language(
         assert run(["fleet", str(tmp_path / "store"), "--sql", asked, "--csv", "-"]) == 0
         said[language] = capsys.readouterr().out
     assert ENGLISH in said["en"]
-    assert "Rotor 3 front left 12% (11-13) less thrust: land" in said["en"]
+    assert "Rotor 3 front left 12% (11-13) less thrust" in said["en"]
     assert "turning left, speeding up" in said["en"]
     assert GERMAN in said["de"]
     assert "less thrust" not in said["de"]
@@ -177,4 +177,4 @@ def test_weeks_later_a_bad_rotor_is_named_and_nobody_is_asked_to_land(
     assert found.sentence == (
         "a rotor or motor was bad in 1 of the last 1 flights: rotor 3, front left: 12 % less thrust"
     )
-    assert flight_alarms(row) == ["Rotor 3 front left 12% (11-13) less thrust: land"]
+    assert flight_alarms(row) == ["Rotor 3 front left 12% (11-13) less thrust"]
