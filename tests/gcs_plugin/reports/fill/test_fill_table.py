@@ -31,8 +31,14 @@ DAY = complete_day(
 
 @pytest.fixture(scope="module")
 def table():
-    asked = {"temperatures_c": (0.0, 40.0), "altitudes": (0.0, 1000.0, 2000.0)}
-    return fill_table(MODEL, DAY, limit=0.5, rotor_lost=True, **asked)
+    return fill_table(
+        MODEL,
+        DAY,
+        limit=0.5,
+        rotor_lost=True,
+        temperatures_c=(0.0, 40.0),
+        altitudes=(0.0, 1000.0, 2000.0),
+    )
 
 
 def test_a_cell_is_the_fill_of_its_battery_altitude_and_temperature(table):
@@ -60,8 +66,14 @@ def test_the_page_and_the_json_say_the_same_advice_and_what_it_holds_for(table):
 )
 def test_the_colour_is_that_of_the_sentence(tank_l, limit, colour):
     craft = MODEL.airframe if tank_l is None else replace(MODEL.airframe, tank_volume_l=tank_l)
-    asked = {"temperatures_c": (0.0,), "altitudes": (0.0,)}
-    made = fill_table(physics_model(craft), DAY, limit=limit, rotor_lost=False, **asked)
+    made = fill_table(
+        physics_model(craft),
+        DAY,
+        limit=limit,
+        rotor_lost=False,
+        temperatures_c=(0.0,),
+        altitudes=(0.0,),
+    )
     first = "Do not fill" if tank_l is None else "Nothing to fill: it has no tank"
     assert made.advice.startswith(first)
     assert f'class="verdict {colour}"' in html_text(made)
