@@ -133,8 +133,9 @@ def plan_from_items(
 
     `home_first`: item 0 is home and no part of the mission (ArduPilot), and the numbers are kept.
     Otherwise the items and the targets of DO_JUMP are renumbered from 1. `home` (degrees, degrees,
-    m AMSL) is used if item 0 is not home; without one, or if item 0 is at 0, 0, the first place of
-    the mission replaces it, with a note. Raise PlanError, which names `source`, if the mission is
+    m AMSL) is used if item 0 is not home, and its height if that of item 0 is not above sea level.
+    Without one, or if item 0 is at 0, 0, the first place of the mission replaces it, with a note.
+    Raise PlanError, which names `source`, if the mission is
     empty.
     """
     if len(items) > MOST_ITEMS:
@@ -145,8 +146,9 @@ def plan_from_items(
         latitude, longitude, altitude = mission[0].parameters[4:]
         known = (latitude, longitude) != (0.0, 0.0)
         if known and mission[0].frame != FRAME_AMSL:
-            altitude = math.nan
-            notes = (f"home is given without its height above sea level: {NO_HOME_HEIGHT}",)
+            altitude = math.nan if home is None else home[2]
+            if math.isnan(altitude):
+                notes = (f"home is given without its height above sea level: {NO_HOME_HEIGHT}",)
         home, mission = (latitude, longitude, altitude) if known else home, mission[1:]
     elif not home_first:
         mission = [_renumbered(i) for i in mission]

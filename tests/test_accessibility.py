@@ -10,7 +10,7 @@ from tests.gcs_plugin.reports.margin.report_flight import flight as reported
 from tests.gcs_plugin.view.live_flight import AIRFRAME, flying
 from tests.gcs_plugin.view.view_flight import flight as shown
 from tests.mission.plans_made import TWO_LINES, plan_of
-from thrustmargin.gcs_plugin.reports.fill.fill_table import Day, fill_table, html_text
+from thrustmargin.gcs_plugin.reports.fill.fill_table import fill_table, html_text
 from thrustmargin.gcs_plugin.reports.forecast import forecast_page
 from thrustmargin.gcs_plugin.reports.margin import build_report
 from thrustmargin.gcs_plugin.reports.margin.render import write_report
@@ -20,6 +20,7 @@ from thrustmargin.mission.forecast.plan_forecast import TakeOff, forecast
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.physics.day import complete_day
 
 pytestmark = pytest.mark.browser
 #: Phone, tablet, laptop.
@@ -92,9 +93,14 @@ def serious_at_all_widths(html: str, file: Path) -> list[str]:
 
 def test_the_page_of_fills(tmp_path: Path):
     model = physics_model(AIRFRAME)
-    day = Day(temperature_c=30.0, altitude=100.0, voltage=AIRFRAME.nominal_voltage, airspeed=5.0)
-    grid = {"temperatures_c": (20.0, 30.0), "altitudes": (0.0, 500.0)}
-    table = fill_table(model, day, limit=0.5, rotor_lost=True, **grid)
+    table = fill_table(
+        model,
+        complete_day(AIRFRAME.nominal_voltage),
+        limit=0.5,
+        rotor_lost=True,
+        temperatures_c=(20.0, 30.0),
+        altitudes=(0.0, 500.0),
+    )
     assert serious_at_all_widths(html_text(table), tmp_path / "fill.html") == []
 
 

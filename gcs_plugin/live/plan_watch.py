@@ -165,6 +165,7 @@ class PlanWatch(Output):
             self._model.airframe,
             fill_kg=day.fill_kg,
             altitude=home if math.isfinite(home) else flight.altitude,
+            density=day.density,
         )
         over_s = 0.0 if ended else OVER_S
         made = to_fly.beside(given, way, over_s=over_s)

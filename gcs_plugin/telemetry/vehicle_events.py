@@ -26,10 +26,9 @@ from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.resample import Sampling, known_rows
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.atmosphere import STATED_TEMPERATURE_ERROR
 from thrustmargin.models.provenance import Provenance, SourceKind, stated
 
-#: K: how well a thermometer in the shade or a weather report has the air at the rotors.
-STATED_TEMPERATURE_ERROR = 2.0
 LONGEST_STEP = 2.0  # s between rows beyond which nothing is summed up
 
 

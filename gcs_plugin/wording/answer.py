@@ -110,4 +110,7 @@ def brief(advice: Advice, contact: report_words.FirstContact | None = None) -> s
         return ""
     if advice.fill.nothing_fits is not None or advice.fill.kg <= 0.0:
         return "" if advice.level is FlightLevel.UNDER else say("Too heavy: see thrustmargin fill")
-    return say("Next fill: at most {kg}", kg=number(safe_kg(advice.fill), "kg"))
+    kg, at_s = number(safe_kg(advice.fill), "kg"), advice.fill.day.loaded_voltage.at_s
+    if math.isnan(at_s):
+        return say("Next fill: at most {kg}", kg=kg)
+    return say("Next fill: at most {kg}, battery as at {clock}", kg=kg, clock=clock(at_s))

@@ -6,8 +6,11 @@ import math
 from collections.abc import Mapping
 
 from thrustmargin.gcs_plugin.wording.alarm_words import TOO_HEAVY
+from thrustmargin.gcs_plugin.wording.day_words import day_briefly
 from thrustmargin.gcs_plugin.wording.language import number, percent, say
-from thrustmargin.models.model.fill_limits import NextFill, Reason
+from thrustmargin.models.model.advice import FlightLevel
+from thrustmargin.models.model.fill_limits import FillLevel, NextFill, Reason
+from thrustmargin.models.physics.day import Day
 
 #: Reason of the limit -> consequence of more, and consequence with an empty tank.
 _BECAUSE: Mapping[Reason, tuple[str, str]] = {
@@ -37,32 +40,59 @@ UNSOUND = "No fill before the bad rotor or motor is repaired"
 UNPREDICTED = "No fill can be recommended: the model predicts nothing in these conditions"
 
 
-def fill_advice(fill: NextFill, limit: float, *, was_within: bool = False) -> str:
-    """Return `Fill at most 9.1 kg (9.1 L): with more it would descend after losing a rotor`.
+#: Answer -> the level of a flight that has its colour.
+FLIGHT_LEVELS: Mapping[FillLevel, FlightLevel] = {
+    FillLevel.FILL: FlightLevel.UNDER,
+    FillLevel.NO_TANK: FlightLevel.UNDER,
+    FillLevel.WEIGH: FlightLevel.NEAR,
+    FillLevel.UNSURE: FlightLevel.CRITICAL,
+    FillLevel.NO_FILL: FlightLevel.CRITICAL,
+    FillLevel.TOO_HEAVY: FlightLevel.CRITICAL,
+    FillLevel.NO_SPARE_MASS: FlightLevel.OVER,
+    FillLevel.UNSOUND: FlightLevel.DAMAGED,
+    FillLevel.UNPREDICTED: FlightLevel.UNKNOWN,
+    FillLevel.UNKNOWN: FlightLevel.UNKNOWN,
+}
 
-    `limit` is the allowed sustained share of a rotor's largest thrust. A flight that `was_within`
-    the limits needs no change: `Up to 9.1 kg (9.1 L): with more ...`.
+
+def fill_advice(fill: NextFill, limit: float, *, was_within: bool = False) -> str:
+    """Return how much to fill, for which day, and why not more.
+
+    `Fill at most 9.1 kg (9.1 L) with a full battery, 15 °C: with more it would descend ...`.
+    `limit` is the share of a rotor's largest thrust that may last. Where a flight `was_within` the
+    limits nothing must change: `Up to 9.1 kg ...`.
     """
-    if fill.reason == "unsound":
+    level = fill.level
+    if level is FillLevel.UNSOUND:
         return say(UNSOUND)
-    if not math.isfinite(fill.kg):
-        return say(UNPREDICTED if fill.reason else UNKNOWN_FILL)
+    if level is FillLevel.UNPREDICTED:
+        return say(UNPREDICTED)
+    if level is FillLevel.UNKNOWN:
+        return say(UNKNOWN_FILL)
     assert fill.reason is not None
     more, empty = (say(words, limit=percent(limit)) for words in _BECAUSE[fill.reason])
+    day = with_day(fill.day)
     if fill.nothing_fits is not None:
         why = say(_NOTHING_FITS[fill.nothing_fits])
-        if fill.limit_kg < 0.0 <= fill.high_kg and fill.nothing_fits == "tank":
+        if level is FillLevel.WEIGH:
             return say("Cannot tell whether it is too heavy as it is: weigh it; {why}", why=why)
-        if fill.limit_kg < 0.0 and fill.nothing_fits == "tank" and empty:
-            return say("Too heavy as it is: {empty}; {why}", empty=empty, why=why)
+        if level is FillLevel.TOO_HEAVY:
+            words = "Too heavy as it is{day}: {empty}; {why}"
+            return say(words, day=day, empty=empty, why=why)
         return say("Nothing to fill: {why}", why=why)
-    if fill.kg <= 0.0:
-        if fill.limit_kg > 0.0 and fill.reason != "as flown":
-            words = "Do not fill: the limit is at {limit}, too unsure to fill anything"
-            return say(words, limit=_range(fill))
-        return say("Do not fill: even empty {empty}", empty=empty)
-    first = "Up to {amount}: {more}" if was_within else "Fill at most {amount}: {more}"
-    return say(first, amount=amount(fill.kg, fill.liquid_density), more=more)
+    if level is FillLevel.UNSURE:
+        words = "Do not fill{day}: the limit is at {limit}, too unsure to fill anything"
+        return say(words, day=day, limit=_range(fill))
+    if level is FillLevel.NO_FILL:
+        return say("Do not fill{day}: even empty {empty}", day=day, empty=empty)
+    first = "Up to {amount}{day}: {more}" if was_within else "Fill at most {amount}{day}: {more}"
+    return say(first, amount=amount(fill.kg, fill.liquid_density), day=day, more=more)
+
+
+def with_day(day: Day) -> str:
+    """Return ` with a full battery, 15 °C, no wind`; empty where nothing of the day is known."""
+    words = day_briefly(day)
+    return say(" with {day}", day=words) if words else ""
 
 
 def how_sure(fill: NextFill) -> str:
@@ -75,7 +105,10 @@ def how_sure(fill: NextFill) -> str:
     )
     if fill.fresh_kg > fill.kg + 0.05:
         fresh = amount(fill.fresh_kg, fill.liquid_density)
-        parts.append(say("at most {amount} with the battery as at the start", amount=fresh))
+        words = "at most {amount} with the battery as at the start"
+        if fill.fresh_day.battery_voltage.known:  # that of another battery than the day's
+            words = "at most {amount} with a full battery"
+        parts.append(say(words, amount=fresh))
     return "; ".join(parts)
 
 

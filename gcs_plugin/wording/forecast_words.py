@@ -7,7 +7,8 @@ import math
 from collections.abc import Mapping, Sequence
 
 from thrustmargin.gcs_plugin.wording.advice_words import damage_words
-from thrustmargin.gcs_plugin.wording.fill_words import UNSOUND, amount
+from thrustmargin.gcs_plugin.wording.day_words import day_line
+from thrustmargin.gcs_plugin.wording.fill_words import UNSOUND, amount, with_day
 from thrustmargin.gcs_plugin.wording.language import (
     area,
     duration,
@@ -45,7 +46,7 @@ ASSUMED: Mapping[str, str] = {
     "resistance": "battery resistance usual for lithium polymer packs: give --resistance",
     "no wind": "no wind: give --wind",
     "worst wind": "wind from {0}°, the worst of all directions: give --wind-from",
-    "standard air": "air at {0} °C, the standard for the height: give --air-temperature",
+    "usual air": "air at {0} °C: give --air-temperature",
     "sea level": "field at sea level: give --altitude",
     "no flow": "nothing is sprayed, so the tank stays full: give --flow or --rate",
     "pump rate": "flow by SPRAY_PUMP_RATE of a pump of {0} L/min at full output: give --flow",
@@ -115,7 +116,7 @@ def verdict(made: PlanForecast) -> str:
         return no + say("lasting use of thrust {lasting}, above the {limit} limit", **known)
     why = say("lasting use of thrust {lasting}, limit {limit}", **known)
     if level is FlightLevel.NEAR:
-        return f"{say('TOO CLOSE TO TELL{fill}', fill=fill)}: {why}"
+        return f"{say('TOO CLOSE TO TELL{fill}', fill=fill)}{_as_far(made)}: {why}"
     if level is FlightLevel.UNDER:
         return f"{say('MAY TAKE OFF{fill}', fill=fill)}{_as_far(made)}: {why}"
     return no + damage_words(advice)
@@ -157,10 +158,11 @@ def fill_words(made: PlanForecast) -> str:
     if not _has_tank(made):
         return f"{say('Nothing to fill: {why}', why=say('it has no tank'))}."
     if made.largest_fill_kg <= 0.0:
-        words = "No fill keeps the {limit} limit and survives a lost rotor all along."
-        return say(words, limit=limit)
-    words = "Fill at most {fill}: keeps the {limit} limit and survives a lost rotor all along."
-    return say(words, fill=amount(made.largest_fill_kg, liquid), limit=limit)
+        words = "No fill{day} keeps the {limit} limit and survives a lost rotor all along."
+        return say(words, day=with_day(made.day), limit=limit)
+    words = "Fill at most {fill}{day}: keeps the {limit} limit and survives a lost rotor all along."
+    fill = amount(made.largest_fill_kg, liquid)
+    return say(words, fill=fill, day=with_day(made.day), limit=limit)
 
 
 def survivable_words(made: PlanForecast) -> str:
@@ -268,6 +270,7 @@ def assumed_words(made: PlanForecast) -> tuple[str, ...]:
     """Return the lines about values that were assumed because they are unknown."""
     return (
         *map(say, made.plan.notes),
+        day_line(made.day),
         *(_assumed(key, values) for key, values in made.assumed.items()),
         say(LEFT_OUT),
     )

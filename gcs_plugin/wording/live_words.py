@@ -52,14 +52,6 @@ def wind_words(speed: float) -> str:
     return f"wind {speed:.1f} m/s"
 
 
-def fill_rests_on(density: float, basis: str, voltage: float, airspeed: float) -> str:
-    """Return the conditions of a fill advice before take-off: kg/m³ and its source, V, m/s."""
-    return (
-        f"in air of {density:.2f} kg/m³ ({basis}), battery at {voltage:.1f} V under load, "
-        f"{airspeed:.0f} m/s through the air; thrustmargin fill has other conditions"
-    )
-
-
 def margin_ahead(share: float) -> str:
     """Return the sustained margin of the rest of the route; turns and climbs need more for
     moments."""

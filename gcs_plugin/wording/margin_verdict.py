@@ -21,6 +21,7 @@ from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.inferred.speed_basis import SpeedBasis
 from thrustmargin.models.model.model_misfit import Caveat
+from thrustmargin.models.physics.day import DayJson
 from thrustmargin.models.provenance import Meaning, SourceKind
 from thrustmargin.models.scores import Estimate
 
@@ -89,7 +90,9 @@ class MarginVerdict:
     fill_limit_kg: float  # where a limit is met, battery at its lowest
     fill_low_kg: float  # ends of the 90 % interval of `fill_limit_kg`
     fill_high_kg: float
-    fill_start_kg: float  # `fill_limit_kg` with the battery as it was at the start
+    fill_start_kg: float  # what may be filled with the battery as it was at the start
+    day: DayJson  # that `fill_kg` holds for, each value with its source
+    start_day: DayJson  # that `fill_start_kg` holds for
     tank_start_kg: float
     beyond_gauge_kg: float  # that hover thrust shows beyond gauge or statement; 0: they agree
     caveats: tuple[Caveat, ...]  # what the flight's own evidence leaves open

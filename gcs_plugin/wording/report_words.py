@@ -7,7 +7,6 @@ The report and `airframe new` have the same questions, in the same order.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -151,20 +150,6 @@ def not_measured(basis: str) -> str:
 def no_error(why: str) -> str:
     """Return the sentence about a missing prediction error, with the reason."""
     return say("No prediction error: {why}.", why=say(why))
-
-
-def day_words(temperature_c: float, altitude: float, voltage: float, airspeed: float) -> str:
-    """Return the conditions of a fill: °C, m AMSL, V under load, and airspeed, m/s, unless it is
-    NaN."""
-    air = say(
-        "{celsius}, {altitude} above the sea, battery at {volts}",
-        celsius=number(temperature_c, "°C", 0),
-        altitude=number(altitude, "m", 0),
-        volts=number(voltage, "V"),
-    )
-    if math.isnan(airspeed):
-        return air
-    return say("{air}, {airspeed} through the air", air=air, airspeed=number(airspeed, "m/s"))
 
 
 def fill_line(limit: float) -> str:

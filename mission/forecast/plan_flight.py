@@ -18,9 +18,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from thrustmargin.mission.day_fill import voltage_under_load
 from thrustmargin.mission.forecast.battery import (
-    CELL,
-    FULL,
     UNKNOWN,
     FlightBattery,
     discharge,
@@ -33,12 +32,15 @@ from thrustmargin.models.flight import Bools, FlightTrack, Floats, Origin, body_
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe, predict
 from thrustmargin.models.physics.airframe import Airframe
-from thrustmargin.models.physics.atmosphere import (
-    G0,
-    air_density,
-    isa_pressure,
-    isa_temperature,
-    pressure_altitude,
+from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.physics.day import (
+    UNKNOWN_DAY,
+    ZERO_CELSIUS,
+    Day,
+    DaySource,
+    DayValue,
+    complete_day,
+    stated_value,
 )
 from thrustmargin.models.physics.forward_flight import steady_slowing
 from thrustmargin.models.physics.margin import ceiling, utilisation
@@ -49,7 +51,7 @@ PLANNED = AirframeClaim(words="a plan")
 
 
 Assumption = Literal[
-    "limits", "full battery", "no capacity", "resistance", "no wind", "worst wind", "standard air",
+    "limits", "full battery", "no capacity", "resistance", "no wind", "worst wind", "usual air",
     "sea level", "no flow", "pump rate", "straight splines", "circles as waits",
     "efficiency", "level ground", "PX4 corners", "pump by speed",
     "no forward flight", "extrapolated", "nose gives way", "first part", "alike", "aircraft",
@@ -61,18 +63,35 @@ Assumption = Literal[
 class TakeOff:
     """The conditions that a user states for a plan; NaN where unknown, and the forecast lists what
     it assumed.
+
+    `known` is what a log, a link or the user's memory says of the day beside that.
     """
 
     fill_kg: float
     air_temperature: float = math.nan  # K
     altitude: float = math.nan  # m AMSL of home
     pressure: float = math.nan  # Pa of the air there; NaN: the standard of the altitude
-    wind: float = 0.0  # m/s
+    wind: float = math.nan  # m/s
     wind_from_deg: float = math.nan  # NaN with wind: the worst of all directions
     flow: float = math.nan  # kg/s at the speed of the line
     flow_per_metre: float = math.nan  # kg/m of line
     swath: float = math.nan  # m
     battery: FlightBattery = UNKNOWN
+    known: Day = UNKNOWN_DAY
+
+    def day(self, nominal_voltage: float, plan_height: float = math.nan) -> Day:
+        """Return the complete day; `plan_height` is of the home in the plan, m AMSL or NaN."""
+        stated = Day(
+            air_temperature=stated_value("air_temperature", self.air_temperature),
+            pressure=DayValue(self.pressure, DaySource.OPTION),
+            height=DayValue(self.altitude, DaySource.OPTION),
+            wind=DayValue(self.wind, DaySource.OPTION),
+            battery_voltage=DayValue(self.battery.voltage, DaySource.OPTION),
+            battery_resistance=DayValue(self.battery.resistance, DaySource.OPTION),
+            battery_capacity_ah=DayValue(self.battery.capacity_ah, DaySource.OPTION),
+        )
+        plan = Day(height=DayValue(plan_height, DaySource.PLAN))
+        return complete_day(nominal_voltage, stated, self.known, plan)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,45 +119,46 @@ def known_pump(parameters: Mapping[str, float], airframe: Airframe) -> KnownPump
 
 
 def conditions(
-    day: TakeOff, altitude: float, nominal: float
+    given: TakeOff, day: Day, model: RotorModel
 ) -> tuple[PlanConditions, dict[Assumption, tuple[str, ...]]]:
     """Return the conditions of a planned flight, and the assumptions made for unknown values.
 
-    `altitude` is of home, m above the sea; `nominal` is the airframe's nominal voltage, V. The
-    assumptions map a name to the figures of its sentence.
+    `day` is the complete one of `given`. The assumptions map a name to the figures of its sentence.
     """
     assumed: dict[Assumption, tuple[str, ...]] = {}
-    pressure = day.pressure
-    if not math.isfinite(pressure):
-        pressure = float(isa_pressure(altitude))
-        if not math.isfinite(day.altitude) and altitude == 0.0:
-            assumed["sea level"] = ()
-    warm = day.air_temperature
-    if not math.isfinite(warm):
-        warm = float(isa_temperature(pressure_altitude(pressure)))
-        assumed["standard air"] = (f"{warm - 273.15:.0f}",)
-    if day.wind <= 0.0:
+    if day.height.source.assumed and not day.pressure.known:
+        assumed["sea level"] = ()
+    if day.air_temperature.source.assumed:
+        assumed["usual air"] = (f"{day.air_temperature.value - ZERO_CELSIUS:.0f}",)
+    if day.wind.source.assumed:
         assumed["no wind"] = ()
-    if not (day.flow > 0.0 or day.flow_per_metre > 0.0):
+    if not (given.flow > 0.0 or given.flow_per_metre > 0.0):
         assumed["no flow"] = ()
-    battery = day.battery
+    battery = FlightBattery(
+        voltage=day.battery_voltage.value,
+        capacity_ah=day.battery_capacity_ah.value,
+        resistance=day.battery_resistance.value,
+    )
     if not battery.falls:
-        held = battery.voltage if battery.voltage > 0.0 else nominal
+        held = voltage_under_load(model, day, given.fill_kg, 0.0)
+        battery = replace(battery, voltage=held)
         assumed["no capacity"] = (f"{held:.1f}",)
     else:
-        if not battery.voltage > 0.0:
-            assumed["full battery"] = (f"{FULL * round(nominal / CELL):.1f}",)
+        if day.battery_assumed:
+            assumed["full battery"] = (f"{battery.voltage:.1f}",)
         if not battery.resistance >= 0.0:
             assumed["resistance"] = ()
-    given = PlanConditions(
-        fill_kg=day.fill_kg,
-        density=float(air_density(pressure, warm)),
-        flow=day.flow if day.flow > 0.0 else 0.0,
-        flow_per_metre=day.flow_per_metre,
-        wind_ned=wind_ned(day.wind, day.wind_from_deg if day.wind > 0.0 else 0.0),
+    windy = day.wind.value if day.wind.value > 0.0 else 0.0
+    made = PlanConditions(
+        fill_kg=given.fill_kg,
+        density=day.density,
+        density_error=day.density_error,
+        flow=given.flow if given.flow > 0.0 else 0.0,
+        flow_per_metre=given.flow_per_metre,
+        wind_ned=wind_ned(windy, given.wind_from_deg if windy > 0.0 else 0.0),
         battery=battery,
     )
-    return given, assumed
+    return made, assumed
 
 
 def wind_ned(speed: float, from_deg: float) -> tuple[float, float, float]:
@@ -170,6 +190,7 @@ class PlanConditions:
 
     fill_kg: float
     density: float  # kg/m³ at home
+    density_error: float = 0.0  # its standard error, as a share
     flow: float = 0.0  # kg/s with the pump on at the speed of the line
     flow_per_metre: float = math.nan  # kg/m of way sprayed, instead of `flow`
     most_flow: float = math.inf  # kg/s that the pump gives at its most

@@ -58,10 +58,11 @@ from thrustmargin.mission.steps import PlanSteps, PumpOutput, plan_steps, pump_o
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import Origin
 from thrustmargin.models.model.advice import Advised, FlightLevel, advise
-from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.analysis import analyse, with_density_error
 from thrustmargin.models.model.model_misfit import Caveat
 from thrustmargin.models.model.rotor_faults import FaultHistory
 from thrustmargin.models.model.rotor_model import Basis, RotorModel, identified_airframe
+from thrustmargin.models.physics.day import UNKNOWN_DAY, Day
 
 STILL = (0.0, 0.0, 0.0)
 #: Directions that a wind without one is tried from.
@@ -94,6 +95,7 @@ class PlanForecast:
     findings: tuple[PlanFinding, ...]
     not_understood: tuple[NotUnderstood, ...]
     assumed: Mapping[Assumption, tuple[str, ...]] = field(default_factory=dict)
+    day: Day = UNKNOWN_DAY  # that all of it holds for
     caveats: tuple[Caveat, ...] = ()  # of the last flight of the aircraft, whose log the plan is in
 
     @property
@@ -149,20 +151,21 @@ def forecast(
     than any battery.
 
         >>> plan = read_plan("sitl_logs/campaign/v4_m16_q2.5.tlog")
-        >>> forecast(plan, load_model(), 6.0).level.value
+        >>> forecast(plan, load_model(), 4.0).level.value
         'under'
     """
-    day = take_off if isinstance(take_off, TakeOff) else TakeOff(fill_kg=float(take_off))
+    stated = take_off if isinstance(take_off, TakeOff) else TakeOff(fill_kg=float(take_off))
     known = {} if parameters is None else parameters
     px4 = plan.firmware == FIRMWARE_PX4
     limits = flight_limits(known, px4=px4)
     steps = plan_steps(plan, pump or pump_output(known))
     home = plan.home
-    altitude = next((h for h in (day.altitude, home[2]) if math.isfinite(h)), 0.0)
+    craft = identified_airframe(model)
+    day = stated.day(craft.nominal_voltage, home[2])
+    altitude = day.field_height
     plan = replace(plan, home=(*home[:2], altitude))
     legs = plan_legs(plan, steps, limits)
-    craft = identified_airframe(model)
-    given, assumed = conditions(day, altitude, craft.nominal_voltage)
+    given, assumed = conditions(stated, day, model)
     by_rate = known_pump(known, craft)
     if not craft.tank_volume_l:
         given = replace(given, flow=0.0, flow_per_metre=math.nan)
@@ -182,9 +185,9 @@ def forecast(
     ) -> PlanFlight:
         return fly_plan("the plan", way, model, given, origin=origin, anew=anew)
 
-    if day.wind > 0.0 and not math.isfinite(day.wind_from_deg):
+    if day.wind.value > 0.0 and not math.isfinite(stated.wind_from_deg):
         first = course(legs[: _within(timed, WIND_TRIED_S, 1.5 * WIND_TRIED_S)], limits)
-        given = _worst_wind(given, day.wind, model, lambda g: fly(first, g))
+        given = _worst_wind(given, day.wind.value, model, lambda g: fly(first, g))
         assumed["worst wind"] = (f"{wind_from_deg(given):.0f}",)
     once = with_slower_yaw(
         fly(course(legs, limits), given), model, partial(course, legs), lambda way: fly(way, given)
@@ -215,8 +218,9 @@ def forecast(
             f"{flight.track.duration / 60.0:.0f}",
             f"{taken.time_s[-1] / 60.0:.0f}",
         )
-    analysis = analyse(
-        flight.track, model, flight.density, claim=replace(PLANNED, other_order=other_order)
+    claim = replace(PLANNED, other_order=other_order)
+    analysis = with_density_error(
+        analyse(flight.track, model, flight.density, claim=claim), given.density_error
     )
     advised = advise(analysis, limit=limit, planned=True, history=faults)
     if limits.assumed:
@@ -251,12 +255,13 @@ def forecast(
             advised,
             given,
             limit,
-            lambda g: _advise(fly(way, g, parts.anew), model, limit),
+            lambda g: _advise(fly(way, g, parts.anew), model, limit, g.density_error),
         ),
         survivable_below_kg=survivable_below(advised.analysis),
         needs=needed,
         way_back=way_back(flight, flight.battery_wh, back, usable, charge_kept=CHARGE_KEPT),
-        swath=day.swath,
+        swath=stated.swath,
+        day=day,
         flight_s=float(taken.time_s[-1]),
         findings=check_plan(plan, steps, sprays=sprays),
         not_understood=steps.not_understood,
@@ -304,9 +309,10 @@ def _within(timed: Sequence[TimedLeg], seconds: float, whole_s: float) -> int:
     return len(timed) if ends[-1] <= whole_s else bisect.bisect(ends, seconds) + 1
 
 
-def _advise(flight: PlanFlight, model: RotorModel, limit: float) -> Advised:
-    """Return the answer for a simulated flight."""
+def _advise(flight: PlanFlight, model: RotorModel, limit: float, density_error: float) -> Advised:
+    """Return the answer for a simulated flight; `density_error` is a share of its air's density."""
     made = analyse(flight.track, model, flight.density, claim=PLANNED)
+    made = with_density_error(made, density_error)
     return advise(made, limit=limit, planned=True)
 
 

@@ -1,8 +1,8 @@
 """Compare a flight with the forecast of its plan, stretch by stretch.
 
-The forecast is made under the conditions known before take-off without asking: still standard air
-at home's height, the battery of the parameters, full, and the pump driven by the sprayer's
-parameters.
+The forecast is made under the conditions known before take-off without asking: still air of the
+density that the vehicle reports, its battery at rest with the capacity of the parameters, and the
+pump driven by the sprayer's parameters.
 
 The flight is matched to the plan by place and time. The end of each stretch is searched for near
 its planned place, about as long after the end before as the forecast took.
@@ -37,7 +37,7 @@ from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.airframe import Airframe
-from thrustmargin.models.physics.atmosphere import isa_density
+from thrustmargin.models.physics.day import Day, DaySource, DayValue, complete_day
 from thrustmargin.models.physics.smoothing import known_mean, known_most, moving_mean
 
 
@@ -78,21 +78,34 @@ class PlanToFly:
 
 
 def conditions_before_take_off(
-    parameters: Mapping[str, float], airframe: Airframe, *, fill_kg: float, altitude: float
+    parameters: Mapping[str, float],
+    airframe: Airframe,
+    *,
+    fill_kg: float,
+    altitude: float,
+    density: float = math.nan,
+    rest_voltage: float = math.nan,
 ) -> PlanConditions:
     """Return the conditions known before take-off, with `fill_kg` in the tank (NaN: full).
 
-    `altitude` is m above the sea; NaN counts as 0.
+    `altitude` is m above the sea; NaN counts as 0. `density` is that of the air, kg/m³; NaN: that
+    of the default day at `altitude`. `rest_voltage` is V of the battery before take-off; NaN: full.
     """
-    pump = known_pump(parameters, airframe)
+    pump, capacity_ah = known_pump(parameters, airframe), stated_capacity(parameters)
+    there = Day(height=DayValue(altitude, DaySource.PLAN))
+    air = complete_day(airframe.nominal_voltage, there).density
     most = pump.most if math.isfinite(pump.most) else 0.0
     return PlanConditions(
         fill_kg=fill_kg if math.isfinite(fill_kg) else airframe.tank_capacity_kg,
-        density=float(isa_density(altitude if math.isfinite(altitude) else 0.0)),
+        density=density if math.isfinite(density) else air,
         flow=0.0 if pump.per_metre > 0.0 else most,
         flow_per_metre=pump.per_metre,
         most_flow=most,
-        battery=FlightBattery(capacity_ah=stated_capacity(parameters)),
+        battery=FlightBattery(
+            # Without a capacity the voltage would be held, and under load it is not that at rest.
+            voltage=rest_voltage if capacity_ah > 0.0 else math.nan,
+            capacity_ah=capacity_ah,
+        ),
     )
 
 

@@ -60,6 +60,7 @@ from thrustmargin.models.model.rotor_faults import (
     faults_in_model,
 )
 from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.day import DaySource
 from thrustmargin.models.physics.smoothing import known_least
 from thrustmargin.models.vehicle_facts import CELL_IN_USE
 
@@ -219,7 +220,8 @@ def advise(
     misfit = ModelMisfit() if planned else model_misfit(analysis, witnessed)
     analysis = with_misfit(analysis, misfit)
     use = thrust_use(analysis, limit)
-    fill, by_use, by_lost = next_fill(analysis, use, limit)
+    heard = DaySource.LINK if in_progress else DaySource.LOG
+    fill, by_use, by_lost = next_fill(analysis, use, limit, heard)
     free = analysis.redundancy_yaw_uncontrolled[track.flying]
     error = analysis.redundancy_error[track.flying]
     low = free * np.exp(-INTERVAL * error)

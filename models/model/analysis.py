@@ -535,6 +535,18 @@ def with_load_beyond_gauge(analysis: FlightAnalysis, beyond_kg: float) -> Flight
     )
 
 
+def with_density_error(analysis: FlightAnalysis, share: float) -> FlightAnalysis:
+    """Give the air of an analysis the standard error `share` of its density, which widens the
+    interval of the redundancy."""
+    shares = np.full(analysis.density.shape, share)
+    airframe = identified_airframe(analysis.model)
+    return replace(
+        analysis,
+        density_error=shares * analysis.density,
+        redundancy_error=redundancy_error(analysis.track, airframe, shares, analysis.claim.outputs),
+    )
+
+
 def with_bad_part(analysis: FlightAnalysis) -> FlightAnalysis:
     """Remove figures that assume sound rotors from the analysis of an aircraft with a bad rotor or
     motor.

@@ -17,6 +17,7 @@ the mass at a limit is proportional to the largest thrust.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from typing import Literal
 
 import numpy as np
@@ -25,10 +26,12 @@ from numpy.typing import ArrayLike
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.airframe_claim import RESTS_ON, AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, ThrustUse, analyse
+from thrustmargin.models.model.flight_day import flight_day
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL, guessed_variance
 from thrustmargin.models.model.rotor_faults import faults_in_model
 from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe
 from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.day import UNKNOWN_DAY, Day, DaySource
 from thrustmargin.models.physics.margin import ceiling, largest_fill
 
 #: `as flown`: with more, a flight was above the limit; `unsound`: the limits assume sound rotors;
@@ -89,11 +92,13 @@ def largest_fills(
     airspeed: float,
     max_utilisation: float = 0.5,
     rotor_lost: bool = True,
+    density_error: float = 0.0,
 ) -> Fills:
     """Compute the largest fills in air of `density` (C,) kg/m³ at battery voltages `voltage` (C,)
     V.
 
-    `airspeed` is in m/s, in flight into the wind. With `rotor_lost` the loss of one rotor must be
+    `airspeed` is in m/s, in flight into the wind; `density_error` is the standard error of ln
+    density. With `rotor_lost` the loss of one rotor must be
     survivable with yaw uncontrolled. Raises AirframeError where the model has no rotors.
     """
     density, voltage = np.broadcast_arrays(
@@ -107,7 +112,7 @@ def largest_fills(
         fill = largest_fill(
             airframe, ceiling(airframe, density, voltage), criterion="yaw uncontrolled"
         )
-        error = np.sqrt(guessed_variance(airframe, *RESTS_ON))
+        error = np.sqrt(guessed_variance(airframe, *RESTS_ON) + density_error**2)
         mass = airframe.empty_mass + fill
         rows[1] = [mass * np.exp(k * INTERVAL * error) - airframe.empty_mass for k in (0, -1, 1)]
     rows[2] = airframe.max_takeoff_mass - airframe.empty_mass
@@ -174,6 +179,21 @@ START_SHARE = 0.1  # of the rows in flight, that count as its start
 NAN = float("nan")
 
 
+class FillLevel(StrEnum):
+    """The answer to how much to fill, which decides sentence, colour and action."""
+
+    FILL = "fill"  # up to an amount
+    NO_FILL = "no fill"  # none keeps the limits
+    UNSURE = "unsure"  # some may, but the interval of the limit reaches below zero
+    TOO_HEAVY = "too heavy"  # an aircraft without a tank, above a limit as it is
+    WEIGH = "weigh"  # likewise, with a limit within the interval
+    NO_TANK = "no tank"  # and within the limits
+    NO_SPARE_MASS = "no spare mass"  # empty it has the maker's largest mass already
+    UNSOUND = "unsound"  # a rotor or motor is bad
+    UNPREDICTED = "unpredicted"  # the model predicts nothing in these conditions
+    UNKNOWN = "unknown"  # the aircraft is not known
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NextFill:
     """The largest fill that keeps every limit, kg; NaN where unknown, 0 or less: do not fill."""
@@ -182,12 +202,34 @@ class NextFill:
     limit_kg: float = NAN  # where the first limit is reached, with its 90 % interval
     low_kg: float = NAN
     high_kg: float = NAN
-    fresh_kg: float = NAN  # `kg` with the battery as it was at the start
+    fresh_kg: float = NAN  # `kg` with the battery as it was at the start, or with a full one
+    day: Day = UNKNOWN_DAY  # that `kg` holds for
+    fresh_day: Day = UNKNOWN_DAY  # that `fresh_kg` holds for
     reason: Reason | None = None  # of `kg`
     nothing_fits: Reason | None = None  # why no liquid fits at any mass
     start_kg: float = NAN  # what was on board at the start
     liquid_density: float = NAN  # kg/L
     beyond_gauge_kg: float = 0.0  # load by hover thrust beyond gauge or statement
+
+    @property
+    def level(self) -> FillLevel:
+        """Return the one level that decides the sentence, the colour and the action."""
+        if self.reason == "unsound":
+            return FillLevel.UNSOUND
+        if not np.isfinite(self.kg):
+            return FillLevel.UNPREDICTED if self.reason else FillLevel.UNKNOWN
+        if self.nothing_fits is not None:
+            above = self.limit_kg < 0.0 and self.nothing_fits == "tank"
+            if above and self.high_kg >= 0.0:
+                return FillLevel.WEIGH
+            if above and self.reason != "tank":
+                return FillLevel.TOO_HEAVY
+            no_tank = self.nothing_fits == "tank"
+            return FillLevel.NO_TANK if no_tank else FillLevel.NO_SPARE_MASS
+        if self.kg <= 0.0:
+            open_end = self.limit_kg > 0.0 and self.reason != "as flown"
+            return FillLevel.UNSURE if open_end else FillLevel.NO_FILL
+        return FillLevel.FILL
 
 
 def unsound_fill(fill: NextFill) -> NextFill:
@@ -197,10 +239,12 @@ def unsound_fill(fill: NextFill) -> NextFill:
     return replace(fill, **unknown, reason="unsound")
 
 
-def before_take_off(fills: Fills, model: RotorModel, condition: int = 0) -> NextFill:
+def before_take_off(
+    fills: Fills, model: RotorModel, condition: int = 0, *, day: Day = UNKNOWN_DAY
+) -> NextFill:
     """Return the fill to plan by in the condition of index `condition` of `fills`, before take-off.
 
-    Its numbers are unknown if the model contains a weak rotor.
+    `day` is that condition. Its numbers are unknown if the model contains a weak rotor.
     """
     craft = identified_airframe(model)
     low, high = (float(end[condition]) for end in fills.interval)
@@ -213,17 +257,19 @@ def before_take_off(fills: Fills, model: RotorModel, condition: int = 0) -> Next
         reason=fills.reason[condition],
         nothing_fits=no_fill_reason(craft),
         liquid_density=craft.liquid_density,
+        day=day,
     )
     return unsound_fill(made) if faults_in_model(model) else made
 
 
 def next_fill(
-    analysis: FlightAnalysis, use: ThrustUse, limit: float
+    analysis: FlightAnalysis, use: ThrustUse, limit: float, heard: DaySource = DaySource.LOG
 ) -> tuple[NextFill, Floats, Floats]:
     """Return the fill for another flight like this one, and two fills (T,) kg for each row.
 
     In the two arrays the row would reach the limit of utilisation, and could not lose a rotor.
-    `limit` is the share of a rotor's thrust that may last. All are unknown where no airframe is
+    `limit` is the share of a rotor's thrust that may last, `heard` the source of what was measured.
+    All are unknown where no airframe is
     claimed; without a row in flight the fills are unknown.
     """
     track, craft = analysis.track, identified_airframe(analysis.model)
@@ -235,23 +281,10 @@ def next_fill(
     if not begun.size:
         return NextFill(nothing_fits=no_fill_reason(craft)), nothing, nothing
     lowest = int(begun[np.argmin(free[begun])])
-    volts = track.voltage[lowest] if track.voltage[lowest] > 0.0 else craft.nominal_voltage
+    volts = _volts(track, lowest, craft)
     speeds = track.airspeed[begun][np.isfinite(track.airspeed[begun])]
-    found = largest_fills(
-        analysis.model,
-        analysis.density[lowest],
-        volts,
-        airspeed=float(np.median(speeds)) if speeds.size else 0.0,
-        max_utilisation=limit,
-    )
-    middles, lows, highs = (x[:, 0] for x in (found.by_reason, found.low, found.high))
-    # A flight's air is an estimate, while the density given to `largest_fills` counts as exact.
-    error, beyond = np.nan_to_num(analysis.redundancy_error[lowest]), analysis.redundancy_beyond
-    by_use, lost = REASONS.index("utilisation"), REASONS.index("one rotor lost")
-    up = np.exp(INTERVAL * (error - beyond))
-    lows[by_use] = (empty + lows[by_use]) / np.exp(INTERVAL * beyond) - empty
-    lows[lost] = min(lows[lost], (empty + middles[lost]) / np.exp(INTERVAL * error) - empty)
-    highs[lost] = max(highs[lost], (empty + middles[lost]) * up - empty)
+    airspeed = float(np.median(speeds)) if speeds.size else 0.0
+    middles, lows, highs = _ends(analysis, lowest, volts, airspeed, limit)
     # Thrust beyond the gauge may be liquid, a hidden mass or a weak rotor: assume it stays.
     kg = float(np.min(lows)) - analysis.beyond_gauge_kg
     reason = REASONS[int(np.argmin(lows))]
@@ -261,15 +294,23 @@ def next_fill(
     above = flown[np.isfinite(flown)]
     if above.size and above.min() < kg:
         kg, reason = float(above.min()), "as flown"
+    by_use, lost = REASONS.index("utilisation"), REASONS.index("one rotor lost")
     start = begun[: max(1, round(START_SHARE * begun.size))]
     most = min(craft.tank_capacity_kg, craft.max_takeoff_mass - empty)
     loads = track.tank_kg[start][np.isfinite(track.tank_kg[start])]
+    middle = int(start[np.argsort(free[start])[start.size // 2]])
+    volts_then = _volts(track, middle, craft)
+    fresh = float(np.min(_ends(analysis, middle, volts_then, airspeed, limit)[1]))
+    if reason == "as flown":
+        fresh = min(fresh, float((empty + kg) * free[middle] / free[lowest] - empty))
     made = NextFill(
         kg=kg,
+        day=flight_day(analysis, lowest, heard=heard, voltage=volts),
+        fresh_day=flight_day(analysis, middle, heard=heard, voltage=volts_then),
         limit_kg=float(np.min(middles)),
         low_kg=min(float(np.min(lows)) - analysis.beyond_gauge_kg, kg),
         high_kg=float(np.min(highs)),
-        fresh_kg=min(float((empty + kg) * np.median(free[start]) / free[lowest] - empty), most),
+        fresh_kg=min(fresh - analysis.beyond_gauge_kg, most),
         reason=reason,
         nothing_fits=no_fill_reason(craft),
         start_kg=float(np.median(loads)) if loads.size else NAN,
@@ -278,3 +319,36 @@ def next_fill(
     )
     limits = ((empty + middles[k]) * free / free[lowest] - empty for k in (by_use, lost))
     return made, *limits
+
+
+def _ends(
+    analysis: FlightAnalysis, row: int, volts: float, airspeed: float, limit: float
+) -> tuple[Floats, Floats, Floats]:
+    """Return the fills (4,) kg by each of REASONS in the air of a row at `volts` V, and the low and
+    high ends (4,) of their intervals.
+
+    The intervals include what the flight leaves open: its air, and thrust that outputs show beyond
+    the reported load.
+    """
+    empty = identified_airframe(analysis.model).empty_mass
+    found = largest_fills(
+        analysis.model,
+        analysis.density[row],
+        volts,
+        airspeed=airspeed,
+        max_utilisation=limit,
+    )
+    middles, lows, highs = (x[:, 0] for x in (found.by_reason, found.low, found.high))
+    # A flight's air is an estimate, while the density given to `largest_fills` counts as exact.
+    error, beyond = np.nan_to_num(analysis.redundancy_error[row]), analysis.redundancy_beyond
+    by_use, lost = REASONS.index("utilisation"), REASONS.index("one rotor lost")
+    up = np.exp(INTERVAL * (error - beyond))
+    lows[by_use] = (empty + lows[by_use]) / np.exp(INTERVAL * beyond) - empty
+    lows[lost] = min(lows[lost], (empty + middles[lost]) / np.exp(INTERVAL * error) - empty)
+    highs[lost] = max(highs[lost], (empty + middles[lost]) * up - empty)
+    return middles, lows, highs
+
+
+def _volts(track: FlightTrack, row: int, craft: Airframe) -> float:
+    """Return V under load in a row; the nominal voltage where the row reports none."""
+    return float(track.voltage[row]) if track.voltage[row] > 0.0 else craft.nominal_voltage

@@ -380,7 +380,8 @@ def predict(
 
     NaN and Basis.NONE where density or one of the model's `inputs` is missing. With a network,
     physics rows have the interval at the edge of the training domain, EXTRAPOLATED times as wide,
-    plus 10 % of what physics adds; rows outside the range of an effect are widened alike. Thrust is
+    plus 10 % of what physics adds; rows outside the range of an effect are widened alike. Between
+    the training range and its tolerance both change step by step. Thrust is
     by the thrust curve, in reference air for network rows because the network learnt in it. A
     model's identified effects apply to every row. The mode state of a followed aircraft offsets
     every rotor and widens the interval by its own error. Raises AirframeError when the rotor count
@@ -404,21 +405,22 @@ def predict(
     coverage = float("nan")
     inside = np.zeros_like(known)
     domain, interval = model.training_domain, model.interval
+    edge, thin = np.zeros(known.shape), np.ones(known.shape)
     if model.network is not None and domain is not None:
         inside = known & domain.covers_inputs(airspeed, tank_kg)
         if not follows_density(model):
             inside &= domain.covers(airspeed, tank_kg, density)
+        used = None if follows_density(model) else density
+        edge = np.where(inside, domain.distance(airspeed, tank_kg, used), 1.0)
         speed[inside], spread = ensemble_speed(model.network, airspeed[inside], tank_kg[inside])
         basis[inside] = Basis.NETWORK
-        air[inside] = model.reference_density
-        beyond = known & ~inside
-        speed[beyond], added = _extrapolate(model, track, density, beyond)
+        # Within the tolerance of density, speed goes with the air from the edge of the range on.
+        if used is not None:
+            thin = np.where(inside, np.clip(used, *domain.density) / used, 1.0)
+        speed[inside] *= np.sqrt(thin[inside])[:, None]
+        air[inside] = model.reference_density / thin[inside]
         if interval is not None:
             half[inside] = interval.half_width_rpm(airspeed[inside], spread)
-            edge = np.clip(np.nan_to_num(airspeed[beyond]), 0.0, model.known_airspeed)
-            near = EXTRAPOLATED * interval.half_width_rpm(edge, np.zeros_like(added))
-            normal = NormalDist().inv_cdf((1.0 + interval.coverage) / 2.0)
-            half[beyond] = np.hypot(near, normal * ADDED_ERROR * added)
             coverage = interval.coverage
     elif domain is not None and interval is not None:
         near = known & domain.covers_inputs(airspeed, tank_kg)
@@ -427,16 +429,31 @@ def predict(
         )
         coverage = interval.coverage
     lacking = None
+    by_effects, held_at_edge = None, np.zeros(known.shape, dtype=np.bool_)
     if model.effects:
-        with_effects, lacking, held_at_edge = speed_with_effects(model, track, start)
+        by_effects, lacking, held_at_edge = speed_with_effects(model, track, start)
         half[held_at_edge] *= EXTRAPOLATED
         replaced = inside if model.network is not None else known
-        speed[replaced] = with_effects[replaced]
-        outside = known & ~replaced
-        if outside.any():
-            alone = table_of(model).look_up(airspeed[outside], tank_kg[outside])
-            base = np.sqrt(alone / model.thrust_coefficient)
-            speed[outside] *= with_effects[outside] / base
+        speed[replaced] = by_effects[replaced] * np.sqrt(thin[replaced])[:, None]
+    beyond = known & (edge > 0.0)
+    if beyond.any():
+        outer, added = _extrapolate(model, track, density, beyond)
+        if by_effects is not None:
+            alone = table_of(model).look_up(airspeed[beyond], tank_kg[beyond])
+            outer *= by_effects[beyond] / np.sqrt(alone / model.thrust_coefficient)
+        # Between the training range and its tolerance the two estimates are mixed, so that neither
+        # the speed nor its interval has a step.
+        share = edge[beyond][:, None]
+        speed[beyond] = _mixed(speed[beyond], outer, share)
+        air[beyond] = _mixed(air[beyond], density[beyond], edge[beyond])
+        if interval is not None:
+            slow = np.clip(np.nan_to_num(airspeed[beyond]), 0.0, model.known_airspeed)
+            near = EXTRAPOLATED * interval.half_width_rpm(slow, np.zeros_like(added))
+            normal = NormalDist().inv_cdf((1.0 + interval.coverage) / 2.0)
+            wide = np.hypot(near, normal * ADDED_ERROR * added)
+            wide[held_at_edge[beyond]] *= EXTRAPOLATED
+            half[beyond] = _mixed(half[beyond], wide, share)
+            coverage = interval.coverage
     if model.state is not None:
         shift, error = shift_rpm(model.state, airframe, speed)
         speed = speed + shift
@@ -451,6 +468,11 @@ def predict(
         basis=basis,
         partial=lacking,
     )
+
+
+def _mixed(inner: Floats, outer: Floats, share: Floats) -> Floats:
+    """Return the `share` (0 to 1) of `outer` and the rest of `inner`; `outer` alone at 1."""
+    return np.where(share < 1.0, (1.0 - share) * inner + share * outer, outer)
 
 
 def _extrapolate(

@@ -60,6 +60,20 @@ class TrainingDomain:
     wind_speed: Range  # m/s
     flights: tuple[str, ...]
 
+    def distance(self, airspeed: Floats, tank_kg: Floats, density: Floats | None = None) -> Floats:
+        """Return the distance (N,) beyond the training ranges, in tolerances: 0 inside, at most 1.
+
+        It is the largest of airspeed, tank level and, where given, air density. From 1 on the
+        network is no longer used; NaN counts as 1.
+        """
+        beyond = _beyond(tank_kg, self.tank_kg, TANK_TOLERANCE)
+        if not np.isnan(self.airspeed[0]):
+            beyond = np.maximum(beyond, _beyond(airspeed, self.airspeed, AIRSPEED_TOLERANCE))
+        if density is not None:
+            tolerance = DENSITY_TOLERANCE * self.density[1]
+            beyond = np.maximum(beyond, _beyond(density, self.density, tolerance))
+        return beyond
+
     def covers_inputs(self, airspeed: Floats, tank_kg: Floats) -> Bools:
         """Flag the rows (N,) with airspeed and tank level inside the training ranges; NaN is
         outside.
@@ -77,6 +91,12 @@ class TrainingDomain:
         return self.covers_inputs(airspeed, tank_kg) & _within(
             density, self.density, DENSITY_TOLERANCE * self.density[1]
         )
+
+
+def _beyond(values: Floats, limits: Range, tolerance: float) -> Floats:
+    """Return how far (N,) values are beyond the limits, in tolerances, 0 to 1; NaN counts as 1."""
+    far = np.maximum(limits[0] - values, values - limits[1]) / tolerance
+    return np.nan_to_num(np.clip(far, 0.0, 1.0), nan=1.0)
 
 
 def _within(values: Floats, limits: Range, tolerance: float) -> Bools:

@@ -32,6 +32,9 @@ PLAUSIBLE_PRESSURE = (30_000.0, 110_000.0)
 #: K: the autopilot's sensor sits on a warm board. Median and scatter over five flights of a
 #: Pixhawk 6X (11 to 23 K); ArduPilot's own simulator has 20 K too.
 BOARD_WARMER, BOARD_ERROR = 20.0, 6.0
+#: K, standard error of an air temperature that a person states: a thermometer in the shade, a
+#: weather report.
+STATED_TEMPERATURE_ERROR = 2.0
 #: K: weather about the standard atmosphere, from a cold morning to a hot noon of the season
 STANDARD_ERROR = 10.0
 FARTHEST_FROM_STANDARD = 40.0  # K beyond which a reading is a fault

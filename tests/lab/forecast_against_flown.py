@@ -28,6 +28,7 @@ from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import load_model
 from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.physics.atmosphere import isa_temperature
 
 LOGS = Path(__file__).parents[2] / "sitl_logs"
 FLIGHTS = (
@@ -98,6 +99,7 @@ def compare(file: str, model: RotorModel) -> Compared:
         TakeOff(
             fill_kg=listed["payload_start_kg"],
             altitude=listed["home_altitude_m"],
+            air_temperature=float(isa_temperature(listed["home_altitude_m"])),
             wind=listed["wind_m_s"],
             wind_from_deg=listed["wind_from_deg"],
             flow=listed["flow_l_min"] / 60.0,

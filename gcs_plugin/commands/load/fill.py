@@ -16,18 +16,16 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_outputs,
     check_range,
     check_utilisation,
-    check_voltage,
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.reports.shared.page_shell import grid
 from thrustmargin.gcs_plugin.wording.language import number, say
+from thrustmargin.mission import SPRAY_SPEED
 from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.reports.fill.fill_table import FillTable
 
-#: The day where nobody names one: °C of the air, m of the field above the sea, m/s while spraying.
-USUAL_C, USUAL_ALTITUDE, USUAL_SPEED = 30.0, 0.0, 5.0
 TEMPERATURES_C = (0.0, 10.0, 20.0, 30.0, 40.0)
 ALTITUDES = (0.0, 500.0, 1000.0, 1500.0, 2000.0, 3000.0)  # m AMSL
 
@@ -37,11 +35,16 @@ def fill(
     model: Path | None = None,
     known: Known = ANY_KNOWN,
     airframe: str | None = None,
-    air_temperature: float = USUAL_C,
-    altitude: float = USUAL_ALTITUDE,
+    day: Path | None = None,
+    air_temperature: float | None = None,
+    altitude: float | None = None,
+    pressure: float | None = None,
     voltage: float | None = None,
-    speed: float = USUAL_SPEED,
-    wind: float = 0.0,
+    capacity: float | None = None,
+    resistance: float | None = None,
+    speed: float = SPRAY_SPEED,
+    wind: float | None = None,
+    gusts: float | None = None,
     max_utilisation: Share = 0.5,
     rotor_lost: bool = True,
     out: Path | None = None,
@@ -58,17 +61,26 @@ def fill(
         model: Rotor speed model file of this aircraft.
         known: The known aircraft; see `thrustmargin learn`.
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the model's.
-        air_temperature: °C of the air at the field.
-        altitude: m of the field above the sea.
-        voltage: V of the battery under load; without it the battery's nominal voltage.
+        day: File (.toml, .json) with the day: air_temperature_c, altitude, pressure_hpa, wind,
+            gusts, battery_voltage, battery_capacity_ah, battery_resistance_mohm. Without it, and
+            without an option, the day last stated within 12 hours.
+        air_temperature: °C of the air at the field; where it was never stated 30.
+        altitude: m of the field above the sea; where it was never stated 0.
+        pressure: hPa of the air at the field, not reduced to sea level, instead of --altitude.
+        voltage: V of the battery at rest, before take-off; without it a half used battery, or a
+            full one with --capacity.
+        capacity: Ah of the battery, by which it sags under load.
+        resistance: mOhm of the battery, instead of the usual one.
         speed: m/s over the ground while spraying.
-        wind: m/s of wind, which is flown against.
+        wind: m/s of wind, which is flown against; where it was never stated 0.
+        gusts: m/s of wind in gusts.
         max_utilisation: Largest share of a rotor's maximum thrust that may be in use.
         rotor_lost: Whether one rotor lost must be survived; without yaw control, it will spin.
         out: Page to write (.html), for print or screen.
         json: Write the numbers as JSON to this file (.json); - is standard output, and nothing
             else.
     """
+    from thrustmargin.gcs_plugin.commands.shared.day_options import day_of_command, stated_day
     from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
     from thrustmargin.gcs_plugin.reports.fill import fill_table as made
 
@@ -76,36 +88,37 @@ def fill(
     if not inputs.given:
         raise UsageError("no aircraft given; name one with --aircraft, --airframe or --model")
     check_utilisation(inputs.limit)
-    check_range("--air-temperature", air_temperature, -60.0, 60.0, "°C")
-    check_range("--altitude", altitude, -430.0, 9000.0, "m")
     check_range("--speed", speed, 0.0, 60.0, "m/s")
-    check_range("--wind", wind, 0.0, 60.0, "m/s")
+    stated = stated_day(
+        day,
+        air_temperature=air_temperature,
+        height=altitude,
+        pressure=pressure,
+        battery_voltage=voltage,
+        battery_capacity_ah=capacity,
+        battery_resistance=resistance,
+        wind=wind,
+        gusts=gusts,
+    )
     check_outputs(
         (
             OutputFile("--out", out, endings=(".html", ".htm")),
             OutputFile("--json", json, endings=(".json",)),
         ),
-        inputs=inputs.files,
+        inputs=[*inputs.files, day],
     )
     rotor_model = inputs.rotor_model()
-    nominal = rotor_model.airframe.nominal_voltage
-    if voltage is not None:
-        check_voltage(voltage, rotor_model.airframe)
-    day = made.Day(
-        temperature_c=air_temperature,
-        altitude=altitude,
-        voltage=nominal if voltage is None else voltage,
-        airspeed=speed + wind,
-    )
+    console = Terminal(soft_wrap=True, quiet=json == STDOUT)
+    holds_for = day_of_command(rotor_model.airframe, stated, console)
     table = made.fill_table(
         rotor_model,
-        day,
+        holds_for,
+        speed=speed,
         limit=inputs.limit,
         rotor_lost=rotor_lost,
         temperatures_c=TEMPERATURES_C,
         altitudes=ALTITUDES,
     )
-    console = Terminal(soft_wrap=True, quiet=json == STDOUT)
     console.print(table.advice, style="bold")
     for sentence in made.conditions(table):
         console.print(f"  {sentence}")

@@ -23,7 +23,6 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_port,
     check_range,
     check_utilisation,
-    check_voltage,
 )
 from thrustmargin.gcs_plugin.commands.shared.plan_source import pump_of
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
@@ -32,15 +31,13 @@ from thrustmargin.models.errors import DataError, LogError
 from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
-    from thrustmargin.mission.forecast.battery import FlightBattery
     from thrustmargin.mission.forecast.plan_forecast import PlanForecast
     from thrustmargin.models.model.model_misfit import Caveat
     from thrustmargin.models.model.rotor_faults import FaultHistory
     from thrustmargin.models.model.rotor_model import RotorModel
-    from thrustmargin.models.physics.airframe import Airframe
+    from thrustmargin.models.physics.day import Day
 
 PLANS = (".plan", ".mission", ".waypoints", ".txt")
-ZERO_CELSIUS = 273.15
 
 
 def forecast(
@@ -51,11 +48,13 @@ def forecast(
     whose: Known = ANY_KNOWN,
     airframe: str | None = None,
     parameters: Path | None = None,
+    day: Path | None = None,
     air_temperature: float | None = None,
     altitude: float | None = None,
     pressure: float | None = None,
-    wind: float = 0.0,
+    wind: float | None = None,
     wind_from: float | None = None,
+    gusts: float | None = None,
     flow: float | None = None,
     rate: float | None = None,
     swath: float | None = None,
@@ -89,17 +88,23 @@ def forecast(
         whose: The known aircraft; see `thrustmargin learn`.
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the model's.
         parameters: Parameter file of the autopilot (.param, .parm, .params); of a log, its own.
-        air_temperature: °C at the field; without it that of the standard atmosphere.
+        day: File (.toml, .json) with the day: air_temperature_c, altitude, pressure_hpa, wind,
+            gusts, battery_voltage, battery_capacity_ah, battery_resistance_mohm. Without it, and
+            without an option, the log's, else the day last stated within 12 hours.
+        air_temperature: °C at the field; where nothing says it 30.
         altitude: m of the field above the sea; without it that of the plan's home.
         pressure: hPa of the air at the field, not reduced to sea level; without it the standard of
             the altitude.
-        wind: m/s of wind.
-        wind_from: ° where the wind comes from, 0 is north; without it the worst of all directions.
+        wind: m/s of wind; without it that of the log, and where nothing says it 0.
+        wind_from: ° where the wind comes from, 0 is north; without it the worst of all directions,
+            or with the wind of a log that of the log.
+        gusts: m/s of wind in gusts; they are named, and not flown.
         flow: L/min with the pump on, at the speed of the line.
         rate: L/ha, instead of --flow; needs --swath.
         swath: m between lines, for --rate and hectares.
         pump: What switches the pump: sprayer (DO_SPRAYER), servo:NUMBER:ON:OFF, or relay:NUMBER.
-        voltage: V of the battery at rest; without it a full one.
+        voltage: V of the battery at rest; without it that before the flight of the log, else a
+            full one.
         capacity: Ah of the battery; without it that of the parameters.
         resistance: mOhm of the battery.
         max_utilisation: Largest share of a rotor's maximum thrust that may last.
@@ -120,18 +125,24 @@ def forecast(
 
     check_utilisation(max_utilisation)
     check_port(port)
+    from thrustmargin.gcs_plugin.commands.shared.day_options import day_of_command, stated_day
+
+    stated = stated_day(
+        day,
+        air_temperature=air_temperature,
+        height=altitude,
+        pressure=pressure,
+        wind=wind,
+        gusts=gusts,
+        battery_voltage=voltage,
+        battery_capacity_ah=capacity,
+        battery_resistance=resistance,
+    )
     for name, value, low, high, unit in (
-        ("--air-temperature", air_temperature, -60.0, 60.0, "°C"),
-        ("--altitude", altitude, -430.0, 9000.0, "m"),
-        ("--pressure", pressure, 300.0, 1100.0, "hPa"),
-        ("--wind", wind, 0.0, 60.0, "m/s"),
         ("--wind-from", wind_from, -360.0, 360.0, "°"),
         ("--flow", flow, 0.0, 200.0, "L/min"),
         ("--rate", rate, 0.0, 2000.0, "L/ha"),
         ("--swath", swath, 0.1, 100.0, "m"),
-        ("--voltage", voltage, 1.0, 1000.0, "V"),
-        ("--capacity", capacity, 0.1, 1000.0, "Ah"),
-        ("--resistance", resistance, 0.0, 1000.0, "mOhm"),
     ):
         check_range(name, value, low, high, unit)
     if rate is not None and (swath is None or flow is not None):
@@ -145,12 +156,14 @@ def forecast(
         ),
         *(OutputFile("--out", path, endings=(".html", ".htm", ".pdf")) for path in out),
     ]
-    check_outputs(outputs, inputs=[plan, model, airframe, parameters])
+    check_outputs(outputs, inputs=[plan, model, airframe, parameters, day])
     if sorties is not None and not sorties.is_dir():
         raise DataError(f"no folder {sorties}; make it, or give another --sorties")
     found = read_plan(plan)  # a plan that is none is refused before the rest is loaded
     from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
     from thrustmargin.mission.forecast import plan_forecast
+    from thrustmargin.mission.forecast.battery import stated_capacity
+    from thrustmargin.models.physics.day import Day, DaySource, DayValue
 
     inputs = Inputs(model=model, airframe=airframe, max_utilisation=max_utilisation, known=whose)
     rotor_model = inputs.rotor_model()
@@ -167,21 +180,25 @@ def forecast(
         from thrustmargin.gcs_plugin.logs.parameter_file import read_parameters
 
         known = read_parameters(parameters)
-    battery = _battery(known, voltage, capacity, resistance, craft)
+    console = Terminal(soft_wrap=True, quiet=json == STDOUT)
+    heard = DaySource.LOG if parameters is None else DaySource.OPTION
+    by_parameters = Day(battery_capacity_ah=DayValue(stated_capacity(known), heard))
+    by_plan = Day(height=DayValue(found.home[2], DaySource.PLAN))
+    logged = () if before.day is None else (before.day,)
+    holds_for = day_of_command(craft, stated, console, *logged, by_parameters, by_plan)
+    windward = _or_nan(wind_from)
+    if wind_from is None and holds_for.wind.source is DaySource.LOG:
+        windward = before.wind_from_deg
     made = plan_forecast.forecast(
         found,
         rotor_model,
         plan_forecast.TakeOff(
             fill_kg=kg,
-            air_temperature=_or_nan(air_temperature) + ZERO_CELSIUS,
-            altitude=_or_nan(altitude),
-            pressure=100.0 * _or_nan(pressure),
-            wind=wind,
-            wind_from_deg=_or_nan(wind_from),
+            wind_from_deg=windward,
             flow=_or_nan(flow) * liquid / 60.0,
             flow_per_metre=_or_nan(rate) * liquid * _or_nan(swath) / 1e4,
             swath=_or_nan(swath),
-            battery=battery,
+            known=holds_for,
         ),
         parameters=known,
         pump=None if pump is None else pump_of(pump),
@@ -197,7 +214,6 @@ def forecast(
         made = replace(made, assumed={"unlike": (craft.title, before.unlike[0]), **made.assumed})
     elif before.unlike is None and not inputs.given:
         made = replace(made, assumed={"aircraft": (craft.title,), **made.assumed})
-    console = Terminal(soft_wrap=True, quiet=json == STDOUT)
     _show(made, console)
     files: list[tuple[Path, Callable[[], str | bytes]]] = []
     if out:
@@ -219,9 +235,7 @@ def forecast(
     if lua is not None:
         from thrustmargin.gcs_plugin.reports.forecast.forecast_page import fill_card, gate_text
 
-        card = fill_card(made, battery)
-        air = _or_nan(air_temperature) + ZERO_CELSIUS
-        gate = partial(gate_text, made, card, plan=plan.name, refuse=refuse, air_temperature=air)
+        gate = partial(gate_text, made, fill_card(made), plan=plan.name, refuse=refuse)
         files.append((lua, gate))
     for path, content in files:
         made_of = content()
@@ -294,6 +308,8 @@ class _FlightBefore:
     #: Why it was no flight of this aircraft; empty where it was one, None without a flight.
     unlike: tuple[str, ...] | None = None
     caveats: tuple[Caveat, ...] = ()
+    day: Day | None = None  # its air and its battery before it took off, and its wind
+    wind_from_deg: float = math.nan  # where that wind came from
     beyond_gauge_kg: float = 0.0  # that hover thrust showed beyond the reported load
 
 
@@ -303,12 +319,14 @@ def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
     from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
     from thrustmargin.gcs_plugin.logs.log_answer import answer_log
     from thrustmargin.models.model.analysis import analyse
+    from thrustmargin.models.model.flight_day import day_before_take_off, flight_wind
 
     try:
         log, claim = read_flights(plan, model, given=given)[-1]
     except LogError:
         return _FlightBefore()  # it still holds its mission; the defaults are listed
-    advice = answer_log(log, analyse(log.track, model, claim=claim), 0.5).made.advice
+    answer = answer_log(log, analyse(log.track, model, claim=claim), 0.5).made
+    advice, (wind, from_deg) = answer.advice, flight_wind(answer.whole.track)
     other_order = not advice.rotor_names  # which rotor it was is not known
     which = tuple(range(advice.rotor_count)) if other_order else ()
     found = tuple(replace(e.fault, rotors=which or e.fault.rotors) for e in advice.faults)
@@ -318,26 +336,7 @@ def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
         other_order=other_order,
         unlike=(claim.unlike,) if claim.unlike else claim.withheld,
         caveats=advice.caveats,
+        day=replace(day_before_take_off(answer.whole), wind=wind),
+        wind_from_deg=from_deg,
         beyond_gauge_kg=advice.fill.beyond_gauge_kg,
-    )
-
-
-def _battery(
-    known: dict[str, float],
-    voltage: float | None,
-    capacity: float | None,
-    resistance: float | None,
-    craft: Airframe,
-) -> FlightBattery:
-    """Return the battery by the options, else by the parameters. Raises UsageError for an
-    impossible voltage.
-    """
-    from thrustmargin.mission.forecast.battery import FlightBattery, stated_capacity
-
-    if voltage is not None:
-        check_voltage(voltage, craft)
-    return FlightBattery(
-        voltage=_or_nan(voltage),
-        capacity_ah=stated_capacity(known) if capacity is None else capacity,
-        resistance=_or_nan(resistance) / 1e3,
     )

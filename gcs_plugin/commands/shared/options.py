@@ -177,6 +177,6 @@ def check_voltage(voltage: float, craft: Airframe) -> None:
     if not low <= voltage <= high:
         raise UsageError(
             f"--voltage {voltage:g} V cannot be: the airframe's battery of {nominal:g} V nominal "
-            f"stays within {low:.1f} and {high:.1f} V; give the voltage under load, or correct "
+            f"stays within {low:.1f} and {high:.1f} V; give the voltage at rest, or correct "
             "nominal_voltage"
         )

@@ -25,6 +25,7 @@ from thrustmargin.models.errors import LogError, PlanError
 from thrustmargin.models.whole_file import regular
 
 if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.telemetry.recording import Recording
     from thrustmargin.mission.forecast.plan_flight import PlanConditions
     from thrustmargin.mission.steps import PumpOutput
 
@@ -34,6 +35,8 @@ _FIELDS = (".kml", ".kmz", ".geojson", ".shp", ".xml")
 #: Bytes of a file beyond which it is not searched to its end for a log that it may not be: so many
 #: samples of so many bytes each hold messages in hundreds, and noise next to none.
 _LARGE, _SAMPLES, _SAMPLE, _FEW = 32 << 20, 16, 1 << 16, 20
+#: Messages with home: of MAVLink, of DataFlash.
+_HOMES = ("HOME_POSITION", "ORGN")
 _FIRMWARE = {"ArduPilot": FIRMWARE_ARDUPILOT, "PX4": FIRMWARE_PX4}
 
 
@@ -139,7 +142,10 @@ def _plan_of_log(path: Path, vehicle: int | None) -> MissionPlan:
             continue
         if holding:
             return plan_of_waypoints(
-                holding[-1].waypoints, autopilot=holding[-1].autopilot, source=path.name
+                holding[-1].waypoints,
+                autopilot=holding[-1].autopilot,
+                source=path.name,
+                home=_home(holding[-1]),
             )
     raise PlanError(f"{path.name} holds no whole mission; name a .plan or .waypoints file")
 
@@ -162,8 +168,35 @@ def _holds_messages(path: Path) -> bool:
     return False
 
 
-def plan_of_waypoints(waypoints: Sequence[PlanItem], *, autopilot: str, source: str) -> MissionPlan:
+def _home(recording: Recording) -> tuple[float, float, float] | None:
+    """Return the last home that a log reports: degrees, degrees, m AMSL; None without one."""
+    from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import dataflash_signals
+    from thrustmargin.gcs_plugin.telemetry.signals import best, mavlink_signals
+    from thrustmargin.models.provenance import NOT_REPORTED
+
+    named = {name: one for name, one in recording.streams.items() if name in _HOMES}
+    if not named:
+        return None
+    if "HOME_POSITION" in named:
+        signals = mavlink_signals(named, NOT_REPORTED)
+    else:
+        signals = dataflash_signals(named)
+    home = best(signals, "home")
+    places = np.empty((0, 3)) if home is None else home.values
+    known = places[np.isfinite(places).all(axis=1) & np.any(places[:, :2] != 0.0, axis=1)]
+    return (float(known[-1, 0]), float(known[-1, 1]), float(known[-1, 2])) if len(known) else None
+
+
+def plan_of_waypoints(
+    waypoints: Sequence[PlanItem],
+    *,
+    autopilot: str,
+    source: str,
+    home: tuple[float, float, float] | None = None,
+) -> MissionPlan:
     """Return the plan of the mission items in a log called `source`.
+
+    `home` (degrees, degrees, m AMSL) is what the log reports beside them.
 
     Raises PlanError when items are missing or cannot be flown as they are.
     """
@@ -174,6 +207,7 @@ def plan_of_waypoints(waypoints: Sequence[PlanItem], *, autopilot: str, source: 
     return plan_from_items(
         waypoints,
         home_first=autopilot == "ArduPilot",
+        home=home,
         firmware=_FIRMWARE.get(autopilot, FIRMWARE_GENERIC),
         source=source,
     )

@@ -11,29 +11,25 @@ import numpy as np
 from thrustmargin.gcs_plugin.reports.shared import page_shell
 from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, software_version
 from thrustmargin.gcs_plugin.wording import report_words as words
-from thrustmargin.gcs_plugin.wording.fill_words import amount, fill_advice, how_sure, safe_kg
+from thrustmargin.gcs_plugin.wording.day_words import THROUGH_AIR, ask_words, day_line
+from thrustmargin.gcs_plugin.wording.fill_words import (
+    FLIGHT_LEVELS,
+    amount,
+    fill_advice,
+    how_sure,
+    safe_kg,
+)
 from thrustmargin.gcs_plugin.wording.language import number, say
-from thrustmargin.models.model.fill_limits import Fills, NextFill, before_take_off, largest_fills
+from thrustmargin.mission import SPRAY_SPEED
+from thrustmargin.mission.day_fill import DayFill, Sensitive, day_fill, most_sensitive
+from thrustmargin.models.model.advice import FlightLevel
+from thrustmargin.models.model.fill_limits import Fills, NextFill, largest_fills
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.atmosphere import air_density, isa_pressure
+from thrustmargin.models.physics.day import DAY_FIELDS, ZERO_CELSIUS, Day, day_json
 
-ZERO_CELSIUS = 273.15  # K
 #: V a cell of a lithium polymer battery, over its nominal 3.7: charged, half, and to be landed at.
 BATTERY_STATES = {"charged": 4.1 / 3.7, "nominal": 1.0, "nearly empty": 3.5 / 3.7}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Day:
-    """The conditions of a recommendation."""
-
-    temperature_c: float  # of the air
-    altitude: float  # m AMSL of the field
-    voltage: float  # V of the battery under load
-    airspeed: float  # m/s into the wind; NaN where the fill does not depend on it
-
-    @property
-    def words(self) -> str:
-        return words.day_words(self.temperature_c, self.altitude, self.voltage, self.airspeed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,13 +37,13 @@ class FillTable:
     """One recommendation, and the largest fill about it."""
 
     model: RotorModel
-    day: Day
+    found: DayFill  # the recommendation, with the day that it holds for
+    sensitive: Sensitive | None  # the assumed value of the day that moves it most
     limit: float  # share of a rotor's maximum thrust that may be in use
     rotor_lost: bool
     temperatures_c: tuple[float, ...]
     altitudes: tuple[float, ...]  # m AMSL
     voltages: dict[str, float]  # V by the state of the battery
-    recommended: Fills  # of one condition
     around: Fills  # of all, state by state, in each altitude by altitude
 
     @property
@@ -58,7 +54,17 @@ class FillTable:
     @property
     def fill(self) -> NextFill:
         """The recommendation."""
-        return before_take_off(self.recommended, self.model)
+        return self.found.fill
+
+    @property
+    def day(self) -> Day:
+        """The day that the recommendation holds for."""
+        return self.found.fill.day
+
+    @property
+    def level(self) -> FlightLevel:
+        """The level of a flight that has the colour of the recommendation."""
+        return FLIGHT_LEVELS[self.fill.level]
 
     @property
     def has_table(self) -> bool:
@@ -87,12 +93,17 @@ def fill_table(
     model: RotorModel,
     day: Day,
     *,
+    speed: float = SPRAY_SPEED,
     limit: float,
     rotor_lost: bool,
     temperatures_c: Sequence[float],
     altitudes: Sequence[float],
 ) -> FillTable:
-    """The recommendation for a day, and the table of temperatures, altitudes and battery states."""
+    """The recommendation for a complete day, and the table of temperatures, altitudes and battery.
+
+    `speed` is m/s over the ground while spraying.
+    """
+    found = day_fill(model, day, speed=speed, limit=limit, rotor_lost=rotor_lost)
     nominal = model.airframe.nominal_voltage
     voltages = {state: share * nominal for state, share in BATTERY_STATES.items()}
     grid = np.array(
@@ -104,21 +115,20 @@ def fill_table(
             model,
             air_density(isa_pressure(height), celsius + ZERO_CELSIUS),
             volts,
-            airspeed=day.airspeed,
+            airspeed=found.airspeed,
             max_utilisation=limit,
             rotor_lost=rotor_lost,
         )
 
-    one = (np.array([x]) for x in (day.voltage, day.altitude, day.temperature_c))
     return FillTable(
         model=model,
-        day=day,
+        found=found,
+        sensitive=most_sensitive(model, day, speed=speed, limit=limit),
         limit=limit,
         rotor_lost=rotor_lost,
         temperatures_c=tuple(temperatures_c),
         altitudes=tuple(altitudes),
         voltages=voltages,
-        recommended=fills(*one),
         around=fills(*grid.T),
     )
 
@@ -132,10 +142,13 @@ def conditions(table: FillTable) -> list[str]:
     """What the recommendation holds for, a sentence each."""
     airframe = table.model.airframe
     sure = how_sure(table.fill)
-    drag_unknown = table.model.network is None and table.day.airspeed > 0.0
-    day = replace(table.day, airspeed=math.nan) if drag_unknown else table.day
+    drag_unknown = table.model.network is None and table.found.airspeed > 0.0
+    ask = table.sensitive
+    through = say(THROUGH_AIR, speed=number(table.found.airspeed, "m/s"))
     remarks = [
-        say("For {day}.", day=day.words),
+        day_line(table.day, table.found.voltage),
+        *([] if ask is None else [ask_words(ask.name, ask.step, ask.kg)]),
+        *([] if drag_unknown else [through]),
         *([f"{sure[:1].upper()}{sure[1:]}."] if sure else []),
         words.fill_limit(table.limit, rotor_lost=table.rotor_lost),
         say(words.NOTHING_KEPT_BACK),
@@ -152,7 +165,7 @@ def conditions(table: FillTable) -> list[str]:
 
 def json_text(table: FillTable) -> str:
     """The table as JSON; kg, and null where a fill is not known."""
-    fill = table.fill
+    fill, ask = table.fill, table.sensitive
     bad = fill.reason == "unsound"
     shape = (len(table.voltages), len(table.altitudes), len(table.temperatures_c))
     made = {
@@ -165,11 +178,15 @@ def json_text(table: FillTable) -> str:
             "fill_limit_kg": fill.limit_kg,
             "interval90_kg": [fill.low_kg, fill.high_kg],
             "reason": fill.reason,
-            "temperature_c": table.day.temperature_c,
-            "altitude_m": table.day.altitude,
-            "voltage": table.day.voltage,
-            "airspeed": table.day.airspeed,
+            "fill_full_battery_kg": safe_kg(replace(fill, kg=fill.fresh_kg)),
+            "voltage_under_load": table.found.voltage,
+            "airspeed": table.found.airspeed,
         },
+        "level": fill.level,
+        "day": day_json(table.day),
+        "ask": None
+        if ask is None
+        else {"option": DAY_FIELDS[ask.name].option, "step": ask.step, "moves_kg": ask.kg},
         "max_utilisation": table.limit,
         "one_rotor_lost": table.rotor_lost,
         "table": {

@@ -22,7 +22,7 @@ local PLANNED = {{ planned }}  -- kg, of the plan; used while TMG_FILL is below 
 local TANK = {{ tank }}  -- kg that the tank holds
 local BATTERY = 0  -- battery monitor of the flight battery, from 0
 local PRESSURE = {{ pressure }}  -- Pa that the table is made for
-local AIR, AIR_FROM = {{ air }}, "{{ air_from }}"  -- degC: as the plan was asked with, or standard
+local AIR, AIR_FROM = {{ air }}, "{{ air_from }}"  -- degC: of the plan's day, or the default
 
 -- Largest fill in kg: a row for each air temperature, a column for each voltage at rest.
 -- The sag under load is in it{{ sag }}.

@@ -38,7 +38,7 @@ from thrustmargin.gcs_plugin.wording.forecast_words import (
     verdict,
 )
 from thrustmargin.gcs_plugin.wording.report_words import IN_USE
-from thrustmargin.mission.forecast.battery import CELL, RESISTANCE, FlightBattery, rotor_power
+from thrustmargin.mission.forecast.battery import CELL, RESISTANCE, rotor_power
 from thrustmargin.mission.forecast.fill_along import LegForecast, worst_use
 from thrustmargin.mission.forecast.plan_forecast import PlanForecast
 from thrustmargin.models.errors import DataError
@@ -46,12 +46,8 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import worst_rotor
 from thrustmargin.models.model.fill_limits import NextFill, largest_fills, steady_flight
 from thrustmargin.models.model.rotor_model import identified_airframe
-from thrustmargin.models.physics.atmosphere import (
-    air_density,
-    isa_pressure,
-    isa_temperature,
-    pressure_altitude,
-)
+from thrustmargin.models.physics.atmosphere import air_density, isa_pressure
+from thrustmargin.models.physics.day import ZERO_CELSIUS, day_json
 
 if TYPE_CHECKING:
     from thrustmargin.mission.forecast.plan_flight import PlanConditions
@@ -74,6 +70,7 @@ def json_text(made: PlanForecast) -> str:
         "schema": "thrustmargin.forecast/2",
         "verdict": {"level": made.level, "words": verdict(made), "caveats": made.caveats},
         "conditions": conditions_json(made.given),  # `report --assumed` reads them
+        "day": day_json(made.day),
         "flight_s": made.flight_s,
         "tank_end_kg": float(made.flight.track.tank_kg[-1]),
         "energy_wh": sum(s.energy_wh for s in made.needs.sorties),
@@ -141,7 +138,6 @@ def csv_text(made: PlanForecast) -> str:
     return text.getvalue()
 
 
-ZERO_CELSIUS = 273.15  # K
 CELSIUS = np.arange(-10.0, 51.0, 5.0)
 AT_REST = np.arange(3.6, 4.21, 0.05)  # V a cell
 SCRIPTS = "thrustmargin.gcs_plugin.reports.forecast"
@@ -158,7 +154,7 @@ class FillCard:
     resistance: float  # ohm of the battery
 
 
-def fill_card(made: PlanForecast, battery: FlightBattery) -> FillCard:
+def fill_card(made: PlanForecast) -> FillCard:
     """The card of the plan's aircraft, for the heights and speeds of the plan.
 
     Raises DataError where the fill is not known, or how far the battery sags.
@@ -166,6 +162,7 @@ def fill_card(made: PlanForecast, battery: FlightBattery) -> FillCard:
     model, limit = made.advised.analysis.model, made.advised.advice.limit
     craft = identified_airframe(model)
     cells = round(craft.nominal_voltage / CELL) if craft.nominal_voltage > 0.0 else 0
+    battery = made.given.battery
     resistance = battery.resistance
     if not resistance >= 0.0 and cells:
         resistance = cells * RESISTANCE / battery.capacity_ah
@@ -207,23 +204,14 @@ def fill_card(made: PlanForecast, battery: FlightBattery) -> FillCard:
     )
 
 
-def gate_text(
-    made: PlanForecast,
-    card: FillCard,
-    *,
-    plan: str,
-    refuse: bool,
-    air_temperature: float = math.nan,
-) -> str:
+def gate_text(made: PlanForecast, card: FillCard, *, plan: str, refuse: bool) -> str:
     """Return the Lua script that compares what is in the tank with the card before arming.
 
-    `air_temperature`, K, is what the plan was asked with; NaN is the standard of the card's
-    pressure. The script takes it where the vehicle has no thermometer outside.
+    Where the vehicle has no thermometer outside, the script takes the air temperature of the
+    forecast's day.
     """
-    model = made.advised.analysis.model
-    stated = math.isfinite(air_temperature)
-    standard = float(isa_temperature(pressure_altitude(card.pressure)))
-    air = (air_temperature if stated else standard) - ZERO_CELSIUS
+    model, warm = made.advised.analysis.model, made.day.air_temperature
+    air = warm.value - ZERO_CELSIUS
     template = jinja2.Template(
         (resources.files(SCRIPTS) / "fill_gate.lua").read_text(encoding="utf-8"),
         undefined=jinja2.StrictUndefined,
@@ -242,7 +230,7 @@ def gate_text(
         tank=f"{model.airframe.tank_capacity_kg:.2f}",
         pressure=f"{card.pressure:.0f}",
         air=f"{air:.1f}",
-        air_from="plan" if stated else "std",
+        air_from="def" if warm.source.assumed else "plan",
         celsius=_numbers(card.celsius, 0),
         volts=_numbers(card.rest_voltage, 2),
         rows=[_numbers(row, 1) for row in card.fill_kg],

@@ -35,6 +35,7 @@ from thrustmargin.mission.plan_tracking.stretches import (
 )
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
+from thrustmargin.models.model.flight_day import day_before_take_off
 from thrustmargin.models.model.output_faults import MisreadSpeed
 from thrustmargin.models.model.rotor_faults import FaultEpisode
 from thrustmargin.models.physics.smoothing import known_mean
@@ -232,6 +233,8 @@ def plan_beside(
         model.airframe,
         fill_kg=found.fill_kg,
         altitude=plan.home[2] if math.isfinite(plan.home[2]) else ground,
+        density=found.density,
+        rest_voltage=day_before_take_off(analysis).battery_voltage.value,
     )
     made = to_fly.beside(given, way)
     off: tuple[Off, ...] = ()

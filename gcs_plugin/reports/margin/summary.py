@@ -38,6 +38,7 @@ from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advised, FlightLeve
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.model_misfit import margin_check
 from thrustmargin.models.model.rotor_model import identified_airframe
+from thrustmargin.models.physics.day import day_json
 from thrustmargin.models.physics.margin import ceiling
 from thrustmargin.models.physics.smoothing import known_least, known_median, known_most
 
@@ -166,6 +167,8 @@ def _verdict(
         fill_low_kg=fill.low_kg,
         fill_high_kg=fill.high_kg,
         fill_start_kg=fill.fresh_kg,
+        day=day_json(fill.day),
+        start_day=day_json(fill.fresh_day),
         tank_start_kg=fill.start_kg,
         beyond_gauge_kg=fill.beyond_gauge_kg,
         caveats=advice.caveats,

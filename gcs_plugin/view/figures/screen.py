@@ -21,7 +21,10 @@ from importlib import resources
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
+import numpy as np
+
 from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, WARNING, Alarm, AlarmEvent
+from thrustmargin.gcs_plugin.store.remembered_day import remembered_day
 from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures, known
 from thrustmargin.gcs_plugin.view.figures.vehicle_summary import (
     LEVELS,
@@ -32,52 +35,62 @@ from thrustmargin.gcs_plugin.view.scene.overlays import Overlay
 from thrustmargin.gcs_plugin.view.scene.scene import Scene
 from thrustmargin.gcs_plugin.view.scene.surroundings import Camera
 from thrustmargin.gcs_plugin.wording import live_words as words
+from thrustmargin.gcs_plugin.wording.day_words import day_line
 from thrustmargin.gcs_plugin.wording.fill_words import UNSOUND, fill_advice
 from thrustmargin.gcs_plugin.wording.language import LANGUAGES, say, spoken
 from thrustmargin.gcs_plugin.wording.palette import legend
+from thrustmargin.mission.day_fill import day_fill
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.model.fill_limits import before_take_off, largest_fills
+from thrustmargin.models.model.flight_day import day_on_ground
+from thrustmargin.models.physics.day import complete_day
 
-AIRSPEED = 5.0  # m/s, what `thrustmargin fill` takes unless it is asked for another
 CHANGE = 0.003  # of air density, from which it is worked out anew
+CHANGE_V = 0.1  # of the battery at rest, likewise
 
 
 class FillAdvice:
     """The sentence on how much to fill, for one aircraft on the ground; computed anew when the air
-    changes.
+    or the battery changes.
 
-    It assumes the nominal voltage, because the voltage at rest is not that under load.
+    It is for the air and the battery that the aircraft reports, and else for the day that the user
+    stated within twelve hours.
     """
 
     def __init__(self, limit: float) -> None:
         self._limit = limit  # share of a rotor's maximum thrust that may be in use
-        self._known: tuple[object, float] | None = None
+        self._known: tuple[object, float, float] | None = None
         self._text = ""
 
     def text(self, analysis: FlightAnalysis) -> str:
         """Return the sentence; empty in flight, without a recognised airframe, and in unknown
         air.
         """
-        model, density = analysis.model, float(analysis.density[-1])
-        if analysis.track.flying[-1] or analysis.withheld or not math.isfinite(density):
+        model = analysis.model
+        if analysis.track.flying[-1] or analysis.withheld:
             return ""
         if analysis.bad_part:
             return f"{say(UNSOUND)}."
+        try:
+            stated = remembered_day()
+        except DataError as error:
+            return str(error)
+        day = complete_day(model.airframe.nominal_voltage, day_on_ground(analysis), stated)
+        if not math.isfinite(day.density):
+            return ""
+        now = (model, day.density, float(np.nan_to_num(day.battery_voltage.value)))
         known = self._known
-        if known is None or known[0] is not model or abs(density / known[1] - 1.0) > CHANGE:
-            self._known = (model, density)
-            self._text = self._sentence_at(analysis, density)
+        if (
+            known is None
+            or known[0] is not model
+            or abs(now[1] / known[1] - 1.0) > CHANGE
+            or abs(now[2] - known[2]) > CHANGE_V
+        ):
+            self._known = now
+            found = day_fill(model, day, limit=self._limit)
+            advice = fill_advice(found.fill, self._limit)
+            self._text = f"{advice}. {day_line(day, found.voltage)}"
         return self._text
-
-    def _sentence_at(self, analysis: FlightAnalysis, density: float) -> str:
-        model = analysis.model
-        volts = model.airframe.nominal_voltage
-        fills = largest_fills(model, density, volts, airspeed=AIRSPEED, max_utilisation=self._limit)
-        fill = before_take_off(fills, model)
-        advice = fill_advice(fill, self._limit)
-        rests = words.fill_rests_on(density, analysis.density_basis, volts, AIRSPEED)
-        return f"{advice}. {rests}"
 
 
 STATE, CHARTS, ACT = "/screen.json", "/screen/charts.json", "/screen/act"

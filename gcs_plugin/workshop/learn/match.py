@@ -9,7 +9,6 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from thrustmargin.gcs_plugin.commands.load.fill import USUAL_ALTITUDE, USUAL_C, USUAL_SPEED
 from thrustmargin.gcs_plugin.commands.shared.inputs import LIMIT
 from thrustmargin.gcs_plugin.commands.shared.options import OutputFile, check_outputs
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
@@ -127,12 +126,14 @@ def load_table(matching: Matching) -> Table:
 def usual_fill(model: RotorModel) -> list[str]:
     """Return the lines about how much to fill on a usual day, equal to those of `thrustmargin
     fill`."""
-    from thrustmargin.gcs_plugin.reports.fill.fill_table import Day, conditions, fill_table
+    from thrustmargin.gcs_plugin.reports.fill.fill_table import conditions, fill_table
+    from thrustmargin.gcs_plugin.store.remembered_day import remembered_day
+    from thrustmargin.models.physics.day import complete_day
 
-    nominal = model.airframe.nominal_voltage
-    day = Day(temperature_c=USUAL_C, altitude=USUAL_ALTITUDE, voltage=nominal, airspeed=USUAL_SPEED)
-    one = {"temperatures_c": (USUAL_C,), "altitudes": (USUAL_ALTITUDE,)}
-    table = fill_table(model, day, limit=LIMIT, rotor_lost=True, **one)
+    day = complete_day(model.airframe.nominal_voltage, remembered_day())
+    table = fill_table(
+        model, day, limit=LIMIT, rotor_lost=True, temperatures_c=(30.0,), altitudes=(0.0,)
+    )
     return [table.advice, *(f"  {sentence}" for sentence in conditions(table))]
 
 

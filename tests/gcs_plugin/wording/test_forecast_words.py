@@ -21,8 +21,10 @@ from thrustmargin.mission.forecast.battery import FlightBattery
 from thrustmargin.mission.forecast.plan_forecast import TakeOff, forecast
 from thrustmargin.mission.plan_items import PlanItem, plan_from_items
 from thrustmargin.models.effects.compose import EffectRecord, Identified
+from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.fill_limits import before_take_off, largest_fills
 from thrustmargin.models.model.model_file import shipped_model
+from thrustmargin.models.model.model_misfit import Caveat
 
 MODEL = shipped_model()
 CARGO = replace(MODEL, network=None, airframe=replace(MODEL.airframe, tank_volume_l=0.0))
@@ -52,8 +54,9 @@ def test_the_verdict_comes_with_its_reason(day, starts, has):
 
 
 def test_motors_in_another_order_are_no_good_answer():
-    plan = forecast(plan_of(*TWO_LINES), MODEL, TakeOff(fill_kg=6.0, flow=0.04), other_order=True)
-    words = "DO NOT TAKE OFF WITH 6.0 kg (6.0 L): its motors are not in the airframe's order; "
+    day = TakeOff(fill_kg=4.0, flow=0.04, air_temperature=288.15)
+    plan = forecast(plan_of(*TWO_LINES), MODEL, day, other_order=True)
+    words = "DO NOT TAKE OFF WITH 4.0 kg (4.0 L): its motors are not in the airframe's order; "
     assert verdict(plan) == words + "test it, propellers off"
     assert plan.level.value == "order"
 
@@ -141,3 +144,32 @@ def test_what_the_plan_was_read_with_is_said_first():
     plan = replace(plan_of(*TWO_LINES), notes=("home stands in",))
     found = forecast(plan, MODEL, 6.0)
     assert assumed_words(found)[0] == "home stands in"
+
+
+@pytest.mark.parametrize("level", ["under", "near"])
+@pytest.mark.parametrize(
+    ("caveat", "condition"),
+    [
+        ("tank gauge", "THE TANK LEVEL IS KNOWN"),
+        ("battery voltage", "THE VOLTAGE IS KNOWN"),
+        ("weak rotors not looked for", "ALL ROTORS ARE SOUND"),
+        ("rotor speeds", "THE ROTOR SPEED SENSORS ARE RIGHT"),
+        ("barometer", "THE AIR IS KNOWN"),
+    ],
+)
+def test_what_the_last_flight_left_open_is_a_condition_of_the_first_line(level, caveat, condition):
+    plan = made(fill_kg=2.0)
+    advice = replace(plan.advised.advice, levels=(FlightLevel(level),))
+    plan = replace(plan, advised=replace(plan.advised, advice=advice))
+    plan = replace(plan, caveats=(Caveat(caveat),))
+    assert condition in verdict(plan).split(": ")[0]
+    assert condition not in verdict(replace(plan, caveats=()))
+
+
+def test_the_fill_of_a_plan_names_its_day():
+    day = {"air_temperature": 288.15, "altitude": 300.0, "wind": 2.0, "wind_from_deg": 0.0}
+    plan = made(fill_kg=2.0, battery=FlightBattery(voltage=57.0, capacity_ah=16.0), **day)
+    assert " with a battery of 57.0 V at rest, 15 °C, 300 m above the sea, wind 2.0 m/s: " in (
+        fill_words(plan)
+    )
+    assert plan.given.battery.voltage == 57.0

@@ -84,9 +84,9 @@ def test_a_battery_that_does_not_last_is_no_answer_but_that():
 
 def test_what_is_not_known_is_said():
     bare = forecast(plan_of(*TWO_LINES), MODEL, TakeOff(fill_kg=6.0))
-    assert {"limits", "no capacity", "no wind", "no flow", "standard air"} <= set(bare.assumed)
+    assert {"limits", "no capacity", "no wind", "no flow", "usual air"} <= set(bare.assumed)
     assert "limits" in outlook().assumed
-    assert not {"no capacity", "no flow", "standard air"} & set(outlook().assumed)
+    assert not {"no capacity", "no flow", "usual air"} & set(outlook().assumed)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """A plan beside its flight is flown as before take-off, and so is the rest of one in flight."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -45,10 +47,19 @@ def still():
     return made.analysis
 
 
-def test_what_is_known_before_is_still_standard_air_and_the_battery_of_the_parameters():
+def test_what_is_known_before_is_still_default_air_and_the_battery_of_the_parameters():
     given = conditions_before_take_off(
         {"BATT_CAPACITY": 16000.0}, MODEL.airframe, fill_kg=8.0, altitude=1000.0
     )
     assert given.wind_ned == (0.0, 0.0, 0.0)
-    assert given.density == pytest.approx(1.112, abs=0.001)  # ISO 2533 at 1000 m
+    assert given.density == pytest.approx(1.033, abs=0.001)  # 898.75 hPa at 1000 m, and 30 °C
     assert given.battery.capacity_ah == 16.0
+
+
+def test_the_air_and_the_rest_voltage_that_a_log_shows_are_taken():
+    known = {"fill_kg": 8.0, "altitude": 1000.0, "density": 1.2, "rest_voltage": 57.0}
+    given = conditions_before_take_off({"BATT_CAPACITY": 16000.0}, MODEL.airframe, **known)
+    assert (given.density, given.battery.voltage) == (1.2, 57.0)
+    # Without a capacity the voltage is held, and that at rest is more than that under load.
+    held = conditions_before_take_off({}, MODEL.airframe, **known)
+    assert math.isnan(held.battery.voltage)

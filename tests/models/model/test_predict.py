@@ -19,7 +19,7 @@ G0 = 9.80665  # m/s²
 
 
 F16 = load_airframe("topxgun-f16-sitl")
-SEA_LEVEL = 1.224
+SEA_LEVEL = 1.22405  # kg/m³, inside the range of the training
 
 
 @pytest.fixture(scope="module")
@@ -69,6 +69,22 @@ def test_in_other_air_it_is_the_network_by_the_root_of_density(model, density):
     half = predicted.upper_rpm - predicted.rotor_speed_rpm
     assert np.all(half > 1.5 * (inside.upper_rpm - inside.rotor_speed_rpm))
     assert predicted.coverage == 0.9
+
+
+@pytest.mark.parametrize(
+    ("vary", "low", "high"), [("density", 1.16, 1.29), ("tank_kg", 15.0, 17.0)]
+)
+def test_the_edge_of_the_training_is_no_step(model, vary, low, high):
+    count = 400
+    rows = {"density": SEA_LEVEL, "tank_kg": 10.0} | {vary: np.linspace(low, high, count)}
+    track = flight(np.full(count, 4.0), rows["tank_kg"])
+    predicted = predict(model, track, air(track, rows["density"]))
+    assert {int(b) for b in predicted.basis} == {Basis.NETWORK, Basis.PHYSICS}
+    half = (predicted.upper_rpm - predicted.rotor_speed_rpm)[:, 0]
+    assert half.max() > 1.9 * half.min()
+    assert np.abs(np.diff(half)).max() < 0.06 * half.min()
+    speed = predicted.rotor_speed_rpm[:, 0]
+    assert np.abs(np.diff(speed)).max() < 0.001 * speed.min()
 
 
 def test_beyond_its_airspeeds_drag_counts_and_is_less_sure(model):

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 from pathlib import Path
 
 import pytest
@@ -272,3 +273,21 @@ def test_mass_that_thrust_showed_and_nobody_reported_flies_again(capsys):
     assert "AND 3.1 kg THAT NOBODY REPORTED" in made["verdict"]["words"]
     fewer = light["fill_kg"] - made["fill_kg"]
     assert fewer == pytest.approx(3.1, abs=0.7)
+
+
+def test_of_a_log_the_wind_of_its_flight_is_taken_unless_another_is_stated(sitl_logs, capsys):
+    """The flight of the log had 6 m/s; its direction is not tried anew."""
+    log = str(sitl_logs / "dev" / "windy_1.tlog")
+    asked = ["forecast", log, "--fill", "4", "--json", "-"]
+    assert run(asked) == 0
+    made = json.loads(capsys.readouterr().out)
+    wind = made["day"]["wind"]
+    assert wind["source"] == "log"
+    assert wind["value"] == pytest.approx(6.0, abs=0.7)
+    north, east, _ = made["conditions"]["wind_ned"]
+    assert math.hypot(north, east) == pytest.approx(wind["value"], abs=0.01)
+    assert "worst of all directions" not in " ".join(made["assumed"])
+    assert run([*asked, "--wind", "0"]) == 0
+    calm = json.loads(capsys.readouterr().out)
+    assert calm["day"]["wind"] == {"value": 0.0, "source": "option"}
+    assert calm["conditions"]["wind_ned"][:2] == pytest.approx([0.0, 0.0])

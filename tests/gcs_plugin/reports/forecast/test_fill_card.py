@@ -1,6 +1,5 @@
 """The card that a vehicle carries, and the script that reads it, run in Lua 5.3."""
 
-import math
 import re
 from dataclasses import replace
 
@@ -17,6 +16,7 @@ from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.fill_limits import largest_fills
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.physics.day import DaySource, DayValue
 
 BATTERY = FlightBattery(capacity_ah=16.0, resistance=0.020)
 LIGHT = TakeOff(fill_kg=6.0, flow=0.04, air_temperature=293.15, altitude=0.0, battery=BATTERY)
@@ -29,14 +29,18 @@ def made() -> PlanForecast:
 
 @pytest.fixture(scope="module")
 def card(made) -> FillCard:
-    return fill_card(made, BATTERY)
+    return fill_card(made)
+
+
+def on_battery(made: PlanForecast, **battery: float) -> PlanForecast:
+    return replace(made, given=replace(made.given, battery=FlightBattery(**battery)))
 
 
 @pytest.mark.parametrize(("ohm", "around"), [(0.02, (52.0, 51.5)), (0.1, (45.0, 44.4))])
 def test_the_card_is_that_of_fill_with_the_battery_sagging(made, ohm, around):
     """25 °C and 53.2 V at rest. A hover with 10.4 kg takes 3.8 kW in the card's thinnest air: that
     leaves 51.7 V by 20 mOhm and 44.6 by 100. `fill` at a little more allows more than the card."""
-    card = fill_card(made, FlightBattery(capacity_ah=16.0, resistance=ohm))
+    card = fill_card(on_battery(made, capacity_ah=16.0, resistance=ohm))
     row, column = list(card.celsius).index(25.0), int(np.argmin(abs(card.rest_voltage - 53.2)))
     assert card.rest_voltage[column] == pytest.approx(53.2)
     model = made.advised.analysis.model
@@ -54,7 +58,7 @@ def test_the_card_is_that_of_fill_with_the_battery_sagging(made, ohm, around):
 
 def test_a_battery_that_can_not_give_what_a_hover_takes_carries_nothing(made):
     """By half an ohm 52 V give 1.35 kW at most."""
-    none = fill_card(made, FlightBattery(capacity_ah=16.0, resistance=0.5))
+    none = fill_card(on_battery(made, capacity_ah=16.0, resistance=0.5))
     assert none.fill_kg.max() == 0.0
 
 
@@ -62,13 +66,13 @@ def test_the_air_is_that_of_where_it_takes_off(made):
     """Take-off at the sea, and home 1,000 m above it: 1013 hPa."""
     track = made.flight.track
     rising = replace(track, altitude=np.linspace(0.0, 1000.0, track.time_s.size))
-    found = fill_card(replace(made, flight=replace(made.flight, track=rising)), BATTERY)
+    found = fill_card(replace(made, flight=replace(made.flight, track=rising)))
     assert found.pressure == pytest.approx(101325.0)
 
 
 def test_a_resistance_that_nobody_gave_is_that_of_14_cells_of_so_many_ampere_hours(made):
     """0.025 ohm of a cell of 1 Ah: 14 of them in a row with 16 Ah have 22 mOhm."""
-    assert fill_card(made, FlightBattery(capacity_ah=16.0)).resistance == pytest.approx(0.021875)
+    assert fill_card(on_battery(made, capacity_ah=16.0)).resistance == pytest.approx(0.021875)
 
 
 def test_hotter_air_and_an_emptier_battery_never_carry_more(card):
@@ -78,18 +82,19 @@ def test_hotter_air_and_an_emptier_battery_never_carry_more(card):
 
 
 def test_the_card_never_allows_more_than_the_whole_plan_does(made):
-    tight = fill_card(replace(made, largest_fill_kg=5.3), BATTERY)
+    tight = fill_card(replace(made, largest_fill_kg=5.3))
     assert tight.fill_kg.max() == pytest.approx(5.3)
 
 
 @pytest.mark.parametrize("least", [float("nan")])
 def test_no_card_without_a_largest_fill_or_a_sag(made, least):
     with pytest.raises(DataError, match="not known"):
-        fill_card(replace(made, largest_fill_kg=least), BATTERY)
+        fill_card(replace(made, largest_fill_kg=least))
     with pytest.raises(DataError, match="--resistance"):
-        fill_card(made, FlightBattery())
+        fill_card(on_battery(made))
 
 
+HOT = DayValue(303.15)  # assumed
 BY_HAND = FillCard(
     fill_kg=np.array([[8.0, 10.0, 12.0], [6.0, 8.0, 10.0], [4.0, 6.0, 8.0]]),
     celsius=np.array([10.0, 20.0, 30.0]),
@@ -136,21 +141,23 @@ def test_more_than_the_card_is_refused_only_where_that_was_asked(made, change, w
     assert warning.taken("texts") == [(4, why)]
 
 
-def without_thermometer(made, *, board: float, air_temperature=math.nan, **params):
+def without_thermometer(made, *, board: float, air=HOT, **params):
     craft = ScriptedVehicle(**{"ARMING_CHECK": 1, **params})
     craft.now.volts[0], craft.now.temperature, craft.now.board = 54.5, None, board
-    craft.load(gate_text(made, BY_HAND, plan="x", refuse=True, air_temperature=air_temperature))
+    day = replace(made.day, air_temperature=air)
+    craft.load(gate_text(replace(made, day=day), BY_HAND, plan="x", refuse=True))
     return craft
 
 
 @pytest.mark.parametrize("board", [28.0, 35.0, 41.0])
 def test_a_warm_board_is_not_the_air(made, board):
     """By the board it would be 28 to 35 °C, where 7 kg are too much or the table ends."""
-    planned = without_thermometer(made, board=board, air_temperature=288.15 - 3.0, TMG_FILL=7)
+    cool = DayValue(288.15 - 3.0, DaySource.OPTION)
+    planned = without_thermometer(made, board=board, air=cool, TMG_FILL=7)
     assert planned.auth == "passed"
     assert planned.taken("texts") == [(6, "Stated 7.0kg, most 8.0 (12C plan 54.5V)")]
-    standard = without_thermometer(made, board=board)
-    assert standard.taken("texts") == [(6, "Plan 6.0kg, most 8.0 (15C std 54.5V)")]
+    assumed = without_thermometer(made, board=board)
+    assert assumed.taken("texts") == [(6, "Plan 6.0kg, most 6.0 (30C def 54.5V)")]
     stated = without_thermometer(made, board=board, TMG_AIR=26, TMG_FILL=7)
     assert stated.auth == "Stated 7.0kg, most 6.0 (26C set 54.5V)"
 
@@ -171,7 +178,7 @@ def test_a_thermometer_outside_that_passes_the_boards_reading_stays_one(made):
     assert craft.taken("texts") == []
     craft.now.temperature = None
     craft.look(3)
-    assert craft.taken("texts")[-1] == (6, "Stated 7.0kg, most 8.0 (15C std 54.5V)")
+    assert craft.taken("texts")[-1] == (6, "Stated 7.0kg, most 8.0 (20C plan 54.5V)")
 
 
 def test_a_text_is_said_again_when_the_answer_changes_and_not_with_each_degree(made):
@@ -196,7 +203,7 @@ def test_a_text_is_said_again_when_the_answer_changes_and_not_with_each_degree(m
 @pytest.mark.parametrize("air", [213.16, 223.15])
 def test_the_longest_text_is_held_by_the_authorisation(made, air):
     """42 characters: the stand-in ends the script where there are more."""
-    craft = without_thermometer(made, board=30.0, air_temperature=air, TMG_FILL=99)
+    craft = without_thermometer(made, board=30.0, air=DayValue(air), TMG_FILL=99)
     assert str(craft.auth).startswith("Stated 99.0kg, most ")
 
 

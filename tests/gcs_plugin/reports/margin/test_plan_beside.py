@@ -66,7 +66,7 @@ def test_without_a_plan_nothing_is_said_of_one():
     ("changed", "what", "words"),
     [
         ({"fill_kg": 8.0}, "fill", "took off with 10.0 kg, 8.0 kg assumed"),
-        ({"altitude": 2500.0}, "density", "air of 1.224 kg/m³, 0.957 kg/m³ assumed"),
+        ({"altitude": 2500.0}, "density", "air of 1.224 kg/m³, 0.858 kg/m³ assumed"),
         ({"wind": 8.0, "wind_from_deg": 90.0}, "wind", "wind of 0.9 m/s, 8.0 m/s assumed"),
         ({"flow": 0.02}, "flow", "of the flow assumed"),
     ],

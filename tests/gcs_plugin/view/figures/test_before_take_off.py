@@ -1,56 +1,83 @@
-"""The advice on the page before take-off is that of `thrustmargin fill`."""
+"""The advice on the page before take-off is that of `thrustmargin fill` for the same day."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
 
-from tests.gcs_plugin.view.view_flight import flight
-from thrustmargin.gcs_plugin.reports.fill.fill_table import Day, fill_table
+from tests.gcs_plugin.view.view_flight import ROWS, flight
+from thrustmargin.gcs_plugin.reports.fill.fill_table import fill_table
+from thrustmargin.gcs_plugin.store.remembered_day import day_file, remember
 from thrustmargin.gcs_plugin.view.figures.screen import FillAdvice
-from thrustmargin.models.physics.atmosphere import air_density, isa_pressure
+from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.physics.atmosphere import isa_pressure
+from thrustmargin.models.physics.day import Day, DaySource, DayValue, complete_day
 
-AIRSPEED = 5.0  # m/s
-CELSIUS, ALTITUDE = 35.0, 400.0
+CELSIUS, HECTOPASCAL, VOLTS = 35.0, float(isa_pressure(400.0)) / 100.0, 56.0
 
 
-def standing(**changes):
-    """A flight whose last row is on the ground, in the air of the day."""
-    made = flight()
-    on_ground = np.zeros_like(made.track.flying)
-    air = air_density(isa_pressure(np.array([ALTITUDE])), np.array([CELSIUS + 273.15]))
-    track = replace(made.track, flying=on_ground)
-    return replace(made, track=track, density=np.full(on_ground.size, air[0]), **changes)
+def standing(volts=VOLTS, pressure=100.0 * HECTOPASCAL, thermometer=True, **changes):
+    """A flight that stands on the ground with its motors off, in the air of the day."""
+    made, track = flight(), flight().track
+    errors = {"temperature": np.full(ROWS, 0.5)} if thermometer else {}
+    track = replace(
+        track,
+        flying=np.zeros_like(track.flying),
+        rotor_speed_rpm=np.zeros_like(track.rotor_speed_rpm),
+        voltage=np.full(ROWS, volts),
+        pressure=np.full(ROWS, pressure),
+        temperature=np.full(ROWS, CELSIUS + 273.15),
+        standard_errors=errors,
+        **changes,
+    )
+    return analyse(track, made.model)
 
 
 def test_the_page_and_the_command_advise_the_same():
     analysis = standing()
-    day = Day(
-        temperature_c=CELSIUS,
-        altitude=ALTITUDE,
-        voltage=analysis.model.airframe.nominal_voltage,
-        airspeed=AIRSPEED,
+    link = DaySource.LINK
+    day = complete_day(
+        51.8,
+        Day(
+            air_temperature=DayValue(CELSIUS + 273.15, link, error=0.5),
+            pressure=DayValue(100.0 * HECTOPASCAL, link, error=0.5 * HECTOPASCAL),
+            battery_voltage=DayValue(VOLTS, link),
+        ),
     )
     table = fill_table(
         analysis.model, day, limit=0.5, rotor_lost=True, temperatures_c=(35.0,), altitudes=(400.0,)
     )
     said = FillAdvice(0.5).text(analysis)
-    assert table.advice in said
-    assert re.search(r"(Fill at most|Do not fill)", said)
+    assert said.startswith(table.advice)
+    assert "this battery, 56.0 V at rest, 35 °C, 966 hPa, no wind" in said
 
 
-def test_nothing_is_advised_in_flight_or_without_the_air():
-    unknown = replace(standing(), density=np.full(flight().track.time_s.size, np.nan))
-    assert FillAdvice(0.5).text(unknown) == ""
-    flying = replace(
-        standing(), track=replace(flight().track, flying=np.ones_like(flight().track.flying))
-    )
-    assert FillAdvice(0.5).text(flying) == ""
+def test_air_that_nobody_measures_is_that_of_the_day_that_was_stated_else_the_default():
+    bare = standing(thermometer=False)
+    assert "30 °C, 966 hPa, no wind" in FillAdvice(0.5).text(bare)
+    remember(Day(air_temperature=DayValue(285.15, DaySource.OPTION)))
+    assert "12 °C as given at " in FillAdvice(0.5).text(bare)
 
 
-def test_it_is_worked_out_anew_when_the_air_changes():
+def test_nothing_is_advised_in_flight_or_where_no_airframe_is_known():
+    on_ground = standing()
+    assert FillAdvice(0.5).text(on_ground)
+    flying = replace(on_ground.track, flying=np.ones(ROWS, dtype=bool))
+    assert FillAdvice(0.5).text(replace(on_ground, track=flying)) == ""
+    unknown = replace(on_ground.claim, withheld=("another aircraft",))
+    assert FillAdvice(0.5).text(replace(on_ground, claim=unknown)) == ""
+
+
+def test_it_is_worked_out_anew_when_the_air_or_the_battery_changes():
     advice, analysis = FillAdvice(0.5), standing()
     first = advice.text(analysis)
     assert advice.text(analysis) is first
-    thin = replace(analysis, density=0.8 * analysis.density)
-    assert advice.text(thin) != first
+    thin = advice.text(standing(pressure=80.0 * HECTOPASCAL))
+    assert thin != first
+    assert advice.text(standing(pressure=80.0 * HECTOPASCAL, volts=VOLTS - 1.0)) != thin
+
+
+def test_a_damaged_memory_of_the_day_is_said():
+    remember(Day(wind=DayValue(3.0, DaySource.OPTION)))
+
+    day_file().write_text("{", encoding="utf-8")
+    assert "remove it, and state the day anew" in FillAdvice(0.5).text(standing())
