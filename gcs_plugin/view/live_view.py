@@ -209,14 +209,15 @@ class LiveView(ViewPage, Output):
         self._screen = PageState(
             self._fleet,
             {
-                "colour": lambda name: self.ask(lambda: self._recolour(name)),
-                "camera": self._set_camera,
-                "follow": lambda number: self._follow(int(number)),
+                "colour": lambda name, _: self.ask(lambda: self._recolour(name)),
+                "camera": lambda name, _: self._set_camera(name),
+                "follow": lambda number, _: self._follow(int(number)),
             },
             more=self._live_state,
             charts=self._drawn_charts,
             silent=silent,
             acknowledged=acknowledged,
+            clock=clock,
         )
         super().__init__(
             "view", host=host, port=port, token=token, every=0.25, addition=self._screen
@@ -287,15 +288,22 @@ class LiveView(ViewPage, Output):
                     wind_ned = summary.row.track.wind_ned[-1]
                     self._scene.show_wind(np.full(3, np.nan) if summary.old else wind_ned)
 
-    def _fleet(self) -> list[VehicleSummary]:
+    def _fleet(self, _tab: str) -> list[VehicleSummary]:
         """Return the summaries, with the advice on how much to fill for those on the ground."""
-        return [replace(one, fill=self._advice(one)) for one in self._heard.summaries]
+        return [self._advised(one) for one in self._heard.summaries]
 
-    def _advice(self, one: VehicleSummary) -> str:
+    def _advised(self, one: VehicleSummary) -> VehicleSummary:
+        """Return a summary with the largest fill, in figures and in words.
+
+        This is the one place where the page's line of the fill is made.
+        """
         advice = self._fill.setdefault(one.number, FillAdvice(self._limit))
-        return "" if one.update is None else advice.text(one.update.analysis)
+        largest = None if one.update is None else advice.fill(one.update.analysis)
+        if one.update is None or largest is None:
+            return one
+        return replace(one, largest=largest, fill=advice.text(largest, one.update.analysis))
 
-    def _live_state(self) -> dict[str, Any]:
+    def _live_state(self, _tab: str) -> dict[str, Any]:
         """Return what the page shows besides the aircraft: the link, and the settings of the
         scene.
         """
@@ -306,7 +314,7 @@ class LiveView(ViewPage, Output):
             field = field_state(names, overlays[self._shown], self._scene)
         return {"status": self._status(), "field": field, "follow": self._focus}
 
-    def _drawn_charts(self, number: int, back_s: float) -> dict[str, Any]:
+    def _drawn_charts(self, number: int, back_s: float, _tab: str) -> dict[str, Any]:
         """Draw the last minutes of one aircraft, ending `back_s` before its newest row."""
         one = next((s for s in self._heard.summaries if s.number == number and not s.gone), None)
         history = self._heard.history.get(number)

@@ -17,7 +17,7 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, Alarm
 from thrustmargin.gcs_plugin.live.watch.outlook import recorded_seconds_to_empty
 from thrustmargin.gcs_plugin.view.figures import charts
 from thrustmargin.gcs_plugin.view.figures.charts import SPEEDS, ReplayClock
-from thrustmargin.gcs_plugin.view.figures.screen import PageState, field_state, finite
+from thrustmargin.gcs_plugin.view.figures.screen import Acts, PageState, field_state, finite
 from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary
 from thrustmargin.gcs_plugin.view.page.guard import LOOPBACK
 from thrustmargin.gcs_plugin.view.page.view_page import ViewPage
@@ -37,10 +37,10 @@ from thrustmargin.gcs_plugin.view.scene.shown_row import (
 )
 from thrustmargin.gcs_plugin.view.scene.surroundings import Camera
 from thrustmargin.gcs_plugin.wording import live_words as words
-from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.forecast_words import fill_words, verdict
-from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.gcs_plugin.wording.glance_words import alarm_then
+from thrustmargin.gcs_plugin.wording.language import say, spoken
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.mission.forecast.plan_forecast import PlanForecast
 from thrustmargin.mission.route import Trail
@@ -72,9 +72,9 @@ class ReplayView(ViewPage):
     """The view of one analysed flight. `start` opens it, `stop` closes it; `url` is where it is.
 
     `waypoints` are the log's mission items and `messages` its texts with their time in s from the
-    first row; `whole` is the answer of the whole flight; `overlays` are further ways to
-    colour the route, besides those of the analysis; a `planned` flight has those
-    alone. After its end it rests on the worst moment.
+    first row; `whole` returns the answer of the whole flight in the language that is spoken;
+    `overlays` are further ways to colour the route, besides those of the analysis; a `planned`
+    flight has those alone. After its end it rests on the worst moment.
     Raises DataError for a flight without rows, and LinkError from `start` when the port is taken.
     """
 
@@ -90,12 +90,13 @@ class ReplayView(ViewPage):
         token: str = "",
         speed: float = 1.0,
         paused: bool = False,
-        whole: FlightAnswer | None = None,
+        whole: FlightAnswer | Callable[[], FlightAnswer] | None = None,
         planned: bool = False,
     ) -> None:
-        self._summary, self.whole = VehicleSummary(number=1), whole
+        self._answer = whole if callable(whole) else lambda: whole
+        self._answers: dict[str, FlightAnswer | None] = {}  # by language
         self._screen = PageState(
-            lambda: [self._summary],
+            lambda _: [self._summary_at(self.clock.now())],
             self._acts(),
             more=self._replay_state,
             charts=self._drawn_charts,
@@ -129,7 +130,7 @@ class ReplayView(ViewPage):
         self._faults: list[tuple[float, tuple[RotorFault, ...]]] = []
         self._fault_times = np.empty(0)
         self._stopped: list[FaultEpisode] = []
-        self._alarms_pending = say(words.ALARMS_SOUGHT)
+        self._alarms_pending = words.ALARMS_SOUGHT
         self._opened = threading.Event()
         if track.time_s.size <= SEARCHED_FIRST:
             self._search_faults()
@@ -189,7 +190,7 @@ class ReplayView(ViewPage):
             self._search_faults()
         except Exception:  # of any kind: the page must not say for ever that it is looking
             _log.exception(words.ALARMS_UNKNOWN)
-            self._alarms_pending = say(words.ALARMS_UNKNOWN)
+            self._alarms_pending = words.ALARMS_UNKNOWN
         self.wake.set()
 
     def _search_faults(self) -> None:
@@ -200,36 +201,36 @@ class ReplayView(ViewPage):
 
     def _draw(self) -> None:
         time_s = self.clock.now()
-        row = ShownRow(self._analysis, row_at(self._analysis.track.time_s, self._start_s + time_s))
-        self._summary = self._summary_at(time_s, row)
-        self._scene.show(VEHICLE, row, faulty=self._summary.faulty)
+        summary = self._summary_at(time_s)
+        row = summary.row
+        assert row is not None
+        self._scene.show(VEHICLE, row, faulty=summary.faulty)
         self._scene.show_wind(row.track.wind_ned[row.row])
 
-    def _acts(self) -> dict[str, Callable[[str], None]]:
+    def _acts(self) -> Acts:
         """Return the actions that the page may ask for, by name; each takes the text of the
         request.
         """
 
-        def speed(text: str) -> None:
+        def speed(text: str, _tab: str) -> None:
             if float(text) not in SPEEDS:
                 raise ValueError(text)
             self.clock.set_speed(float(text))
 
         return {
-            "play": lambda _: self.clock.play(),
-            "pause": lambda _: self.clock.pause(),
-            "seek": lambda text: self.seek(finite(text)),
+            "play": lambda *_: self.clock.play(),
+            "pause": lambda *_: self.clock.pause(),
+            "seek": lambda text, _: self.seek(finite(text)),
             "speed": speed,
-            "worst": lambda _: self.ask(self._to_worst),
-            "colour": self.set_overlay,
-            "camera": lambda text: self.set_camera(Camera(text)),
+            "worst": lambda *_: self.ask(self._to_worst),
+            "colour": lambda text, _: self.set_overlay(text),
+            "camera": lambda text, _: self.set_camera(Camera(text)),
         }
 
-    def _replay_state(self) -> dict[str, Any]:
+    def _replay_state(self, _tab: str) -> dict[str, Any]:
         """Return what the page shows of a replay besides the aircraft."""
         clock, worst = self.clock, self._worst_row()
         return {
-            "verdict": "" if self.whole is None else self.whole.headline,
             "replay": {
                 "time": round(clock.now(), 2),
                 "duration": clock.duration,
@@ -245,7 +246,7 @@ class ReplayView(ViewPage):
             },
         }
 
-    def _drawn_charts(self, _number: int, _back_s: float) -> dict[str, Any]:
+    def _drawn_charts(self, _number: int, _back_s: float, _tab: str) -> dict[str, Any]:
         now_s = self._start_s + self.clock.now()
         shown = {"window_s": charts.WINDOW_S, "ahead": charts.AHEAD}
         return {"charts": charts.chart_images(self._analysis.places, self._speeds, now_s, **shown)}
@@ -264,10 +265,19 @@ class ReplayView(ViewPage):
             return ""
         return self._messages[last][1]
 
-    def _summary_at(self, time_s: float, row: ShownRow) -> VehicleSummary:
+    @property
+    def whole(self) -> FlightAnswer | None:
+        """Answer of the whole flight in the language that is spoken; None without one."""
+        language = spoken()
+        if language not in self._answers:
+            self._answers[language] = self._answer()
+        return self._answers[language]
+
+    def _summary_at(self, time_s: float) -> VehicleSummary:
         """Return the summary at `time_s`: margin, and alarms of rotors and motors as they were in
         flight.
         """
+        row = ShownRow(self._analysis, row_at(self._analysis.track.time_s, self._start_s + time_s))
         at_s = self._start_s + time_s
         last = int(np.searchsorted(self._fault_times, at_s, side="right")) - 1
         stopped = [e.fault for e in self._stopped if e.holds(at_s)]
@@ -277,17 +287,18 @@ class ReplayView(ViewPage):
         return VehicleSummary(
             number=1,
             whole=self.whole,
+            recorded=True,
             row=row,
             seconds_to_empty=recorded_seconds_to_empty(row.track, row.row),
             problem="; ".join(self._analysis.claim.withheld),
-            pending=self._alarms_pending,
+            pending=say(self._alarms_pending),
             message=self._message_at(time_s),
             alarms=tuple(
                 Alarm(
                     names[f.kind],
                     None if f.rotors else f.rotor + 1,
                     CRITICAL,
-                    fault_words(f, self._analysis.places),
+                    alarm_then(f, self._analysis.places),
                     time_s,
                     rotors=tuple(rotor + 1 for rotor in f.rotors),
                 )
@@ -356,7 +367,7 @@ def planned_view(made: PlanForecast, **options: Any) -> ReplayView:
         advised.analysis,
         waypoints=made.plan.items,
         overlays=planned_overlays(advised.analysis, advised.advice.limit),
-        whole=FlightAnswer(verdict(made), made.level, fill_words(made)),
+        whole=lambda: FlightAnswer(verdict(made), made.level, fill_words(made)),
         planned=True,
         **options,
     )

@@ -119,17 +119,17 @@ def test_colour_camera_and_aircraft_can_be_chosen_and_nonsense_is_refused(heard)
     heard.fly(1700, 1700)
     until(lambda: len(heard.view._aircraft) == 2)
     acts = heard.view._screen._acts
-    acts["colour"]("Residual")
-    acts["camera"]("Follow, north up")
-    acts["follow"]("2")
+    acts["colour"]("Residual", "")
+    acts["camera"]("Follow, north up", "")
+    acts["follow"]("2", "")
     until(lambda: heard.view._screen.state()["field"]["colour"] == "Residual")
     until(lambda: heard.view._screen.state()["field"]["camera"] == "Follow, north up")
     until(lambda: heard.view._screen.state()["follow"] == 2)
-    acts["colour"]("<script>")
-    acts["follow"]("9")
+    acts["colour"]("<script>", "")
+    acts["follow"]("9", "")
     for name, wrong in (("camera", "<script>"), ("follow", "x")):
         with pytest.raises(ValueError, match=r"."):
-            acts[name](wrong)
+            acts[name](wrong, "")
     assert heard.view._screen.state()["follow"] == 2
 
 
