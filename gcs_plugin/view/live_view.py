@@ -11,7 +11,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import defaultdict, deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +27,8 @@ from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.view.figures.charts import LIVE_WINDOW_S, Speeds, chart_images
 from thrustmargin.gcs_plugin.view.figures.screen import FillAdvice, PageState, field_state
 from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary
-from thrustmargin.gcs_plugin.view.page.guard import LOOPBACK
+from thrustmargin.gcs_plugin.view.page.guard import LOOPBACK, is_loopback
+from thrustmargin.gcs_plugin.view.page.phone_address import OPEN_TO_ALL
 from thrustmargin.gcs_plugin.view.page.view_page import ViewPage
 from thrustmargin.gcs_plugin.view.scene.overlays import Overlay, overlays_of
 from thrustmargin.gcs_plugin.view.scene.scene import Scene
@@ -184,7 +185,8 @@ class Aircraft:
 class LiveView(ViewPage, Output):
     """The output that draws every vehicle that a monitor hears on a page.
 
-    `status` gives lines about link and recording, `clock` the ground's time, µs; `silent` makes no
+    `status` gives lines about link and recording, `listens` are the links that are listened on,
+    `clock` the ground's time, µs; `silent` makes no
     sound, `max_utilisation` is the limit that the advice before take-off keeps, `acknowledged`
     hears of what the pilot acknowledged. With `browser` not None, `start` prints where the page is,
     and opens it in the browser if True. Raises LinkError from `start` when the port is taken.
@@ -200,6 +202,7 @@ class LiveView(ViewPage, Output):
         port: int = 8080,
         token: str = "",
         status: Callable[[], list[str]] = list,
+        listens: Sequence[str] = (),
         clock: Callable[[], int] | None = None,
         silent: bool = False,
         max_utilisation: float = 0.5,
@@ -224,6 +227,7 @@ class LiveView(ViewPage, Output):
         )
         self._airframe = airframe
         self._status, self._limit, self._browser = status, max_utilisation, browser
+        self._listens, self._open = tuple(listens), not is_loopback(host)
         self._heard = HeardVehicles(self.wake, clock)
         self._origin: Origin | None = None
         self._shown = 0  # number of the overlay
@@ -312,7 +316,19 @@ class LiveView(ViewPage, Output):
         if overlays:
             names = [overlay.name for overlay in overlays]
             field = field_state(names, overlays[self._shown], self._scene)
-        return {"status": self._status(), "field": field, "follow": self._focus}
+        shown = {"status": self._status(), "field": field, "follow": self._focus}
+        return shown if overlays else {**shown, "waiting": self._waiting()}
+
+    def _waiting(self) -> dict[str, Any]:
+        """Return what helps before the first message: what is listened on, and how a phone opens
+        this page, or by which option it can.
+        """
+        return {
+            "listens": self._listens,
+            "page": self.phone_page(),
+            "open": self._open,
+            "option": OPEN_TO_ALL,
+        }
 
     def _drawn_charts(self, number: int, back_s: float, _tab: str) -> dict[str, Any]:
         """Draw the last minutes of one aircraft, ending `back_s` before its newest row."""
@@ -442,6 +458,7 @@ def output(context: OutputContext, value: bool) -> LiveView:  # noqa: ARG001
         monitor.model.airframe,
         **{name: context.options[name] for name in names},
         status=lambda: [*status_lines(monitor.status(), page=True), *rowless_lines(monitor.fleet)],
+        listens=monitor.settings.urls,
         clock=monitor.now_us,
         acknowledged=monitor.acknowledge,
     )

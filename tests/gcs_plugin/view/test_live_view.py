@@ -1,6 +1,7 @@
 """The live view without a browser: what the monitor hears is drawn, and what the page is told."""
 
 import json
+import re
 import socket
 from typing import Any
 
@@ -13,6 +14,7 @@ from tests.gcs_plugin.wording.seen_colours import seen_for
 from tests.waiting import until
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.view.live_view import LiveView
+from thrustmargin.gcs_plugin.view.page import view_page
 from thrustmargin.gcs_plugin.wording.palette import MARGIN
 from thrustmargin.models.errors import LinkError
 from thrustmargin.models.model.rotor_model import physics_model
@@ -153,3 +155,33 @@ def test_an_aircraft_that_was_switched_off_leaves_the_page_and_may_return(heard,
 def test_a_taken_port_is_an_error():
     with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(LinkError, match="port"):
         LiveView(AIRFRAME, port=taken.getsockname()[1]).start()
+
+
+def waiting(**options) -> dict[str, Any]:
+    """What the page is told before the first message."""
+    view = LiveView(AIRFRAME, port=0, listens=("udpin:0.0.0.0:14550",), **options)
+    view.start()
+    try:
+        return view._screen.state()["waiting"]
+    finally:
+        view.stop()
+
+
+def test_before_the_first_message_the_page_says_where_it_listens_and_how_a_phone_opens_it(
+    monkeypatch,
+):
+    alone = waiting()
+    assert list(alone["listens"]) == ["udpin:0.0.0.0:14550"]
+    assert (alone["page"], alone["open"], alone["option"]) == (None, False, "--host 0.0.0.0")
+    monkeypatch.setattr(view_page, "network_address", lambda _: "192.0.2.7")
+    shown = waiting(host="0.0.0.0", token="of-this-link")["page"]
+    assert re.fullmatch(r"http://192\.0\.2\.7:\d+/\?token=of-this-link", shown["url"])
+    assert shown["code"].startswith("<svg")
+    monkeypatch.setattr(view_page, "network_address", lambda _: None)
+    nowhere = waiting(host="0.0.0.0", token="of-this-link")
+    assert (nowhere["page"], nowhere["open"]) == (None, True)
+
+
+def test_once_a_vehicle_is_heard_nobody_needs_the_code(heard):
+    heard.fly(1700, 1700)
+    assert "waiting" not in heard.view._screen.state()
