@@ -9,6 +9,8 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +22,7 @@ from thrustmargin.gcs_plugin.view.figures.charts import SPEEDS, ReplayClock
 from thrustmargin.gcs_plugin.view.figures.screen import Acts, PageState, field_state, finite
 from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary
 from thrustmargin.gcs_plugin.view.page.guard import LOOPBACK
+from thrustmargin.gcs_plugin.view.page.tabs import BrowserTab, Tabs
 from thrustmargin.gcs_plugin.view.page.view_page import ViewPage
 from thrustmargin.gcs_plugin.view.scene.overlays import (
     Overlay,
@@ -68,6 +71,15 @@ NOBODY_S = 20.0
 _log = logging.getLogger(__name__)
 
 
+@dataclass(slots=True, eq=False, kw_only=True)
+class ReplayTab(BrowserTab):
+    """One tab of a replay, with its own time and colour."""
+
+    clock: ReplayClock
+    overlay: Overlay
+    pinned: dict[str, Any] | None = None  # the worst place, as the legend has it
+
+
 class ReplayView(ViewPage):
     """The view of one analysed flight. `start` opens it, `stop` closes it; `url` is where it is.
 
@@ -96,10 +108,11 @@ class ReplayView(ViewPage):
         self._answer = whole if callable(whole) else lambda: whole
         self._answers: dict[str, FlightAnswer | None] = {}  # by language
         self._screen = PageState(
-            lambda _: [self._summary_at(self.clock.now())],
+            lambda tab: [self._summary_at(self._tabs.of(tab).clock.now())],
             self._acts(),
             more=self._replay_state,
             charts=self._drawn_charts,
+            connected=self._connected,
             recorded=True,
             planned=planned,
             timeline=charts.timeline_colours(analysis),
@@ -122,8 +135,6 @@ class ReplayView(ViewPage):
         self._speeds = charts.Speeds.of(analysis)
         shown = (speed_overlay(track),) if analysis.withheld else overlays_of(analysis)
         self._overlays = tuple(overlays) if planned else (*shown, *overlays)
-        self._overlay = self._overlays[0]
-        self._pinned: dict[str, Any] | None = None  # the worst place, as the legend has it
         self._waypoints = waypoints
         self._messages = sorted(messages)
         self._message_times = np.array([t for t, _ in self._messages])
@@ -142,25 +153,65 @@ class ReplayView(ViewPage):
             track.position_ned[self._flown],
             np.column_stack([o.values for o in self._overlays])[self._flown],
         )
-        worst = self._worst_row()
+        self._speed, self._paused = speed, paused
+        self._tabs = Tabs(self._new_tab)
+
+    def _new_tab(self, name: str) -> ReplayTab:
+        """Return a tab at the begin of the flight, in the first of the colours."""
+        overlay = self._overlays[0]
+        worst = self._worst_row(overlay)
         rest = None if worst is None else self._time_of(worst)
-        self.clock = ReplayClock(track.duration, speed=speed, paused=paused, rest=rest)
+        duration = self._analysis.track.duration
+        clock = ReplayClock(duration, speed=self._speed, paused=self._paused, rest=rest)
+        return ReplayTab(name, clock=clock, overlay=overlay)
+
+    def _connected(self, tab: str, client: int) -> None:
+        """Take viser's number of a tab's connection; called on a thread of the server."""
+        if (one := self._tabs.of(tab)).name and one.wanted != client:
+            one.wanted = client
+            self.wake.set()
+
+    @property
+    def clock(self) -> ReplayClock:
+        """Clock of programs that name no tab; each browser has its own."""
+        return self._tabs.shared.clock
+
+    @property
+    def _every_tab(self) -> list[ReplayTab]:
+        return [self._tabs.shared, *self._tabs.all]
 
     def seek(self, time_s: float) -> None:
-        """Go to a time of the flight, s after its first row."""
-        self.clock.seek(time_s)
+        """Go to a time of the flight, s after its first row, in every browser."""
+        for tab in self._every_tab:
+            self._seek(tab, time_s)
+
+    def _seek(self, tab: ReplayTab, time_s: float) -> None:
+        tab.clock.seek(time_s)
         self.wake.set()
 
     def set_overlay(self, name: str) -> None:
-        """Colour the route by the overlay of this name. Raises DataError when there is none."""
+        """Colour the route by the overlay of this name, in every browser.
+
+        Raises DataError when there is none.
+        """
+        for tab in self._every_tab:
+            self._set_overlay(tab, name)
+
+    def _set_overlay(self, tab: ReplayTab, name: str) -> None:
         by_name = {o.name: o for o in self._overlays}
         if name not in by_name:
             raise DataError(f"no colour {name!r} for the route; there are {', '.join(by_name)}")
-        self.ask(lambda: self._recolour(by_name[name]))
+        self.ask(lambda: self._recolour(tab, by_name[name]))
 
     def set_camera(self, camera: Camera) -> None:
-        """Look at the whole field, or follow the aircraft."""
-        self.ask(lambda: self._scene.set_camera(camera))
+        """Look at the whole field, or follow the aircraft, in every browser."""
+        for tab in self._every_tab:
+            self.ask(partial(self._set_camera, tab, camera))
+
+    def _set_camera(self, tab: ReplayTab, camera: Camera) -> None:
+        tab.camera = camera
+        if tab.scene is not None:
+            tab.scene.set_camera(camera)
 
     def _build(self, server: viser.ViserServer) -> None:
         track = self._analysis.track
@@ -170,11 +221,9 @@ class ReplayView(ViewPage):
         self._scene.set_ground(enu(track.position_ned), ground)
         self._scene.set_field(sprayed_field(track.time_s, track.position_ned, track.spraying))
         self._scene.set_plan(VEHICLE, plan_enu(self._waypoints, track.origin, ground), ground)
-        self._scene.add_vehicle(VEHICLE, self._airframe)
         if self._trail.route.count:
             begin = enu(self._trail.route.start_ned[0])
             self._scene.surroundings.home(VEHICLE, np.array([*begin[:2], ground]))
-        self._recolour(self._overlay)
         self._draw()
         if self._alarms_pending:
             server.on_client_connect(lambda _: self._opened.set())
@@ -200,36 +249,56 @@ class ReplayView(ViewPage):
         self._alarms_pending = ""
 
     def _draw(self) -> None:
-        time_s = self.clock.now()
-        summary = self._summary_at(time_s)
+        if self._server is None:
+            return
+        tabs, new = self._tabs.drawn(self._server, self._scene)
+        for tab in new:
+            assert tab.scene is not None
+            tab.scene.add_vehicle(VEHICLE, self._airframe)
+            self._recolour(tab, tab.overlay)
+        for tab in tabs:
+            if tab.scene is not None:
+                with tab.scene.atomic():
+                    self._show(tab, tab.scene)
+
+    def _show(self, tab: ReplayTab, scene: Scene) -> None:
+        """Show the row of a tab's clock in its scene."""
+        summary = self._summary_at(tab.clock.now())
         row = summary.row
         assert row is not None
-        self._scene.show(VEHICLE, row, faulty=summary.faulty)
-        self._scene.show_wind(row.track.wind_ned[row.row])
+        scene.show(VEHICLE, row, faulty=summary.faulty)
+        scene.show_wind(row.track.wind_ned[row.row])
 
     def _acts(self) -> Acts:
         """Return the actions that the page may ask for, by name; each takes the text of the
         request.
         """
 
-        def speed(text: str, _tab: str) -> None:
+        def of(tab: str) -> ReplayTab:
+            return self._tabs.of(tab)
+
+        def speed(text: str, tab: str) -> None:
             if float(text) not in SPEEDS:
                 raise ValueError(text)
-            self.clock.set_speed(float(text))
+            of(tab).clock.set_speed(float(text))
 
         return {
-            "play": lambda *_: self.clock.play(),
-            "pause": lambda *_: self.clock.pause(),
-            "seek": lambda text, _: self.seek(finite(text)),
+            "play": lambda _, tab: of(tab).clock.play(),
+            "pause": lambda _, tab: of(tab).clock.pause(),
+            "seek": lambda text, tab: self._seek(of(tab), finite(text)),
             "speed": speed,
-            "worst": lambda *_: self.ask(self._to_worst),
-            "colour": lambda text, _: self.set_overlay(text),
-            "camera": lambda text, _: self.set_camera(Camera(text)),
+            "worst": lambda _, tab: self.ask(lambda: self._to_worst(of(tab))),
+            "colour": lambda text, tab: self._set_overlay(of(tab), text),
+            "camera": lambda text, tab: self._choose_camera(of(tab), Camera(text)),
         }
 
-    def _replay_state(self, _tab: str) -> dict[str, Any]:
-        """Return what the page shows of a replay besides the aircraft."""
-        clock, worst = self.clock, self._worst_row()
+    def _choose_camera(self, tab: ReplayTab, camera: Camera) -> None:
+        self.ask(lambda: self._set_camera(tab, camera))
+
+    def _replay_state(self, tab: str) -> dict[str, Any]:
+        """Return what a tab shows of a replay besides the aircraft."""
+        one = self._tabs.of(tab)
+        clock, worst = one.clock, self._worst_row(one.overlay)
         return {
             "replay": {
                 "time": round(clock.now(), 2),
@@ -241,22 +310,25 @@ class ReplayView(ViewPage):
                 "worst": None if worst is None else self._time_of(worst),
             },
             "field": {
-                **field_state([o.name for o in self._overlays], self._overlay, self._scene),
-                "worst": self._pinned,
+                **field_state([o.name for o in self._overlays], one.overlay, one.camera),
+                "worst": one.pinned,
             },
         }
 
-    def _drawn_charts(self, _number: int, _back_s: float, _tab: str) -> dict[str, Any]:
-        now_s = self._start_s + self.clock.now()
+    def _drawn_charts(self, _number: int, _back_s: float, tab: str) -> dict[str, Any]:
+        now_s = self._start_s + self._tabs.of(tab).clock.now()
         shown = {"window_s": charts.WINDOW_S, "ahead": charts.AHEAD}
         return {"charts": charts.chart_images(self._analysis.places, self._speeds, now_s, **shown)}
 
     def _clicked(self, event: SceneClickEvent) -> None:
         """Go to the time at which the aircraft was where the route was clicked on."""
-        origin, ray = self._scene.in_world(event.ray_origin, event.ray_direction)
+        tab = self._tabs.of_client(event.client_id)
+        if tab.scene is None:
+            return
+        origin, ray = tab.scene.in_world(event.ray_origin, event.ray_direction)
         row = row_hit(enu(self._analysis.track.position_ned), self._flown, origin, ray)
         if row is not None:
-            self.seek(self._time_of(row))
+            self._seek(tab, self._time_of(row))
 
     def _message_at(self, time_s: float) -> str:
         """Return the vehicle's last message at `time_s`, unless it is old."""
@@ -306,32 +378,36 @@ class ReplayView(ViewPage):
             ),
         )
 
-    def _recolour(self, overlay: Overlay) -> None:
-        self._overlay = overlay
+    def _recolour(self, tab: ReplayTab, overlay: Overlay) -> None:
+        tab.overlay = overlay
         route = self._trail.route
+        row = self._worst_row(overlay)
+        time_s = None if row is None else self._time_of(row)
+        tab.pinned = (
+            None
+            if row is None or time_s is None
+            else overlay.at(row, time_s, self._analysis.places)
+        )
+        if tab.scene is None:
+            return
         points = np.stack([enu(route.start_ned), enu(route.end_ned)], axis=1)
         worst = route.worst(self._trail.values(self._overlays.index(overlay)), overlay.worst)
-        self._scene.set_route(VEHICLE, points, worst, overlay.scale)
-        row = self._worst_row()
-        if row is None:
-            self._pinned = None
-            self._scene.set_pin(np.full(3, np.nan))
-        else:
-            self._pinned = overlay.at(row, self._time_of(row), self._analysis.places)
-            self._scene.set_pin(ShownRow(self._analysis, row).position_enu)
+        tab.scene.set_route(VEHICLE, points, worst, overlay.scale)
+        nowhere = np.full(3, np.nan)
+        tab.scene.set_pin(nowhere if row is None else ShownRow(self._analysis, row).position_enu)
 
-    def _worst_row(self) -> int | None:
+    def _worst_row(self, overlay: Overlay) -> int | None:
         placed = np.isfinite(self._analysis.track.position_ned).all(axis=1)
-        return self._overlay.worst_row(self._flown & placed)
+        return overlay.worst_row(self._flown & placed)
 
     def _time_of(self, row: int) -> float:
         return float(self._analysis.track.time_s[row]) - self._start_s
 
-    def _to_worst(self) -> None:
-        row = self._worst_row()
+    def _to_worst(self, tab: ReplayTab) -> None:
+        row = self._worst_row(tab.overlay)
         if row is not None:
-            self.clock.pause()
-            self.clock.seek(self._time_of(row))
+            tab.clock.pause()
+            tab.clock.seek(self._time_of(row))
 
 
 def run_replay(

@@ -99,7 +99,7 @@ def glance(advice: Advice) -> str:
     within = advice.level is FlightLevel.UNDER
     if within and not (advice.complete and math.isfinite(advice.lost.least)):
         return ""
-    return _fill(advice.fill, within=within)
+    return _fill(advice.fill, within=within, flying=land)
 
 
 def _alone(advice: Advice) -> tuple[int, ...]:
@@ -109,13 +109,14 @@ def _alone(advice: Advice) -> tuple[int, ...]:
     return () if alone is None or not advice.rotor_names else (alone + 1,)
 
 
-def _fill(fill: NextFill, *, within: bool) -> str:
+def _fill(fill: NextFill, *, within: bool, flying: bool) -> str:
     if fill.nothing_fits is not None or not math.isfinite(fill.kg):
         no_load = say("TOO HEAVY") if fill.limit_kg < 0.0 else say("FLY GENTLY")
         return say("OK") if within else no_load
     if fill.kg <= 0.0:
         return say("OK") if within else say("DO NOT FILL")
-    words = "OK, {amount} next" if within else "FILL {amount}"
+    short = "NEXT FILL {amount}" if flying else "FILL {amount}"
+    words = "OK, {amount} next" if within else short
     return say(words, amount=short_amount(fill.kg, fill.liquid_density))
 
 

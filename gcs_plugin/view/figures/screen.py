@@ -30,7 +30,6 @@ from thrustmargin.gcs_plugin.view.figures.vehicle_summary import (
     severity_level,
 )
 from thrustmargin.gcs_plugin.view.scene.overlays import Overlay
-from thrustmargin.gcs_plugin.view.scene.scene import Scene
 from thrustmargin.gcs_plugin.view.scene.surroundings import Camera
 from thrustmargin.gcs_plugin.wording import live_words as words
 from thrustmargin.gcs_plugin.wording.fill_words import UNSOUND, fill_advice
@@ -308,14 +307,14 @@ class PageState:
             )
 
 
-def field_state(names: Sequence[str], shown: Overlay, scene: Scene) -> dict[str, Any]:
+def field_state(names: Sequence[str], shown: Overlay, camera: Camera) -> dict[str, Any]:
     """Return the page's controls of the scene: colours of the route, legend and cameras."""
     return {
         "colours": list(names),
         "colour": shown.name,
         "legend": legend(shown.scale, shown.note),
         "cameras": [*Camera],
-        "camera": scene.camera,
+        "camera": camera,
     }
 
 

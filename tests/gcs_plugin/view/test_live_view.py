@@ -63,7 +63,7 @@ def test_what_is_heard_is_drawn_and_greyed_out_when_it_is_old(heard):
     heard.fly(2400, 1700)
     until(lambda: heard.node("/world/route_1") is not None)
     until(lambda: heard.node("/world/vehicle_1/discs") is not None)
-    view._colour_trail(view._aircraft[1])
+    view._colour_trail(view._aircraft[1], view._tabs.shared)
     trail = view._aircraft[1].trail
     left = trail.route.worst(trail.values(0), "min")
     assert left.min() == pytest.approx(1 - (2400 * 58.8 / 50 / 3000) ** 2, rel=1e-3)
@@ -155,6 +155,18 @@ def test_an_aircraft_that_was_switched_off_leaves_the_page_and_may_return(heard,
 def test_a_taken_port_is_an_error():
     with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(LinkError, match="port"):
         LiveView(AIRFRAME, port=taken.getsockname()[1]).start()
+
+
+def test_the_colour_that_one_browser_chose_is_its_own(heard):
+    heard.fly(1700, 1700)
+    screen = heard.view._screen
+    screen._acts["colour"]("Residual", "laptop")
+    screen._acts["camera"]("Follow, nose ahead", "laptop")
+    until(lambda: screen.state("laptop")["field"]["colour"] == "Residual")
+    until(lambda: screen.state("laptop")["field"]["camera"] == "Follow, nose ahead")
+    for tab in ("phone", ""):
+        field = screen.state(tab)["field"]
+        assert (field["colour"], field["camera"]) == ("Thrust left", "Whole field")
 
 
 def waiting(**options) -> dict[str, Any]:

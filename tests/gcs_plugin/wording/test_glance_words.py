@@ -26,6 +26,7 @@ def of(level: FlightLevel, **changes) -> str:
 def test_each_level_of_a_flight_has_its_action():
     assert of(FlightLevel.UNDER) == "OK, 8.6 L next"
     assert of(FlightLevel.CRITICAL) == of(FlightLevel.OVER) == "FILL 8.6 L"
+    assert of(FlightLevel.CRITICAL, in_progress=True) == "NEXT FILL 8.6 L"
     assert of(FlightLevel.BATTERY) == "DO NOT FLY: battery"
     assert of(FlightLevel.LOST) == "DO NOT FLY: control was lost"
     assert of(FlightLevel.ORDER) == "CHECK THE MOTOR ORDER"
