@@ -153,16 +153,19 @@ class ReplayView(ViewPage):
             track.position_ned[self._flown],
             np.column_stack([o.values for o in self._overlays])[self._flown],
         )
-        self._speed, self._paused = speed, paused
+        self._speed, self._paused, self._begin_s = speed, paused, 0.0  # of tabs that open
         self._tabs = Tabs(self._new_tab)
 
     def _new_tab(self, name: str) -> ReplayTab:
-        """Return a tab at the begin of the flight, in the first of the colours."""
+        """Return a tab in the first of the colours, where and as `seek` and `pause` set the view:
+        from the begin of the flight unless they did.
+        """
         overlay = self._overlays[0]
         worst = self._worst_row(overlay)
         rest = None if worst is None else self._time_of(worst)
         duration = self._analysis.track.duration
         clock = ReplayClock(duration, speed=self._speed, paused=self._paused, rest=rest)
+        clock.seek(self._begin_s)
         return ReplayTab(name, clock=clock, overlay=overlay)
 
     def _connected(self, tab: str, client: int) -> None:
@@ -182,12 +185,25 @@ class ReplayView(ViewPage):
 
     def seek(self, time_s: float) -> None:
         """Go to a time of the flight, s after its first row, in every browser."""
+        self._begin_s = time_s
         for tab in self._every_tab:
             self._seek(tab, time_s)
 
     def _seek(self, tab: ReplayTab, time_s: float) -> None:
         tab.clock.seek(time_s)
         self.wake.set()
+
+    def play(self) -> None:
+        """Let the time pass in every browser."""
+        self._paused = False
+        for tab in self._every_tab:
+            tab.clock.play()
+
+    def pause(self) -> None:
+        """Stop the time in every browser."""
+        self._paused = True
+        for tab in self._every_tab:
+            tab.clock.pause()
 
     def set_overlay(self, name: str) -> None:
         """Colour the route by the overlay of this name, in every browser.

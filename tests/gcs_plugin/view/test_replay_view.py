@@ -311,6 +311,15 @@ def test_every_browser_has_its_own_time_colour_and_camera(view):
     assert of_tab(view, "laptop") == chosen  # also when its page is loaded anew
 
 
+def test_a_page_that_opens_later_begins_where_a_program_has_set_the_view(view):
+    view.seek(17.0)
+    assert of_tab(view, "late")[0] == 17.0
+    view.play()
+    settled(view, lambda: of_tab(view, "late")[0] > 17.0)
+    view.pause()
+    assert not asked(view, "/screen.json?tab=later")["replay"]["playing"]
+
+
 def test_a_click_on_the_route_goes_to_that_time_whatever_the_camera_follows(view, analysis):
     view.seek(0.0)
     world = node(view, "/world")
