@@ -131,7 +131,7 @@ class VehicleSummary:
             return _found(answer, level, [self.pending])
         if answer is not None and shows:
             return answer.headline, self.pending, "grey"
-        if self.row is None or unheard or self.pending or self.row.analysis.withheld:
+        if self.row is None or unheard or self.pending:
             return "", self.pending, "grey"
         if not self.row.flying:
             return self._before_take_off(self.row)
