@@ -121,7 +121,10 @@ class PageState:
         self._more, self._charts, self._connected = more, charts, connected
         self._acknowledged = acknowledged
         self._clock = clock or (lambda: time.time_ns() // 1000)
-        self._acts = {"acknowledge": lambda *_: self.acknowledge(), **(acts or {})}
+        self._acts = {
+            "acknowledge": lambda text, _: self.acknowledge(int(text) if text else None),
+            **(acts or {}),
+        }
         self._seen: dict[int, int] = {}  # vehicle -> landing, µs, after which its answer was seen
         self._token = secrets.token_urlsafe(16)
         self._lock = threading.Lock()
@@ -157,11 +160,15 @@ class PageState:
             made.append(replace(one, seen=True) if known else one)
         return made
 
-    def acknowledge(self) -> None:
-        """Mark every active alarm, and every answer of a flight that is over, as known to the
-        pilot."""
-        for one in self._summaries(""):
-            if one.finding:
+    def acknowledge(self, vehicle: int | None = None) -> None:
+        """Mark every active alarm as known to the pilot, and the answer of one vehicle's last
+        flight as seen: that of number `vehicle`, else of the only one.
+
+        Of several vehicles nobody has seen the answers that do not stand on top.
+        """
+        fleet = self._summaries("")
+        for one in fleet:
+            if one.finding and (vehicle == one.number or (vehicle is None and len(fleet) == 1)):
                 with self._lock:
                     self._seen[one.number] = one.landed_us
                 self.note(one.number, "seen", one.first_line[0])

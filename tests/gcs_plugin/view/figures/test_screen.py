@@ -182,6 +182,17 @@ def test_the_answer_outlives_the_battery_until_somebody_has_seen_it():
     assert screen.state()["first"]["headline"] == SAYS[0]
 
 
+def test_of_several_aircraft_the_answer_of_one_is_seen_and_no_other():
+    heard = [landed(), replace(landed(), number=2)]
+    screen = PageState(lambda _: heard)
+    may = f"{ACT}?token={given(screen)['token']}&do=acknowledge"
+    for to, unseen in (("", [True, True]), ("&to=2", [True, False]), ("&to=1", [False, False])):
+        assert status_of(screen, may + to) == 200
+        shown = [one["landed"] for one in screen.state()["vehicles"]]
+        assert [one is not None and one["unseen"] for one in shown] == unseen
+    assert status_of(screen, may + "&to=x") == 400
+
+
 def test_a_restarted_aircraft_keeps_its_answer_until_it_was_seen():
     heard = [landed()]
     screen = PageState(lambda _: heard)
