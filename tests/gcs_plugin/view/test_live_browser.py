@@ -94,7 +94,6 @@ def test_from_nothing_heard_to_an_alarm_that_is_known_and_back(opened, tmp_path)
         page.wait_for_selector(".tm-old")
         throttle.rpm = 1700
         says(page, "#tm-headline", "NEXT FILL")  # by the flight so far
-        says(page, "#tm-because", "A FAILED ROTOR WOULD HAVE BROUGHT IT DOWN")
         page.click("#tm-tabs [data-pane=aircraft]")
         says(page, "[data-left='3']", left(1700))
         page.set_viewport_size({"width": 390, "height": 664})
