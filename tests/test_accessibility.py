@@ -112,8 +112,10 @@ def test_the_page_of_a_forecast_that_says_fill_less(tmp_path: Path):
 
 def test_the_live_page():
     with flying() as live, open_page(live.view.url, width=820) as page:
+        page.wait_for_selector("#tm-more ol")  # before the first message
+        assert serious(page) == []
         live.fly(8.0, Vehicle(), rpm=2400)
-        page.wait_for_function("document.querySelector('#tm-headline').textContent.includes('%')")
+        page.wait_for_function("document.querySelector('#tm-because').textContent.includes('%')")
         for width in (820, 390, 1366):
             page.set_viewport_size({"width": width, "height": 900})
             for pane in ("aircraft", "field", "charts", "alarms"):

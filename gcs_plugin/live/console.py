@@ -79,6 +79,9 @@ def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> Re
     fleet = monitor.fleet
     for number, watch in list(fleet.vehicles.items()):
         if watch.has_left(now_us):
+            found = [Text(words.of_vehicle(number, line)) for line in answer_lines(watch)]
+            heard = Text(words.last_heard(number, watch.link.last_us * 1e-6))
+            remarks += [*found, heard]
             continue
         cells = vehicle_cells(watch, now_us, 1.0 - fleet.max_utilisation, fleet.old_s)
         table.add_row(*(cells[n] for n in shown))
@@ -98,9 +101,9 @@ def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> Re
     lines = [
         Text(words.of_vehicle(n, a.line), style=STYLES.get(a.severity, "yellow")) for n, a in alarms
     ]
-    if not table.rows:
+    if not table.rows and not remarks:
         remarks.append(Text(words.not_heard_on(monitor.settings.urls)))
-    else:
+    elif table.rows:
         remarks.append(Text(words.LEGEND, style="dim"))
     parts: list[RenderableType] = [*lines, table, *remarks]
     for line in status_lines(monitor.status(), page=page):

@@ -11,7 +11,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import defaultdict, deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +27,9 @@ from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.view.figures.charts import LIVE_WINDOW_S, Speeds, chart_images
 from thrustmargin.gcs_plugin.view.figures.screen import FillAdvice, PageState, field_state
 from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary
-from thrustmargin.gcs_plugin.view.page.guard import LOOPBACK
+from thrustmargin.gcs_plugin.view.page.guard import LOOPBACK, is_loopback
+from thrustmargin.gcs_plugin.view.page.phone_address import OPEN_TO_ALL
+from thrustmargin.gcs_plugin.view.page.tabs import BrowserTab, Tabs
 from thrustmargin.gcs_plugin.view.page.view_page import ViewPage
 from thrustmargin.gcs_plugin.view.scene.overlays import Overlay, overlays_of
 from thrustmargin.gcs_plugin.view.scene.scene import Scene
@@ -166,25 +168,41 @@ class HeardVehicles:
 
 @dataclass(slots=True, eq=False)
 class Aircraft:
-    """The drawing of one vehicle in the scene; used by the drawing thread alone."""
+    """What all browsers show of one vehicle; used by the drawing thread alone."""
 
     number: int
     trail: Trail
     offset_ned: Floats | None = None  # (3,) m, its origin from the scene's
     boot: int = 0  # of the flight that the offset belongs to
     plan: Any = None  # mission that is drawn
-    label: Any = None
+    sprayed: SprayedGround = field(default_factory=SprayedGround)
+
+
+@dataclass(slots=True, eq=False)
+class Drawn:
+    """One vehicle as one tab has it; used by the drawing thread alone."""
+
+    label: Any
+    rotor_count: int
     there: bool = True  # in the scene
     shown: Any = None  # rows and alarms that the scene shows
     drawn_s: float = 0.0
-    rotor_count: int = -1  # of the aircraft that is drawn
-    sprayed: SprayedGround = field(default_factory=SprayedGround)
+
+
+@dataclass(slots=True, eq=False)
+class LiveTab(BrowserTab):
+    """One tab of the live page, with its own colour and aircraft in focus."""
+
+    colour: int = 0  # number of the overlay
+    focus: int | None = None  # None: the first that was heard
+    drawn: dict[int, Drawn] = field(default_factory=dict)
 
 
 class LiveView(ViewPage, Output):
     """The output that draws every vehicle that a monitor hears on a page.
 
-    `status` gives lines about link and recording, `clock` the ground's time, µs; `silent` makes no
+    `status` gives lines about link and recording, `listens` are the links that are listened on,
+    `clock` the ground's time, µs; `silent` makes no
     sound, `max_utilisation` is the limit that the advice before take-off keeps, `acknowledged`
     hears of what the pilot acknowledged. With `browser` not None, `start` prints where the page is,
     and opens it in the browser if True. Raises LinkError from `start` when the port is taken.
@@ -200,6 +218,7 @@ class LiveView(ViewPage, Output):
         port: int = 8080,
         token: str = "",
         status: Callable[[], list[str]] = list,
+        listens: Sequence[str] = (),
         clock: Callable[[], int] | None = None,
         silent: bool = False,
         max_utilisation: float = 0.5,
@@ -209,24 +228,26 @@ class LiveView(ViewPage, Output):
         self._screen = PageState(
             self._fleet,
             {
-                "colour": lambda name: self.ask(lambda: self._recolour(name)),
-                "camera": self._set_camera,
-                "follow": lambda number: self._follow(int(number)),
+                "colour": self._choose_colour,
+                "camera": self._choose_camera,
+                "follow": lambda number, tab: self._follow(self._tabs.of(tab), int(number)),
             },
             more=self._live_state,
             charts=self._drawn_charts,
+            connected=self._connected,
             silent=silent,
             acknowledged=acknowledged,
+            clock=clock,
         )
         super().__init__(
             "view", host=host, port=port, token=token, every=0.25, addition=self._screen
         )
         self._airframe = airframe
         self._status, self._limit, self._browser = status, max_utilisation, browser
+        self._listens, self._open = tuple(listens), not is_loopback(host)
         self._heard = HeardVehicles(self.wake, clock)
         self._origin: Origin | None = None
-        self._shown = 0  # number of the overlay
-        self._focus: int | None = None
+        self._tabs = Tabs(LiveTab)
         self._aircraft: dict[int, Aircraft] = {}
         self._fill: dict[int, FillAdvice] = {}
         self._trails_s = 0.0
@@ -255,58 +276,106 @@ class LiveView(ViewPage, Output):
         self._heard.round(fleet, now_us)
 
     def _build(self, server: viser.ViserServer) -> None:
-        self._api = server.scene
         self._scene = Scene(server)
         self._scene.set_ground(np.array([[-30.0, -30.0, 0.0], [30.0, 30.0, 5.0]]), 0.0)
 
     def _draw(self) -> None:
+        if self._server is None:
+            return
         now = time.monotonic()
         fleet = self._heard.summaries
-        spacing = AIRCRAFT_EVERY * max(1.0, len(fleet) / 2)
         for summary in fleet:
-            one = self._aircraft.get(summary.number)
-            if summary.gone:
-                if one is not None:  # where it flew stays
-                    one.there, one.shown, one.label.visible = False, None, False
-                    self._scene.hide(str(one.number))
-                continue
-            if one is None or not one.there:
-                one = self._add(summary.number)
-            shown = summary.update, summary.shown, summary.old
-            if shown != one.shown and now - one.drawn_s >= spacing:
-                one.drawn_s, one.shown = now, shown
-                self._show(one, summary, fleet)
-            elif shown != one.shown:
-                self.wake.set()  # too soon: once more
+            if not summary.gone and summary.number not in self._aircraft:
+                trail = Trail([overlay.worst for overlay in self._heard.overlays])
+                self._aircraft[summary.number] = Aircraft(summary.number, trail)
+        tabs, new = self._tabs.drawn(self._server, self._scene)
+        for tab in new:
+            tab.drawn = {}
+            for one in self._aircraft.values():
+                self._colour_trail(one, tab)
+        spacing = AIRCRAFT_EVERY * max(1.0, len(fleet) * len(tabs) / 2)
+        for tab in tabs:
+            if tab.scene is not None:
+                with tab.scene.atomic():
+                    self._draw_tab(tab, tab.scene, fleet, now, spacing)
         if now - self._trails_s >= TRAIL_EVERY:
             self._trails_s = now
             for summary in fleet:
                 if summary.number in self._aircraft:
-                    self._draw_trail(self._aircraft[summary.number], summary)
-                if summary.number == self._focus and summary.row is not None:
-                    wind_ned = summary.row.track.wind_ned[-1]
-                    self._scene.show_wind(np.full(3, np.nan) if summary.old else wind_ned)
+                    self._draw_trail(self._aircraft[summary.number], summary, tabs)
 
-    def _fleet(self) -> list[VehicleSummary]:
+    def _draw_tab(
+        self,
+        tab: LiveTab,
+        scene: Scene,
+        fleet: list[VehicleSummary],
+        now: float,
+        spacing: float,
+    ) -> None:
+        """Draw the newest row of each vehicle for one tab, at most every `spacing` s."""
+        for summary in fleet:
+            one = tab.drawn.get(summary.number)
+            if summary.gone:
+                if one is not None:  # where it flew stays
+                    one.there, one.shown, one.label.visible = False, None, False
+                    scene.hide(str(summary.number))
+                continue
+            if one is None:
+                one = tab.drawn[summary.number] = self._added(scene, summary.number)
+            one.there = True
+            if tab.focus is None:
+                tab.focus = summary.number
+            shown = summary.update, summary.shown, summary.old
+            if shown != one.shown and now - one.drawn_s >= spacing:
+                one.drawn_s, one.shown = now, shown
+                self._show(tab, scene, one, summary, fleet)
+            elif shown != one.shown:
+                self.wake.set()  # too soon: once more
+            if summary.number == tab.focus and summary.row is not None:
+                wind_ned = summary.row.track.wind_ned[-1]
+                scene.show_wind(np.full(3, np.nan) if summary.old else wind_ned)
+
+    def _fleet(self, _tab: str) -> list[VehicleSummary]:
         """Return the summaries, with the advice on how much to fill for those on the ground."""
-        return [replace(one, fill=self._advice(one)) for one in self._heard.summaries]
+        return [self._advised(one) for one in self._heard.summaries]
 
-    def _advice(self, one: VehicleSummary) -> str:
+    def _advised(self, one: VehicleSummary) -> VehicleSummary:
+        """Return a summary with the largest fill, in figures and in words.
+
+        This is the one place where the page's line of the fill is made.
+        """
         advice = self._fill.setdefault(one.number, FillAdvice(self._limit))
-        return "" if one.update is None else advice.text(one.update.analysis)
+        largest = None if one.update is None else advice.fill(one.update.analysis)
+        if one.update is None or largest is None:
+            return one
+        return replace(one, largest=largest, fill=advice.text(largest))
 
-    def _live_state(self) -> dict[str, Any]:
+    def _live_state(self, tab: str) -> dict[str, Any]:
         """Return what the page shows besides the aircraft: the link, and the settings of the
         scene.
         """
-        overlays = self._heard.overlays
+        overlays, one = self._heard.overlays, self._tabs.of(tab)
         field = None
         if overlays:
             names = [overlay.name for overlay in overlays]
-            field = field_state(names, overlays[self._shown], self._scene)
-        return {"status": self._status(), "field": field, "follow": self._focus}
+            field = field_state(names, overlays[one.colour], one.camera)
+        shown = {"status": self._status(), "field": field, "follow": one.focus}
+        if not all(summary.gone for summary in self._heard.summaries):
+            return shown
+        return {**shown, "waiting": self._waiting()}
 
-    def _drawn_charts(self, number: int, back_s: float) -> dict[str, Any]:
+    def _waiting(self) -> dict[str, Any]:
+        """Return what helps before the first message: what is listened on, and how a phone opens
+        this page, or by which option it can.
+        """
+        return {
+            "listens": self._listens,
+            "page": self.phone_page(),
+            "open": self._open,
+            "option": OPEN_TO_ALL,
+        }
+
+    def _drawn_charts(self, number: int, back_s: float, _tab: str) -> dict[str, Any]:
         """Draw the last minutes of one aircraft, ending `back_s` before its newest row."""
         one = next((s for s in self._heard.summaries if s.number == number and not s.gone), None)
         history = self._heard.history.get(number)
@@ -323,47 +392,50 @@ class LiveView(ViewPage, Output):
             "age": one.age if one.old else 0.0,
         }
 
-    def _set_camera(self, name: str) -> None:
-        camera = Camera(name)
-        self.ask(lambda: self._scene.set_camera(camera))
+    def _connected(self, tab: str, client: int) -> None:
+        """Take viser's number of a tab's connection; called on a thread of the server."""
+        if (one := self._tabs.of(tab)).name and one.wanted != client:
+            one.wanted = client
+            self.wake.set()
 
-    def _add(self, number: int) -> Aircraft:
-        overlays = self._heard.overlays
-        one = self._aircraft.setdefault(
-            number, Aircraft(number, Trail([o.worst for o in overlays]))
-        )
-        one.there = True
-        if one.label is not None:
-            return one  # it is back, and only hidden
-        one.rotor_count = self._airframe.rotor_count
-        self._scene.add_vehicle(str(number), self._airframe)
-        one.label = self._api.add_label(
-            f"/world/name_{number}",
-            str(number),
-            anchor="bottom-center",
-            font_screen_scale=1.25,
-            visible=False,
-        )
-        if self._focus is None:
-            self._focus = number
-        return one
+    def _choose_camera(self, name: str, tab: str) -> None:
+        camera, one = Camera(name), self._tabs.of(tab)
+        self.ask(lambda: self._set_camera(one, camera))
 
-    def _show(self, one: Aircraft, summary: VehicleSummary, fleet: list[VehicleSummary]) -> None:
-        update = summary.update
+    def _set_camera(self, tab: LiveTab, camera: Camera) -> None:
+        tab.camera = camera
+        if tab.scene is not None:
+            tab.scene.set_camera(camera)
+
+    def _added(self, scene: Scene, number: int) -> Drawn:
+        """Add a vehicle to a scene, with its name above it."""
+        scene.add_vehicle(str(number), self._airframe)
+        return Drawn(scene.add_name(str(number)), self._airframe.rotor_count)
+
+    def _show(
+        self,
+        tab: LiveTab,
+        scene: Scene,
+        one: Drawn,
+        summary: VehicleSummary,
+        fleet: list[VehicleSummary],
+    ) -> None:
+        update, key = summary.update, str(summary.number)
         if update is None:
             return
-        row = ShownRow(update.analysis, -1, self._offset_ned(one, update))
+        offset_ned = self._offset_ned(self._aircraft[summary.number], update)
+        row = ShownRow(update.analysis, -1, offset_ned)
         airframe = update.analysis.model.airframe
         if airframe.rotor_count != one.rotor_count:
             one.rotor_count = airframe.rotor_count
-            self._scene.add_vehicle(str(one.number), airframe)
-        focus, faulty = one.number == self._focus, summary.faulty
-        self._scene.show(str(one.number), row, focus=focus, faulty=faulty, old=summary.old)
+            scene.add_vehicle(key, airframe)
+        focus = summary.number == tab.focus
+        scene.show(key, row, focus=focus, faulty=summary.faulty, old=summary.old)
         position = row.position_enu
         placed = bool(np.all(np.isfinite(position)))
         one.label.visible = placed and len(fleet) > 1
         if placed:
-            one.label.position = position + self._scene.above(str(one.number))
+            one.label.position = position + scene.above(key)
 
     def _offset_ned(self, one: Aircraft, update: Update) -> Floats:
         """Return (3,) m from the scene's origin, which is the first aircraft's, to the aircraft's
@@ -379,7 +451,7 @@ class LiveView(ViewPage, Output):
             one.offset_ned = self._origin.ned(origin.geodetic(np.zeros(3)))
         return one.offset_ned
 
-    def _draw_trail(self, one: Aircraft, summary: VehicleSummary) -> None:
+    def _draw_trail(self, one: Aircraft, summary: VehicleSummary, tabs: list[LiveTab]) -> None:
         update, rows, key = summary.update, self._heard.rows[one.number], str(one.number)
         if update is None:
             return
@@ -392,8 +464,8 @@ class LiveView(ViewPage, Output):
         if one.sprayed.changed:
             one.sprayed.changed = False
             self._scene.surroundings.draw_sprayed(key, one.sprayed.points)
-        if fresh:
-            self._colour_trail(one)
+        for tab in tabs if fresh else ():
+            self._colour_trail(one, tab)
         if track.origin is None:
             return
         self._scene.surroundings.home(key, offset + np.array([0.0, 0.0, ground]))
@@ -406,24 +478,28 @@ class LiveView(ViewPage, Output):
                     np.column_stack([places[:, :2], np.full(len(places), ground + offset[2])])
                 )
 
-    def _colour_trail(self, one: Aircraft) -> None:
-        route, overlay = one.trail.route, self._heard.overlays[self._shown]
-        if route.count:
+    def _colour_trail(self, one: Aircraft, tab: LiveTab) -> None:
+        route, overlay = one.trail.route, self._heard.overlays[tab.colour]
+        if route.count and tab.scene is not None:
             points = np.stack([enu(route.start_ned), enu(route.end_ned)], axis=1)
-            worst = route.worst(one.trail.values(self._shown), overlay.worst)
-            self._scene.set_route(str(one.number), points, worst, overlay.scale)
+            worst = route.worst(one.trail.values(tab.colour), overlay.worst)
+            tab.scene.set_route(str(one.number), points, worst, overlay.scale)
             self._scene.hold(points.reshape(-1, 3))
 
-    def _recolour(self, name: str) -> None:
+    def _choose_colour(self, name: str, tab: str) -> None:
+        one = self._tabs.of(tab)
+        self.ask(lambda: self._recolour(one, name))
+
+    def _recolour(self, tab: LiveTab, name: str) -> None:
         names = [overlay.name for overlay in self._heard.overlays]
         if name in names:
-            self._shown = names.index(name)
+            tab.colour = names.index(name)
             for one in self._aircraft.values():
-                self._colour_trail(one)
+                self._colour_trail(one, tab)
 
-    def _follow(self, number: int) -> None:
+    def _follow(self, tab: LiveTab, number: int) -> None:
         if number in self._aircraft:
-            self._focus = number
+            tab.focus = number
 
 
 def output(context: OutputContext, value: bool) -> LiveView:  # noqa: ARG001
@@ -434,6 +510,7 @@ def output(context: OutputContext, value: bool) -> LiveView:  # noqa: ARG001
         monitor.model.airframe,
         **{name: context.options[name] for name in names},
         status=lambda: [*status_lines(monitor.status(), page=True), *rowless_lines(monitor.fleet)],
+        listens=monitor.settings.urls,
         clock=monitor.now_us,
         acknowledged=monitor.acknowledge,
     )

@@ -9,6 +9,8 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,9 +19,10 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, Alarm
 from thrustmargin.gcs_plugin.live.watch.outlook import recorded_seconds_to_empty
 from thrustmargin.gcs_plugin.view.figures import charts
 from thrustmargin.gcs_plugin.view.figures.charts import SPEEDS, ReplayClock
-from thrustmargin.gcs_plugin.view.figures.screen import PageState, field_state, finite
+from thrustmargin.gcs_plugin.view.figures.screen import Acts, PageState, field_state, finite
 from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary
 from thrustmargin.gcs_plugin.view.page.guard import LOOPBACK
+from thrustmargin.gcs_plugin.view.page.tabs import BrowserTab, Tabs
 from thrustmargin.gcs_plugin.view.page.view_page import ViewPage
 from thrustmargin.gcs_plugin.view.scene.overlays import (
     Overlay,
@@ -37,10 +40,10 @@ from thrustmargin.gcs_plugin.view.scene.shown_row import (
 )
 from thrustmargin.gcs_plugin.view.scene.surroundings import Camera
 from thrustmargin.gcs_plugin.wording import live_words as words
-from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.forecast_words import fill_words, verdict
-from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.gcs_plugin.wording.glance_words import alarm_then
+from thrustmargin.gcs_plugin.wording.language import say, spoken
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.mission.forecast.plan_forecast import PlanForecast
 from thrustmargin.mission.route import Trail
@@ -68,13 +71,22 @@ NOBODY_S = 20.0
 _log = logging.getLogger(__name__)
 
 
+@dataclass(slots=True, eq=False, kw_only=True)
+class ReplayTab(BrowserTab):
+    """One tab of a replay, with its own time and colour."""
+
+    clock: ReplayClock
+    overlay: Overlay
+    pinned: dict[str, Any] | None = None  # the worst place, as the legend has it
+
+
 class ReplayView(ViewPage):
     """The view of one analysed flight. `start` opens it, `stop` closes it; `url` is where it is.
 
     `waypoints` are the log's mission items and `messages` its texts with their time in s from the
-    first row; `whole` is the answer of the whole flight; `overlays` are further ways to
-    colour the route, besides those of the analysis; a `planned` flight has those
-    alone. After its end it rests on the worst moment.
+    first row; `whole` returns the answer of the whole flight in the language that is spoken;
+    `overlays` are further ways to colour the route, besides those of the analysis; a `planned`
+    flight has those alone. After its end it rests on the worst moment.
     Raises DataError for a flight without rows, and LinkError from `start` when the port is taken.
     """
 
@@ -90,15 +102,17 @@ class ReplayView(ViewPage):
         token: str = "",
         speed: float = 1.0,
         paused: bool = False,
-        whole: FlightAnswer | None = None,
+        whole: FlightAnswer | Callable[[], FlightAnswer] | None = None,
         planned: bool = False,
     ) -> None:
-        self._summary, self.whole = VehicleSummary(number=1), whole
+        self._answer = whole if callable(whole) else lambda: whole
+        self._answers: dict[str, FlightAnswer | None] = {}  # by language
         self._screen = PageState(
-            lambda: [self._summary],
+            lambda tab: [self._summary_at(self._tabs.of(tab).clock.now())],
             self._acts(),
             more=self._replay_state,
             charts=self._drawn_charts,
+            connected=self._connected,
             recorded=True,
             planned=planned,
             timeline=charts.timeline_colours(analysis),
@@ -121,15 +135,13 @@ class ReplayView(ViewPage):
         self._speeds = charts.Speeds.of(analysis)
         shown = (speed_overlay(track),) if analysis.withheld else overlays_of(analysis)
         self._overlays = tuple(overlays) if planned else (*shown, *overlays)
-        self._overlay = self._overlays[0]
-        self._pinned: dict[str, Any] | None = None  # the worst place, as the legend has it
         self._waypoints = waypoints
         self._messages = sorted(messages)
         self._message_times = np.array([t for t, _ in self._messages])
         self._faults: list[tuple[float, tuple[RotorFault, ...]]] = []
         self._fault_times = np.empty(0)
         self._stopped: list[FaultEpisode] = []
-        self._alarms_pending = say(words.ALARMS_SOUGHT)
+        self._alarms_pending = words.ALARMS_SOUGHT
         self._opened = threading.Event()
         if track.time_s.size <= SEARCHED_FIRST:
             self._search_faults()
@@ -141,25 +153,81 @@ class ReplayView(ViewPage):
             track.position_ned[self._flown],
             np.column_stack([o.values for o in self._overlays])[self._flown],
         )
-        worst = self._worst_row()
+        self._speed, self._paused, self._begin_s = speed, paused, 0.0  # of tabs that open
+        self._tabs = Tabs(self._new_tab)
+
+    def _new_tab(self, name: str) -> ReplayTab:
+        """Return a tab in the first of the colours, where and as `seek` and `pause` set the view:
+        from the begin of the flight unless they did.
+        """
+        overlay = self._overlays[0]
+        worst = self._worst_row(overlay)
         rest = None if worst is None else self._time_of(worst)
-        self.clock = ReplayClock(track.duration, speed=speed, paused=paused, rest=rest)
+        duration = self._analysis.track.duration
+        clock = ReplayClock(duration, speed=self._speed, paused=self._paused, rest=rest)
+        clock.seek(self._begin_s)
+        return ReplayTab(name, clock=clock, overlay=overlay)
+
+    def _connected(self, tab: str, client: int) -> None:
+        """Take viser's number of a tab's connection; called on a thread of the server."""
+        if (one := self._tabs.of(tab)).name and one.wanted != client:
+            one.wanted = client
+            self.wake.set()
+
+    @property
+    def clock(self) -> ReplayClock:
+        """Clock of programs that name no tab; each browser has its own."""
+        return self._tabs.shared.clock
+
+    @property
+    def _every_tab(self) -> list[ReplayTab]:
+        return [self._tabs.shared, *self._tabs.all]
 
     def seek(self, time_s: float) -> None:
-        """Go to a time of the flight, s after its first row."""
-        self.clock.seek(time_s)
+        """Go to a time of the flight, s after its first row, in every browser."""
+        self._begin_s = time_s
+        for tab in self._every_tab:
+            self._seek(tab, time_s)
+
+    def _seek(self, tab: ReplayTab, time_s: float) -> None:
+        tab.clock.seek(time_s)
         self.wake.set()
 
+    def play(self) -> None:
+        """Let the time pass in every browser."""
+        self._paused = False
+        for tab in self._every_tab:
+            tab.clock.play()
+
+    def pause(self) -> None:
+        """Stop the time in every browser."""
+        self._paused = True
+        for tab in self._every_tab:
+            tab.clock.pause()
+
     def set_overlay(self, name: str) -> None:
-        """Colour the route by the overlay of this name. Raises DataError when there is none."""
+        """Colour the route by the overlay of this name, in every browser.
+
+        Raises DataError when there is none.
+        """
+        for tab in self._every_tab:
+            self._set_overlay(tab, name)
+
+    def _set_overlay(self, tab: ReplayTab, name: str) -> None:
         by_name = {o.name: o for o in self._overlays}
         if name not in by_name:
             raise DataError(f"no colour {name!r} for the route; there are {', '.join(by_name)}")
-        self.ask(lambda: self._recolour(by_name[name]))
+        self.ask(lambda: self._recolour(tab, by_name[name]))
 
     def set_camera(self, camera: Camera) -> None:
-        """Look at the whole field, or follow the aircraft."""
-        self.ask(lambda: self._scene.set_camera(camera))
+        """Look at the whole field, or follow the aircraft, in every browser."""
+        for tab in self._every_tab:
+            self.ask(partial(self._set_camera, tab, camera))
+
+    def _set_camera(self, tab: ReplayTab, camera: Camera) -> None:
+        tab.camera = camera
+        if tab.scene is not None:
+            tab.scene.set_camera(camera)
 
     def _build(self, server: viser.ViserServer) -> None:
         track = self._analysis.track
@@ -169,11 +237,9 @@ class ReplayView(ViewPage):
         self._scene.set_ground(enu(track.position_ned), ground)
         self._scene.set_field(sprayed_field(track.time_s, track.position_ned, track.spraying))
         self._scene.set_plan(VEHICLE, plan_enu(self._waypoints, track.origin, ground), ground)
-        self._scene.add_vehicle(VEHICLE, self._airframe)
         if self._trail.route.count:
             begin = enu(self._trail.route.start_ned[0])
             self._scene.surroundings.home(VEHICLE, np.array([*begin[:2], ground]))
-        self._recolour(self._overlay)
         self._draw()
         if self._alarms_pending:
             server.on_client_connect(lambda _: self._opened.set())
@@ -189,7 +255,7 @@ class ReplayView(ViewPage):
             self._search_faults()
         except Exception:  # of any kind: the page must not say for ever that it is looking
             _log.exception(words.ALARMS_UNKNOWN)
-            self._alarms_pending = say(words.ALARMS_UNKNOWN)
+            self._alarms_pending = words.ALARMS_UNKNOWN
         self.wake.set()
 
     def _search_faults(self) -> None:
@@ -199,37 +265,57 @@ class ReplayView(ViewPage):
         self._alarms_pending = ""
 
     def _draw(self) -> None:
-        time_s = self.clock.now()
-        row = ShownRow(self._analysis, row_at(self._analysis.track.time_s, self._start_s + time_s))
-        self._summary = self._summary_at(time_s, row)
-        self._scene.show(VEHICLE, row, faulty=self._summary.faulty)
-        self._scene.show_wind(row.track.wind_ned[row.row])
+        if self._server is None:
+            return
+        tabs, new = self._tabs.drawn(self._server, self._scene)
+        for tab in new:
+            assert tab.scene is not None
+            tab.scene.add_vehicle(VEHICLE, self._airframe)
+            self._recolour(tab, tab.overlay)
+        for tab in tabs:
+            if tab.scene is not None:
+                with tab.scene.atomic():
+                    self._show(tab, tab.scene)
 
-    def _acts(self) -> dict[str, Callable[[str], None]]:
+    def _show(self, tab: ReplayTab, scene: Scene) -> None:
+        """Show the row of a tab's clock in its scene."""
+        summary = self._summary_at(tab.clock.now())
+        row = summary.row
+        assert row is not None
+        scene.show(VEHICLE, row, faulty=summary.faulty)
+        scene.show_wind(row.track.wind_ned[row.row])
+
+    def _acts(self) -> Acts:
         """Return the actions that the page may ask for, by name; each takes the text of the
         request.
         """
 
-        def speed(text: str) -> None:
+        def of(tab: str) -> ReplayTab:
+            return self._tabs.of(tab)
+
+        def speed(text: str, tab: str) -> None:
             if float(text) not in SPEEDS:
                 raise ValueError(text)
-            self.clock.set_speed(float(text))
+            of(tab).clock.set_speed(float(text))
 
         return {
-            "play": lambda _: self.clock.play(),
-            "pause": lambda _: self.clock.pause(),
-            "seek": lambda text: self.seek(finite(text)),
+            "play": lambda _, tab: of(tab).clock.play(),
+            "pause": lambda _, tab: of(tab).clock.pause(),
+            "seek": lambda text, tab: self._seek(of(tab), finite(text)),
             "speed": speed,
-            "worst": lambda _: self.ask(self._to_worst),
-            "colour": self.set_overlay,
-            "camera": lambda text: self.set_camera(Camera(text)),
+            "worst": lambda _, tab: self.ask(lambda: self._to_worst(of(tab))),
+            "colour": lambda text, tab: self._set_overlay(of(tab), text),
+            "camera": lambda text, tab: self._choose_camera(of(tab), Camera(text)),
         }
 
-    def _replay_state(self) -> dict[str, Any]:
-        """Return what the page shows of a replay besides the aircraft."""
-        clock, worst = self.clock, self._worst_row()
+    def _choose_camera(self, tab: ReplayTab, camera: Camera) -> None:
+        self.ask(lambda: self._set_camera(tab, camera))
+
+    def _replay_state(self, tab: str) -> dict[str, Any]:
+        """Return what a tab shows of a replay besides the aircraft."""
+        one = self._tabs.of(tab)
+        clock, worst = one.clock, self._worst_row(one.overlay)
         return {
-            "verdict": "" if self.whole is None else self.whole.headline,
             "replay": {
                 "time": round(clock.now(), 2),
                 "duration": clock.duration,
@@ -240,22 +326,25 @@ class ReplayView(ViewPage):
                 "worst": None if worst is None else self._time_of(worst),
             },
             "field": {
-                **field_state([o.name for o in self._overlays], self._overlay, self._scene),
-                "worst": self._pinned,
+                **field_state([o.name for o in self._overlays], one.overlay, one.camera),
+                "worst": one.pinned,
             },
         }
 
-    def _drawn_charts(self, _number: int, _back_s: float) -> dict[str, Any]:
-        now_s = self._start_s + self.clock.now()
+    def _drawn_charts(self, _number: int, _back_s: float, tab: str) -> dict[str, Any]:
+        now_s = self._start_s + self._tabs.of(tab).clock.now()
         shown = {"window_s": charts.WINDOW_S, "ahead": charts.AHEAD}
         return {"charts": charts.chart_images(self._analysis.places, self._speeds, now_s, **shown)}
 
     def _clicked(self, event: SceneClickEvent) -> None:
         """Go to the time at which the aircraft was where the route was clicked on."""
-        origin, ray = self._scene.in_world(event.ray_origin, event.ray_direction)
+        tab = self._tabs.of_client(event.client_id)
+        if tab.scene is None:
+            return
+        origin, ray = tab.scene.in_world(event.ray_origin, event.ray_direction)
         row = row_hit(enu(self._analysis.track.position_ned), self._flown, origin, ray)
         if row is not None:
-            self.seek(self._time_of(row))
+            self._seek(tab, self._time_of(row))
 
     def _message_at(self, time_s: float) -> str:
         """Return the vehicle's last message at `time_s`, unless it is old."""
@@ -264,10 +353,19 @@ class ReplayView(ViewPage):
             return ""
         return self._messages[last][1]
 
-    def _summary_at(self, time_s: float, row: ShownRow) -> VehicleSummary:
+    @property
+    def whole(self) -> FlightAnswer | None:
+        """Answer of the whole flight in the language that is spoken; None without one."""
+        language = spoken()
+        if language not in self._answers:
+            self._answers[language] = self._answer()
+        return self._answers[language]
+
+    def _summary_at(self, time_s: float) -> VehicleSummary:
         """Return the summary at `time_s`: margin, and alarms of rotors and motors as they were in
         flight.
         """
+        row = ShownRow(self._analysis, row_at(self._analysis.track.time_s, self._start_s + time_s))
         at_s = self._start_s + time_s
         last = int(np.searchsorted(self._fault_times, at_s, side="right")) - 1
         stopped = [e.fault for e in self._stopped if e.holds(at_s)]
@@ -277,17 +375,18 @@ class ReplayView(ViewPage):
         return VehicleSummary(
             number=1,
             whole=self.whole,
+            recorded=True,
             row=row,
             seconds_to_empty=recorded_seconds_to_empty(row.track, row.row),
             problem="; ".join(self._analysis.claim.withheld),
-            pending=self._alarms_pending,
+            pending=say(self._alarms_pending),
             message=self._message_at(time_s),
             alarms=tuple(
                 Alarm(
                     names[f.kind],
                     None if f.rotors else f.rotor + 1,
                     CRITICAL,
-                    fault_words(f, self._analysis.places),
+                    alarm_then(f, self._analysis.places),
                     time_s,
                     rotors=tuple(rotor + 1 for rotor in f.rotors),
                 )
@@ -295,32 +394,36 @@ class ReplayView(ViewPage):
             ),
         )
 
-    def _recolour(self, overlay: Overlay) -> None:
-        self._overlay = overlay
+    def _recolour(self, tab: ReplayTab, overlay: Overlay) -> None:
+        tab.overlay = overlay
         route = self._trail.route
+        row = self._worst_row(overlay)
+        time_s = None if row is None else self._time_of(row)
+        tab.pinned = (
+            None
+            if row is None or time_s is None
+            else overlay.at(row, time_s, self._analysis.places)
+        )
+        if tab.scene is None:
+            return
         points = np.stack([enu(route.start_ned), enu(route.end_ned)], axis=1)
         worst = route.worst(self._trail.values(self._overlays.index(overlay)), overlay.worst)
-        self._scene.set_route(VEHICLE, points, worst, overlay.scale)
-        row = self._worst_row()
-        if row is None:
-            self._pinned = None
-            self._scene.set_pin(np.full(3, np.nan))
-        else:
-            self._pinned = overlay.at(row, self._time_of(row), self._analysis.places)
-            self._scene.set_pin(ShownRow(self._analysis, row).position_enu)
+        tab.scene.set_route(VEHICLE, points, worst, overlay.scale)
+        nowhere = np.full(3, np.nan)
+        tab.scene.set_pin(nowhere if row is None else ShownRow(self._analysis, row).position_enu)
 
-    def _worst_row(self) -> int | None:
+    def _worst_row(self, overlay: Overlay) -> int | None:
         placed = np.isfinite(self._analysis.track.position_ned).all(axis=1)
-        return self._overlay.worst_row(self._flown & placed)
+        return overlay.worst_row(self._flown & placed)
 
     def _time_of(self, row: int) -> float:
         return float(self._analysis.track.time_s[row]) - self._start_s
 
-    def _to_worst(self) -> None:
-        row = self._worst_row()
+    def _to_worst(self, tab: ReplayTab) -> None:
+        row = self._worst_row(tab.overlay)
         if row is not None:
-            self.clock.pause()
-            self.clock.seek(self._time_of(row))
+            tab.clock.pause()
+            tab.clock.seek(self._time_of(row))
 
 
 def run_replay(
@@ -356,7 +459,7 @@ def planned_view(made: PlanForecast, **options: Any) -> ReplayView:
         advised.analysis,
         waypoints=made.plan.items,
         overlays=planned_overlays(advised.analysis, advised.advice.limit),
-        whole=FlightAnswer(verdict(made), made.level, fill_words(made)),
+        whole=lambda: FlightAnswer(verdict(made), made.level, fill_words(made)),
         planned=True,
         **options,
     )

@@ -11,7 +11,14 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from thrustmargin.gcs_plugin.wording.actions import LAND, Phase
-from thrustmargin.gcs_plugin.wording.language import clock, duration, number, say
+from thrustmargin.gcs_plugin.wording.language import (
+    clock,
+    duration,
+    number,
+    percent_down,
+    percent_up,
+    say,
+)
 from thrustmargin.models.checks.loss_of_control import LossKind
 from thrustmargin.models.model.fault_test import MOST, Evidence, Kind, RotorFault
 from thrustmargin.models.model.rotor_faults import FaultEpisode
@@ -231,10 +238,10 @@ def margin_words(
     one below the limit never reads as equal. While `bad` rotors have an alarm, the action refers to
     it.
     """
-    low, high = math.floor(100 * max(ends[0], 0.0) + 1e-6), math.ceil(100 * ends[1] - 1e-6)
+    low, high = percent_down(max(ends[0], 0.0)), percent_up(ends[1])
     within = f" ({low}-{high})" if ends[1] > ends[0] else ""
     of = "" if rotor is None else say(", rotor {rotor}", rotor=rotor)
-    value = f"{math.floor(100 * least + 1e-6)}%{within}"
+    value = f"{percent_down(least)}%{within}"
     words = "{what} {low} below {limit}" if ends[1] < limit else "{what} {low} near {limit}"
     if ends[1] < 0.0:
         words = "{what} none: beyond ceiling"

@@ -10,6 +10,7 @@ from thrustmargin.gcs_plugin.wording import actions, report_words
 from thrustmargin.gcs_plugin.wording.advice_words import action, no_ground, suspects
 from thrustmargin.gcs_plugin.wording.alarm_words import place_words
 from thrustmargin.gcs_plugin.wording.fill_words import safe_kg
+from thrustmargin.gcs_plugin.wording.glance_words import glance
 from thrustmargin.gcs_plugin.wording.language import clock, number, say
 from thrustmargin.models.model.advice import Advice, FlightLevel
 
@@ -29,6 +30,7 @@ class FlightAnswer:
     contact: report_words.FirstContact | None = (
         None  # of an aircraft that is not known: what its rows show
     )
+    glance: str = ""  # the action in a few words, for a banner; empty where nothing is known
 
     @property
     def line(self) -> str:
@@ -85,6 +87,7 @@ def answer_of(
         brief=brief(advice, contact),
         until_s=until_s,
         contact=contact,
+        glance=glance(advice),
     )
 
 

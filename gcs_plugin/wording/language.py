@@ -13,7 +13,9 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache
 from importlib import resources
 from typing import TypeGuard
@@ -25,11 +27,30 @@ LANGUAGES = ("en", "de")
 VARIABLE = "THRUSTMARGIN_LANGUAGE"
 
 
+#: The language that a page asks for, in the thread or task that answers it; empty for none.
+_ASKED: ContextVar[str] = ContextVar("language", default="")
+
+
+@contextmanager
+def speaking(code: str) -> Iterator[None]:
+    """Speak another language in this thread or task: that of the page that is answered.
+
+    A code that is none of LANGUAGES changes nothing.
+    """
+    token = _ASKED.set(code if code in LANGUAGES else "")
+    try:
+        yield
+    finally:
+        _ASKED.reset(token)
+
+
 def spoken() -> str:
     """Return the code of the chosen language, "en" by default.
 
     Raise DataError for a language that is not in LANGUAGES.
     """
+    if asked := _ASKED.get():
+        return asked
     code = os.environ.get(VARIABLE, "").lower() or LANGUAGES[0]
     if code not in LANGUAGES:
         raise DataError(f"no language {code!r}; there are {', '.join(LANGUAGES)}")
@@ -142,6 +163,16 @@ def significant(value: float | None, digits: int = 4) -> str:
 def percent(share: float | None, decimals: int = 0) -> str:
     """Return a share in per cent: `64 %` for 0.64."""
     return number(None if share is None else share * 100.0, "%", decimals)
+
+
+def percent_down(share: float) -> int:
+    """Whole percent of a margin, rounded down: what is below a limit also reads below it."""
+    return math.floor(100.0 * share + 1e-6)
+
+
+def percent_up(share: float) -> int:
+    """Whole percent of the upper end of a margin, rounded up."""
+    return math.ceil(100.0 * share - 1e-6)
 
 
 def margin_or_beyond(share: float) -> str:

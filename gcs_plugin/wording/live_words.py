@@ -6,6 +6,7 @@ The page's own words are in `page_words.toml`, their translations in the `.po` f
 
 from __future__ import annotations
 
+import time
 import tomllib
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -193,6 +194,12 @@ def of_vehicle(number: int, words: str) -> str:
 def not_heard_on(urls: Iterable[str]) -> str:
     """Return the line about addresses on which no vehicle was heard."""
     return f"{NO_VEHICLE} on {', '.join(urls)}"
+
+
+def last_heard(number: int, unix_s: float) -> str:
+    """When a vehicle that has left was last heard, by the time of day of this computer."""
+    at = time.strftime("%H:%M", time.localtime(unix_s))
+    return f"vehicle {number} was last heard at {at}"
 
 
 def two_vehicles(system: int) -> str:

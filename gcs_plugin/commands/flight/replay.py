@@ -172,6 +172,6 @@ def replay_view(
         waypoints=flight.waypoints,
         messages=(*flight.messages, *dated),
         overlays=() if older is None else before_and_after(older, analysis),
-        whole=whole,
+        whole=lambda: answer_of(answers[shown], said[shown].contact),
         **options,
     )

@@ -23,16 +23,17 @@ from thrustmargin.models.model.fault_test import Kind, RotorFault
 
 #: MAV_SEVERITY
 CRITICAL, WARNING, NOTICE = 2, 4, 5
-#: Names of alarms, the gravest first: a part that is bad, control, battery, thrust, then the load,
-#: then what an instrument says. Of one severity they are listed so.
+#: Names of alarms, the gravest first: control, a part that is bad, the link, battery, thrust, then
+#: the load, then what an instrument says. Of one severity they are listed so. A lost link comes
+#: after a bad rotor: that rotor is still bad, and what to do about it is still known.
 GRAVEST_FIRST = (
     *(
-        "telemetry",
-        "shared id",
         "control",
         "stopped",
         "rotor",
         "motor",
+        "telemetry",
+        "shared id",
         "esc",
         "battery",
         "saturation",
@@ -118,14 +119,11 @@ class Alarm:
 
     @property
     def order(self) -> tuple[int, int, bool, float]:
-        """Sort key for every screen, lowest first: a lost link, lost control, then severity and
-        part, confirmed before not, age.
-        """
+        """Sort key for every screen, lowest first: severity, part, confirmed before not, age."""
         part = len(GRAVEST_FIRST)
         if self.name in GRAVEST_FIRST:
             part = GRAVEST_FIRST.index(self.name)
-        severity = -1 if self.name in ("telemetry", "control") else self.severity
-        return severity, part, self.state is AlarmState.UNCONFIRMED, self.since_s
+        return self.severity, part, self.state is AlarmState.UNCONFIRMED, self.since_s
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,6 +22,7 @@ from thrustmargin.gcs_plugin.logs.tlog import AUTOPILOTS
 from thrustmargin.gcs_plugin.telemetry.first_contact import first_contact
 from thrustmargin.gcs_plugin.telemetry.sorties import LONG_DOWN, LOOK, REST, serviced
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer, answer_of
+from thrustmargin.gcs_plugin.wording.language import spoken
 from thrustmargin.gcs_plugin.wording.report_words import FirstContact
 from thrustmargin.models.checks.instruments import without_frozen
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
@@ -144,18 +145,19 @@ class FlightSoFar:
 
     @property
     def answer(self) -> FlightAnswer:
-        """Answer in words, with the time up to which it is valid for a flight in progress."""
-        return self._whole_answer if self.settled else self._answer_so_far
+        """Answer in the words of the language that is spoken, with the time up to which it is valid
+        for a flight in progress."""
+        made = spoken(), self.settled
+        if made not in self._answers:
+            advice = (self.reported() if self.settled else None) or self.so_far
+            until_s = math.nan if self.settled else float(self.track.time_s[-1])
+            self._answers[made] = answer_of(advice.advice, advice.contact, until_s)
+        return self._answers[made]
 
     @cached_property
-    def _whole_answer(self) -> FlightAnswer:
-        whole = self.reported() or self.so_far
-        return answer_of(whole.advice, whole.contact)
-
-    @cached_property
-    def _answer_so_far(self) -> FlightAnswer:
-        known = self.so_far
-        return answer_of(known.advice, known.contact, float(self.track.time_s[-1]))
+    def _answers(self) -> dict[tuple[str, bool], FlightAnswer]:
+        """Answers that were made, by language and whether the flight is over."""
+        return {}
 
 
 #: Gives the answer of a flight that is over once that is known.

@@ -111,7 +111,9 @@ class Update:
     outlook: Outlook
     alarms: tuple[Alarm, ...]  # that stand after the last row
     events: tuple[AlarmEvent, ...]
-    flight: FlightSoFar | None = None  # since its take-off; None before the first
+    #: Since its take-off, or the last one, also of before a restart; None before the first.
+    flight: FlightSoFar | None = None
+    landed_us: int = 0  # ground's clock of the landing of `flight`; 0 while it flies
     notes: tuple[str, ...] = ()
     asked: frozenset[str] = frozenset()  # options by which the vehicle is asked
 

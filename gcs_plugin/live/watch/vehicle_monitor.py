@@ -21,7 +21,11 @@ from thrustmargin.gcs_plugin.live.rows.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState, fold_mission
 from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows, VehicleTelemetry
 from thrustmargin.gcs_plugin.live.watch.airframe_watch import AirframeWatch
-from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightAdvice, SortieRows
+from thrustmargin.gcs_plugin.live.watch.flight_so_far import (
+    FlightAdvice,
+    FlightSoFar,
+    SortieRows,
+)
 from thrustmargin.gcs_plugin.live.watch.frozen_watch import FrozenWatch
 from thrustmargin.gcs_plugin.live.watch.landed_flight import LandedFlights
 from thrustmargin.gcs_plugin.live.watch.link_watch import LinkWatch, RotorSilence
@@ -41,7 +45,7 @@ from thrustmargin.gcs_plugin.live.watch.update import (
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.wording.live_words import NO_ROWS, stale_words, two_vehicles
 from thrustmargin.mission.plan import MissionPlan
-from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import (
     FlightAnalysis,
@@ -122,6 +126,10 @@ class VehicleMonitor:
         self._frozen = FrozenWatch(identified_airframe(model))
         self._airframe = AirframeWatch(model, given=settings.airframe_given, source=settings.link)
         self._rotor_silence = RotorSilence(model.airframe.rotor_count)
+        #: The last flight of before a restart: a new battery does not take its answer away.
+        self._flight_before: FlightSoFar | None = None
+        self._landed_us = 0  # ground's clock of the last landing; 0 while it flies
+        self._was_flying = False  # in the last row
 
     @property
     def state(self) -> VehicleState:
@@ -244,6 +252,7 @@ class VehicleMonitor:
             known = self._inferred.outputs.heard.readings(analysis.track)
             unheard = self._rotor_silence.add(known, time_s, first, pause)
             unheard = np.pad(unheard, ((first, 0), (0, 0)))
+            self._follow_landing(analysis.track.flying[first:], new)
             failures = np.pad(new.esc_failures, ((first, 0), (0, 0)), constant_values=np.nan)
             added = self._beyond_the_rows(analysis, first, new)
             arrays = {name: np.concatenate([arrays[name], added[name]]) for name in CARRIED}
@@ -285,15 +294,25 @@ class VehicleMonitor:
             outlook=self._ahead.now,
             alarms=tuple(self.alarms.listed.values()),
             events=self._stamped(events, time_s, arrays, last=new is None),
-            flight=self._sortie.now,
+            flight=self._sortie.now or self._flight_before,
+            landed_us=self._landed_us,
             notes=() if rows is None else rows.notes,
             asked=self._asked,
         )
         self.last = update_with_bad_part(made) if self._sortie.found_bad else made
         return self.last
 
+    def _follow_landing(self, flying: Bools, new: LiveRows) -> None:
+        """Take the time of the landing from new rows, of which `flying` (N,) is known."""
+        up = np.flatnonzero(flying)
+        down = int(up[-1]) + 1 if up.size else 0
+        if up.size or self._was_flying:
+            self._was_flying = down == flying.size
+            self._landed_us = 0 if self._was_flying else int(new.stamp_us[down])
+
     def _begin_anew(self) -> None:
         """Forget the rows so far: the vehicle has restarted, or has another number of rotors."""
+        self._flight_before = self._sortie.now or self._flight_before
         self._predicted.restart()
         self._sought.restart()
         self._inferred = Inferred()

@@ -13,8 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording import palette as colours
+from thrustmargin.gcs_plugin.wording.language import percent_down, percent_up
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.advice import cell_count
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
@@ -24,14 +26,20 @@ from thrustmargin.models.provenance import SourceKind
 #: Of the arm: largest radius of a drawn rotor, and how far those of a coaxial pair are drawn from
 #: their true place, which both share. Rotors in a row by number.
 LARGEST, APART, IN_A_ROW = 0.5, 0.36, 4
+HYSTERESIS = AlarmSettings().margin_hysteresis
 
 
 def aircraft_figures(
-    row: ShownRow, seconds_to_empty: float, faulty: Collection[int] = ()
+    row: ShownRow,
+    seconds_to_empty: float,
+    faulty: Collection[int] = (),
+    *,
+    below_limit: bool = False,
 ) -> dict[str, Any]:
     """Return the figures of one row for the page, as JSON values.
 
-    `faulty` are the numbers, from 1, of the rotors that have an alarm.
+    `faulty` are the numbers, from 1, of the rotors that have an alarm. With `below_limit` an alarm
+    of the margin is active: rotors that are within its hysteresis keep the colour of too little.
     """
     airframe, claim = row.analysis.model.airframe, row.analysis.claim
     worst = row.worst[1]
@@ -48,13 +56,12 @@ def aircraft_figures(
             "x": round(float(places[i, 0]), 3),
             "y": round(float(places[i, 1]), 3),
             "left": known(margin[i], 4),
-            "low": known(low[i], 4),
-            "high": known(high[i], 4),
+            **shown_margin(float(margin[i]), float(low[i]), float(high[i])),
             "basis": str(row.basis(i)),
             "output": known(track.throttle[row.row, i], 4),
             "worst": i == worst,
             "faulty": i + 1 in faulty,
-            **paper(colours.MARGIN, coloured[i]),
+            **paper(colours.MARGIN, _lowered(coloured[i], below=below_limit)),
         }
         for i in range(airframe.rotor_count)
     ]
@@ -78,6 +85,25 @@ def aircraft_figures(
         "height": known(track.height_agl[row.row]),
         "spraying": known(track.spraying[row.row], 0),
     }
+
+
+def shown_margin(left: float, low: float, high: float) -> dict[str, int | None]:
+    """Return a margin as the page shows it, in whole percent with the ends of its interval.
+
+    It is rounded down, as in the text of an alarm: so what is below the limit reads below it, and
+    number, colour and alarm agree.
+    """
+    return {
+        "percent": None if math.isnan(left) else percent_down(left),
+        "low": None if math.isnan(low) else percent_down(low),
+        "high": None if math.isnan(high) else percent_up(high),
+    }
+
+
+def _lowered(margin: float, *, below: bool) -> float:
+    """Return the margin that sets a colour: `below` the limit also within the hysteresis."""
+    lowest = np.nextafter(colours.ENOUGH, 0.0)
+    return lowest if below and lowest < margin < colours.ENOUGH + HYSTERESIS else margin
 
 
 def rotor_places(airframe: Airframe) -> tuple[Floats, float]:
@@ -139,17 +165,17 @@ def _tank(row: ShownRow, airframe: Airframe) -> dict[str, Any]:
 
 
 def _lost(row: ShownRow) -> dict[str, Any]:
-    """Return the code of the effect of losing one rotor; "cannot_tell" within the error of
-    redundancy.
+    """Return the code of the effect of losing one rotor; "cannot_tell" where it would hold, but
+    within the error of redundancy.
     """
     free, low, high = row.redundancy
     kept = float(row.analysis.redundancy_yaw_kept[row.row])
     if math.isnan(free):
         code = "bad_part" if row.analysis.bad_part else "no_data"
-    elif low < 1.0 <= high:
-        code = "cannot_tell"
-    elif free < 1.0:
+    elif free < 1.0:  # as the answer of the flight counts it
         code = "sinks"
+    elif low < 1.0:
+        code = "cannot_tell"
     else:
         code = "holds" if kept * low / free >= 1.0 else "spins"
     ends = {"ratio": known(free, 2), "low": known(low, 2), "high": known(high, 2)}

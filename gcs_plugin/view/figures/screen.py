@@ -17,6 +17,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from importlib import resources
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
@@ -32,16 +33,16 @@ from thrustmargin.gcs_plugin.view.figures.vehicle_summary import (
     severity_level,
 )
 from thrustmargin.gcs_plugin.view.scene.overlays import Overlay
-from thrustmargin.gcs_plugin.view.scene.scene import Scene
 from thrustmargin.gcs_plugin.view.scene.surroundings import Camera
 from thrustmargin.gcs_plugin.wording import live_words as words
 from thrustmargin.gcs_plugin.wording.day_words import day_line
 from thrustmargin.gcs_plugin.wording.fill_words import UNSOUND, fill_advice
-from thrustmargin.gcs_plugin.wording.language import LANGUAGES, say, spoken
+from thrustmargin.gcs_plugin.wording.language import LANGUAGES, say, speaking, spoken
 from thrustmargin.gcs_plugin.wording.palette import legend
 from thrustmargin.mission.day_fill import day_fill
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.fill_limits import NextFill
 from thrustmargin.models.model.flight_day import day_on_ground
 from thrustmargin.models.physics.day import complete_day
 
@@ -50,7 +51,7 @@ CHANGE_V = 0.1  # of the battery at rest, likewise
 
 
 class FillAdvice:
-    """The sentence on how much to fill, for one aircraft on the ground; computed anew when the air
+    """The largest fill of one aircraft on the ground, and its sentence; computed anew when the air
     or the battery changes.
 
     It is for the air and the battery that the aircraft reports, and else for the day that the user
@@ -60,24 +61,27 @@ class FillAdvice:
     def __init__(self, limit: float) -> None:
         self._limit = limit  # share of a rotor's maximum thrust that may be in use
         self._known: tuple[object, float, float] | None = None
-        self._text = ""
+        self._fill = NextFill()
+        self._day_words = ""
 
-    def text(self, analysis: FlightAnalysis) -> str:
-        """Return the sentence; empty in flight, without a recognised airframe, and in unknown
+    def fill(self, analysis: FlightAnalysis) -> NextFill | None:
+        """Return the largest fill; None in flight, without a recognised airframe, and in unknown
         air.
         """
         model = analysis.model
         if analysis.track.flying[-1] or analysis.withheld:
-            return ""
+            return None
         if analysis.bad_part:
-            return f"{say(UNSOUND)}."
+            return NextFill(reason="unsound")
+        problem, stated = "", None
         try:
             stated = remembered_day()
         except DataError as error:
-            return str(error)
-        day = complete_day(model.airframe.nominal_voltage, day_on_ground(analysis), stated)
+            problem = f" {error}"
+        days = [day_on_ground(analysis), *([] if stated is None else [stated])]
+        day = complete_day(model.airframe.nominal_voltage, *days)
         if not math.isfinite(day.density):
-            return ""
+            return None
         now = (model, day.density, float(np.nan_to_num(day.battery_voltage.value)))
         known = self._known
         if (
@@ -88,45 +92,62 @@ class FillAdvice:
         ):
             self._known = now
             found = day_fill(model, day, limit=self._limit)
-            advice = fill_advice(found.fill, self._limit)
-            self._text = f"{advice}. {day_line(day, found.voltage)}"
-        return self._text
+            self._fill = found.fill
+            self._day_words = f"{day_line(day, found.voltage)}{problem}"
+        return self._fill
+
+    def text(self, fill: NextFill) -> str:
+        """Return the sentence on a fill, and the day that it holds for."""
+        if fill.reason == "unsound":
+            return f"{say(UNSOUND)}."
+        return f"{fill_advice(fill, self._limit)}. {self._day_words}"
 
 
 STATE, CHARTS, ACT = "/screen.json", "/screen/charts.json", "/screen/act"
 KEPT = 200  # lines of the history
+OF_MARGIN = ("margin", "predicted margin")  # alarms that a rotor is below the limit
+LONGEST_TAB = 40  # characters of a tab's name
 Key = tuple[int, tuple[str, int | None], float]  # vehicle, alarm and when it was raised
-#: What a page may ask for, by name; each takes the text that came with it. Called on a thread of
-#: the server, it raises ValueError for what it does not take.
-Acts = Mapping[str, Callable[[str], None]]
+#: What a page may ask for, by name; each takes the text that came with it and the tab that asks.
+#: Called on a thread of the server, it raises ValueError for what it does not take.
+Acts = Mapping[str, Callable[[str, str], None]]
 
 
 class PageState:
     """The state that the page shows, and the actions that it may request.
 
-    `summaries` returns every aircraft as last heard, on any thread; `more` returns further entries
-    of the state; `charts` draws for a vehicle's number and s before now. `silent` means without
-    sound; `recorded` is a flight of the past, or a `planned` one, with the colours of its
-    `timeline`. `acknowledged` is called with each alarm that the pilot acknowledges.
+    Each tab of a browser has a name of its own, empty for a program that gives none. `summaries`
+    returns every aircraft as a tab shows it, on any thread; `more` returns further entries of its
+    state; `charts` draws for a vehicle's number, s before now and a tab. `connected` is called with
+    a tab and viser's number of its connection. `silent` means without sound; `recorded` is a flight
+    of the past, or a `planned` one, with the colours of its `timeline`. `acknowledged` is called
+    with each alarm that the pilot acknowledges. `clock` is the ground's, µs.
     """
 
     def __init__(
         self,
-        summaries: Callable[[], Sequence[VehicleSummary]],
+        summaries: Callable[[str], Sequence[VehicleSummary]],
         acts: Acts | None = None,
         *,
-        more: Callable[[], dict[str, Any]] = dict,
-        charts: Callable[[int, float], dict[str, Any]] = lambda *_: {},
+        more: Callable[[str], dict[str, Any]] = lambda _: {},
+        charts: Callable[[int, float, str], dict[str, Any]] = lambda *_: {},
+        connected: Callable[[str, int], None] = lambda *_: None,
         silent: bool = False,
         recorded: bool = False,
         planned: bool = False,
         timeline: Sequence[str] = (),
         acknowledged: Callable[[int, Alarm], None] | None = None,
+        clock: Callable[[], int] | None = None,
     ) -> None:
-        self._summaries, self._recorded = summaries, recorded
-        self._more, self._charts = more, charts
+        self._standing, self._recorded = summaries, recorded
+        self._more, self._charts, self._connected = more, charts, connected
         self._acknowledged = acknowledged
-        self._acts = {"acknowledge": lambda _: self.acknowledge(), **(acts or {})}
+        self._clock = clock or (lambda: time.time_ns() // 1000)
+        self._acts = {
+            "acknowledge": lambda text, _: self.acknowledge(int(text) if text else None),
+            **(acts or {}),
+        }
+        self._seen: dict[int, int] = {}  # vehicle -> landing, µs, after which its answer was seen
         self._token = secrets.token_urlsafe(16)
         self._lock = threading.Lock()
         self._known: set[Key] = set()  # acknowledged alarms
@@ -150,9 +171,29 @@ class PageState:
         """Add a change of an alarm to the history."""
         self.note(vehicle, event.kind, event.alarm.text)
 
-    def acknowledge(self) -> None:
-        """Mark every active alarm as known to the pilot."""
-        for one in self._summaries():
+    def _summaries(self, tab: str) -> list[VehicleSummary]:
+        """Return the aircraft of a tab, each with whether its last answer was seen."""
+        with self._lock:
+            seen = dict(self._seen)
+        made = []
+        for one in self._standing(tab):
+            landed = one.landed_us
+            known = landed > 0 and seen.get(one.number) == landed
+            made.append(replace(one, seen=True) if known else one)
+        return made
+
+    def acknowledge(self, vehicle: int | None = None) -> None:
+        """Mark every active alarm as known to the pilot, and the answer of one vehicle's last
+        flight as seen: that of number `vehicle`, else of the only one.
+
+        Of several vehicles nobody has seen the answers that do not stand on top.
+        """
+        fleet = self._summaries("")
+        for one in fleet:
+            if one.finding and (vehicle == one.number or (vehicle is None and len(fleet) == 1)):
+                with self._lock:
+                    self._seen[one.number] = one.landed_us
+                self.note(one.number, "seen", one.first_line[0])
             for alarm in one.alarms:
                 key = _key(one, alarm)
                 with self._lock:
@@ -169,32 +210,40 @@ class PageState:
         """
         parts = urlsplit(target)
         asked = {name: given[0] for name, given in parse_qs(parts.query).items()}
+        tab = asked.get("tab", "")[:LONGEST_TAB]
         if parts.path == STATE:
-            return 200, json.dumps(self.state(), allow_nan=False).encode()
+            if (client := asked.get("client", "")).isdecimal():
+                self._connected(tab, int(client))
+            with speaking(asked.get("lang", "")):
+                return 200, json.dumps(self.state(tab), allow_nan=False).encode()
         if parts.path == CHARTS:
-            return self._drawn(asked)
+            return self._drawn(asked, tab)
         if parts.path != ACT:
             return None
         if not secrets.compare_digest(asked.get("token", "").encode(), self._token.encode()):
             return 403, json.dumps({"refused": words.SCREEN_REFUSES}).encode()
         try:
-            self._acts[asked.get("do", "")](asked.get("to", ""))
+            self._acts[asked.get("do", "")](asked.get("to", ""), tab)
         except (KeyError, ValueError, DataError):
             return 400, b"{}"
         return 200, b"{}"
 
-    def _drawn(self, asked: Mapping[str, str]) -> tuple[int, bytes]:
+    def _drawn(self, asked: Mapping[str, str], tab: str) -> tuple[int, bytes]:
         try:
             number, back_s = int(asked.get("vehicle", "")), finite(asked.get("back", "0"))
         except ValueError:
             return 400, b"{}"
-        return 200, json.dumps(self._charts(number, max(back_s, 0.0)), allow_nan=False).encode()
+        made = self._charts(number, max(back_s, 0.0), tab)
+        return 200, json.dumps(made, allow_nan=False).encode()
 
-    def state(self) -> dict[str, Any]:
-        """Return the whole state of the page: vehicles, alarms (the gravest first), history (the
+    def state(self, tab: str = "") -> dict[str, Any]:
+        """Return the whole state of a tab: vehicles, alarms (the gravest first), history (the
         newest first).
+
+        A vehicle that is gone stays until the answer of its last flight was seen.
         """
-        fleet = [one for one in self._summaries() if not one.gone]
+        heard = self._summaries(tab)
+        fleet = [one for one in heard if not one.gone or one.finding]
         listed = [(one, alarm) for one in fleet for alarm in one.alarms]
         listed.sort(key=lambda pair: (pair[1].order[:3], _key(*pair) in self._known))
         with self._lock:
@@ -231,24 +280,37 @@ class PageState:
             "vehicles": [self._vehicle(one) for one in fleet],
             "alarms": alarms,
             "history": history,
-            **self._more(),
+            "left": [self._left(one) for one in heard if one not in fleet],
+            **self._more(tab),
         }
+
+    def _left(self, one: VehicleSummary) -> dict[str, Any]:
+        """Return which vehicle is no longer shown, and when it was last heard."""
+        return {"number": one.number, "at": _at(self._clock() - round(one.silent * 1e6))}
+
+    def _landed(self, one: VehicleSummary) -> dict[str, Any] | None:
+        """Return when the flight of the answer ended, and s since then; None in the air."""
+        if not one.landed_us or one.answer is None:
+            return None
+        ago_s = max(self._clock() - one.landed_us, 0) * 1e-6
+        return {"at": _at(one.landed_us), "ago_s": round(ago_s), "unseen": one.finding}
 
     def _vehicle(self, one: VehicleSummary) -> dict[str, Any]:
         """Return the state of one aircraft, with its figures where any are known, and their age,
         None for a recorded flight.
         """
-        answer = None if one.update is None else one.update.answer
+        answer = None if one.whole is not None else one.answer
         entry = {
             "number": one.number,
             "age": None if self._recorded else round(max(one.age, 0.0), 2),
             "old": one.old,
             "silent": round(one.silent, 1),
+            "landed": self._landed(one),
             "problem": one.problem,
             "pending": one.pending,
             "stale": one.stale,
             "message": one.message,
-            "fill": one.fill,
+            "fill": "" if one.first_line[1] == one.fill else one.fill,
             "level": one.first_line[2],
             "flight": None if answer is None else {**answer.json, "line": answer.line},
             "shows": [] if (said := answer or one.whole) is None else list(said.contact_lines),
@@ -256,7 +318,8 @@ class PageState:
         if one.row is None:
             return {**entry, "figures": None}
         outlook = None if one.update is None else one.update.outlook
-        figures = aircraft_figures(one.row, one.seconds_to_empty, one.faulty)
+        low = any(alarm.name in OF_MARGIN for alarm in one.alarms)
+        figures = aircraft_figures(one.row, one.seconds_to_empty, one.faulty, below_limit=low)
         ahead = {"ahead": None, "full": None, "remarks": [], "why": one.row.why_unknown}
         if one.update is not None and outlook is not None:
             ahead["ahead"] = known(outlook.margin_ahead)
@@ -273,15 +336,20 @@ class PageState:
             )
 
 
-def field_state(names: Sequence[str], shown: Overlay, scene: Scene) -> dict[str, Any]:
+def field_state(names: Sequence[str], shown: Overlay, camera: Camera) -> dict[str, Any]:
     """Return the page's controls of the scene: colours of the route, legend and cameras."""
     return {
         "colours": list(names),
         "colour": shown.name,
         "legend": legend(shown.scale, shown.note),
         "cameras": [*Camera],
-        "camera": scene.camera,
+        "camera": camera,
     }
+
+
+def _at(clock_us: int) -> str:
+    """Return the ground's clock, µs, as the time of day where this computer is."""
+    return time.strftime("%H:%M", time.localtime(clock_us * 1e-6))
 
 
 def _key(one: VehicleSummary, alarm: Alarm) -> Key:

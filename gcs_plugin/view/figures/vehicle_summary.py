@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, WARNING, Alarm
+from thrustmargin.gcs_plugin.live.alarms.alarm import (
+    CRITICAL,
+    NOTICE,
+    OF_PARTS,
+    WARNING,
+    Alarm,
+)
 from thrustmargin.gcs_plugin.live.link_vehicles import OLD
 from thrustmargin.gcs_plugin.wording import palette as colours
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
+from thrustmargin.gcs_plugin.wording.glance_words import before_take_off, in_the_air
+from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.models.model.advice import FlightLevel
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.watch.update import Update
     from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
     from thrustmargin.mission.plan_items import PlanItem
+    from thrustmargin.models.model.fill_limits import NextFill
 
 Level = Literal["red", "amber", "grey", "green"]
 #: The gravest first.
@@ -46,58 +56,131 @@ class VehicleSummary:
     message: str = ""  # its last message
     seconds_to_empty: float = math.nan  # inf: the tank does not fall
     fill: str = ""  # what to fill, while it stands on the ground
+    largest: NextFill | None = None  # the fill that `fill` states
     mission: Mapping[int, PlanItem] | None = None
     whole: FlightAnswer | None = None  # of a recorded flight
+    recorded: bool = False  # of the past: nothing that an alarm asked for can be done now
+    seen: bool = False  # somebody has confirmed the answer of its last flight
 
     @property
     def faulty(self) -> frozenset[int]:
-        """Numbers, from 1, of the rotors that have an alarm."""
-        return frozenset(alarm.rotor for alarm in self.alarms if alarm.rotor is not None)
+        """Numbers, from 1, of the rotors that have an alarm, or that a flight found bad which is
+        over.
+        """
+        over = self.whole is not None or not self.flying
+        found = self.answer.rotors if self.answer is not None and over else ()
+        listed = (alarm.rotor for alarm in self.alarms if alarm.rotor is not None)
+        return frozenset((*listed, *found))
 
     @property
     def old(self) -> bool:
         return self.age > self.old_s
 
     @property
+    def answer(self) -> FlightAnswer | None:
+        """Answer of the recorded flight, of the one in progress, or of the last one until it was
+        seen.
+        """
+        if self.whole is not None:
+            return self.whole
+        if self.update is None or (self.seen and not self.flying):
+            return None
+        return self.update.answer
+
+    @property
+    def flying(self) -> bool:
+        """Whether it was off the ground in its newest row."""
+        return self.row is not None and self.row.flying
+
+    @property
+    def landed_us(self) -> int:
+        """Ground's clock, µs, of the landing after its last flight; 0 in flight and before one."""
+        return 0 if self.update is None or self.whole is not None else self.update.landed_us
+
+    @property
+    def finding(self) -> bool:
+        """Whether the answer of its last flight is shown and nobody has confirmed it yet."""
+        return self.landed_us > 0 and self.answer is not None
+
+    @property
     def first_line(self) -> tuple[str, str, Level]:
         """Headline, its reason and its level: of the gravest alarm, else of the flight.
 
-        That is a whole one, or what flies now up to its last rows. Of an aircraft that is not known
-        it is what its rows show; a notice does not take its place. Without either the headline is
-        empty: the page then says that there is no alarm, in green only on the ground or where the
-        thrust left of all rotors is known to be enough, and where nothing says that the loss of one
-        would bring it down.
+        In the air the gravest alarm comes first, and its action is to be done now. After landing it
+        is what was found in the flight, with what to do before the next one: an alarm of the link
+        or of the past flight does not take its place. Of an aircraft that is not known it is what
+        its rows show; a notice does not take its place. Before the flight it is the fill on board
+        against the largest, in grey or red. Without any the headline is empty: the page then says
+        that there is no alarm, in green only in the air, where the thrust left of all rotors is
+        known to be enough, and where nothing says that the loss of one would bring it down.
         """
-        so_far = None if self.update is None else self.update.answer
-        row = self.row
-        unheard = row is None or bool(self.problem) or self.old
-        shows = so_far is not None and so_far.contact is not None and not unheard
-        if self.alarms and not (shows and self.alarms[0].severity > WARNING):
-            first, *rest = self.alarms
-            # Every grave one is named: one that is known must not hide another behind a number.
-            grave = [alarm for alarm in rest if alarm.severity <= CRITICAL]
-            reasons = ([first.line] if first.line != first.text else []) + [a.line for a in grave]
-            level = severity_level(first.severity)
-            if so_far is not None and verdict_level(so_far) == "red":
-                # Short while it flies: what to do at a desk stands whole further down.
-                reasons += [so_far.brief] if so_far.brief else []
-                level = "red"
-            return first.text, " · ".join(reasons), level
         if self.whole is not None:
-            level = verdict_level(self.whole)
-            # Not green before it is known whether there were alarms.
-            unsure = self.pending and level == "green"
-            do = _sentence(self.whole.action or self.whole.why)
-            return self.whole.headline, do or self.pending, "grey" if unsure else level
+            return self._recorded(self.whole)
+        answer, alarms = self.answer, self.alarms
+        level = "grey" if answer is None else verdict_level(answer)
+        unheard = self.row is None or bool(self.problem) or self.old
+        if answer is not None and not self.flying and self._leads(answer):
+            rest = [a.line for a in alarms if a.severity <= CRITICAL and a.name not in OF_PARTS]
+            return _found(answer, level, rest)
+        shows = answer is not None and answer.contact is not None and not unheard
         # Also while nothing is heard: what was found does not end with a gap in the telemetry.
-        if so_far is not None and verdict_level(so_far) in ("red", "amber"):
-            return so_far.headline, so_far.brief or _sentence(so_far.action), verdict_level(so_far)
-        if so_far is not None and shows:
-            return so_far.headline, self.pending, "grey"
-        if row is None or unheard or self.pending:
+        found = answer is not None and (level in ("red", "amber") or not self.flying)
+        if alarms and alarms[0].severity <= (WARNING if shows or found else NOTICE):
+            return self._alarmed(answer, level)
+        if answer is not None and found:
+            return _found(answer, level, [self.pending])
+        if answer is not None and shows:
+            return answer.headline, self.pending, "grey"
+        if self.row is None or unheard or self.pending:
             return "", self.pending, "grey"
-        calm = row.survives and (not row.flying or row.surely_left >= colours.ENOUGH)
+        if not self.row.flying:
+            return self._before_take_off(self.row)
+        calm = self.row.survives and self.row.surely_left >= colours.ENOUGH
         return "", self.pending, "green" if calm else "grey"
+
+    def _leads(self, answer: FlightAnswer) -> bool:
+        """Whether the answer of a flight comes before the alarms that are listed on the ground."""
+        others = (a for a in self.alarms if a.severity <= WARNING and a.name not in OF_PARTS)
+        return answer.level in (FlightLevel.DAMAGED, FlightLevel.LOST) or not any(others)
+
+    def _alarmed(self, answer: FlightAnswer | None, level: Level) -> tuple[str, str, Level]:
+        """Return the line of the gravest alarm: its action, and every grave alarm in full."""
+        first, *rest = self.alarms
+        rotors = first.rotors or tuple(filter(None, (first.rotor,)))
+        places = () if self.row is None else self.row.analysis.places
+        place = places[rotors[0] - 1] if len(rotors) == 1 and len(places) >= rotors[0] else ""
+        asks = in_the_air(first.name, rotors, place) if first.severity <= WARNING else ""
+        headline = asks if self.flying and asks and not self.recorded else say(first.text)
+        reasons = [first.line] if first.line != headline else []
+        # Every grave one is named: one that is known must not hide another behind a number.
+        reasons += [alarm.line for alarm in rest if alarm.severity <= CRITICAL]
+        if answer is not None and level == "red" and not self.flying:
+            reasons += [answer.brief] if answer.brief else []
+        worse = "red" if level == "red" else severity_level(first.severity)
+        return headline, " · ".join(reasons), worse
+
+    def _recorded(self, whole: FlightAnswer) -> tuple[str, str, Level]:
+        """Return the line of a flight of the past: what to do before the next one.
+
+        It is the same at every moment of the replay; what an alarm asked of the pilot then is of
+        no use now, so the alarm itself follows with the other reasons.
+        """
+        level = verdict_level(whole)
+        # Not green before it is known whether there were alarms.
+        unsure = self.pending and level == "green"
+        if self.alarms and level != "red":  # an answer of which the alarm is no part
+            first, *rest = self.alarms
+            known = [alarm.text for alarm in rest] + [whole.headline]
+            return first.text, " · ".join(known), severity_level(first.severity)
+        headline, because, _ = _found(whole, level, [alarm.text for alarm in self.alarms])
+        return headline, because or self.pending, "grey" if unsure else level
+
+    def _before_take_off(self, row: ShownRow) -> tuple[str, str, Level]:
+        """Return the fill on board against the largest: red where it is more, else grey."""
+        if self.largest is None:
+            return "", self.pending, "grey"
+        headline, over = before_take_off(self.largest, float(row.track.tank_kg[row.row]))
+        return headline, self.fill, "red" if over else "grey"
 
     @property
     def shown(self) -> tuple[tuple[Alarm, ...], str, bool]:
@@ -108,6 +191,15 @@ class VehicleSummary:
 def verdict_level(answer: FlightAnswer) -> Level:
     """Return the level of a flight's answer."""
     return VERDICT_LEVEL.get(answer.level, "grey")
+
+
+def _found(answer: FlightAnswer, level: Level, rest: Sequence[str]) -> tuple[str, str, Level]:
+    """Return the line of what a flight showed: the action in short, the finding and the action in
+    full, then the rest."""
+    headline = answer.glance or answer.headline
+    finding = answer.headline if answer.glance else ""
+    do = _sentence(answer.action or answer.why)
+    return headline, " · ".join(filter(None, (finding, do, *rest))), level
 
 
 def _sentence(words: str) -> str:

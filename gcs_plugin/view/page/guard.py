@@ -221,6 +221,12 @@ def guarded_server(
     except BaseException:
         listening.close()
         raise
+    # So that the page can name its connection when it asks for its state.
+    server.on_client_connect(
+        lambda client: client.gui._websock_interface.queue_message(
+            messages.RunJavascriptMessage(f"window.tmClient = {client.client_id};")
+        )
+    )
     # A page can ask viser to publish itself through a public relay: that door is removed.
     for request in (messages.ShareUrlRequest, messages.ShareUrlDisconnect):
         server._websock_server.unregister_handler(request)

@@ -22,6 +22,7 @@ from thrustmargin.gcs_plugin.view.page.guard import (
     is_loopback,
     stop_server,
 )
+from thrustmargin.gcs_plugin.view.page.phone_address import network_address, scan_code
 from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
@@ -56,6 +57,7 @@ class ViewPage(ABC):
         self._requests: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._stopping = threading.Event()
         self._server: viser.ViserServer | None = None
+        self._phone: dict[str, str] | None = None  # the last that `phone_page` made
         self._thread: threading.Thread | None = None
 
     @abstractmethod
@@ -73,6 +75,19 @@ class ViewPage(ABC):
             raise DataError("the view is not open; call start() first")
         ends = f"/?token={self._token}" if self._token else ""
         return f"http://{address_of(self._host)}:{self._server.get_port()}{ends}"
+
+    def phone_page(self) -> dict[str, str] | None:
+        """Return the address of the page for a phone in the same network, with its token, and its
+        code to scan; None where no phone can reach the page.
+        """
+        own = network_address(self._host)
+        if own is None or self._server is None:
+            return None
+        if self._phone is None or self._phone["address"] != own:
+            name, port = address_of(own), self._server.get_port()
+            url = f"http://{name}:{port}/?token={self._token}"
+            self._phone = {"address": own, "url": url, "code": scan_code(url)}
+        return {"url": self._phone["url"], "code": self._phone["code"]}
 
     def start(self) -> None:
         """Open the port, build the page and begin to draw. Raises LinkError for a taken port."""

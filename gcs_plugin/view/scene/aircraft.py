@@ -15,6 +15,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.view.scene.shown_row import FRD_FLU, ShownRow
 from thrustmargin.gcs_plugin.view.scene.surroundings import screen_lines
 from thrustmargin.gcs_plugin.wording import palette as colours
+from thrustmargin.gcs_plugin.wording.language import percent_down
 from thrustmargin.gcs_plugin.wording.live_words import BEYOND
 from thrustmargin.gcs_plugin.wording.palette import sent_for
 from thrustmargin.models.flight import Floats
@@ -193,7 +194,7 @@ def rotor_label(index: int, margin: float) -> str:
     """Return the text over a rotor: its number and its margin in per cent, or "?" where unknown."""
     if not np.isfinite(margin):
         return f"{index + 1}: ?"
-    return f"{index + 1}: {BEYOND if margin < 0.0 else f'{100 * margin:.0f}%'}"
+    return f"{index + 1}: {BEYOND if margin < 0.0 else f'{percent_down(margin)}%'}"
 
 
 def tank_level(tank_kg: float, capacity_kg: float) -> float:

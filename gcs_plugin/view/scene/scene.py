@@ -4,11 +4,16 @@ Everything hangs under one frame, `/world`. To follow an aircraft the world is m
 that stays where its user put it, so that following never fights with the mouse.
 The scene knows no clock and no log: `set_route` and `set_field` give it what lies still, `show`
 gives it one row of one aircraft. Every call only assigns to nodes that exist.
+
+One scene belongs to the server, and every browser sees it. `for_client` adds one of a single
+browser: its nodes stand in the place of the server's nodes of the same name, in that browser alone,
+so it has a camera, colours and a time of its own over the same ground.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,7 +38,7 @@ from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.physics.airframe import Airframe
 
 if TYPE_CHECKING:
-    from viser import CameraHandle, ClientHandle, LineSegmentsHandle, ViserServer
+    from viser import CameraHandle, ClientHandle, LabelHandle, LineSegmentsHandle, ViserServer
 
 ROUTE_PIXELS = 8.0
 #: An arm's length over the extent when the whole field is shown: true to size it were a dot.
@@ -46,17 +51,21 @@ HIT = np.radians(2.0)  # from the route, within which a click is of it
 
 
 class Scene:
-    """One 3D scene for one or more aircraft of a viser server. Call it from one thread."""
+    """One 3D scene for one or more aircraft of a viser server. Call it from one thread.
 
-    def __init__(self, server: ViserServer) -> None:
-        self._server = server
-        self._api = server.scene
+    With a `client` it is that browser's own, over the ground of the server's scene.
+    """
+
+    def __init__(self, server: ViserServer, client: ClientHandle | None = None) -> None:
+        self._server, self._client = server, client
+        self._api = server.scene if client is None else client.scene
         self._world = self._api.add_frame("/world", show_axes=False)
-        self._api.set_up_direction("+z")
-        # Ambient light alone, of the strength at which a mesh keeps the colour it is given.
-        self._api.configure_default_lights(enabled=False)
-        self._api.configure_environment_map(hdri=None)
-        self._api.add_light_ambient("/light", intensity=float(np.pi))
+        if client is None:
+            self._api.set_up_direction("+z")
+            # Ambient light alone, of the strength at which a mesh keeps the colour it is given.
+            self._api.configure_default_lights(enabled=False)
+            self._api.configure_environment_map(hdri=None)
+            self._api.add_light_ambient("/light", intensity=float(np.pi))
         self._vehicles: dict[str, VehicleNode] = {}
         self._routes: dict[str, LineSegmentsHandle] = {}
         self._planned: set[str] = set()  # names of the planned paths that are drawn
@@ -73,8 +82,38 @@ class Scene:
         self._pinned = self._covered = False
         self._low, self._high = np.full(3, -20.0), np.full(3, 20.0)  # m, corners of all shown
         self._ground = 0.0  # m, up
+        self._cell = grid_cell(self._extent)  # m
         self._held: Floats | None = None  # (2, 3) m, what `hold` fitted the ground to
-        server.on_client_connect(self._keep_fitted)
+        self._note = self._api.add_label("/world/scale", "")
+        self._of_clients: dict[int, Scene] = {}  # by viser's number of the client
+        if client is not None:
+            self._keep_fitted(client)
+
+    def for_client(self, client: ClientHandle) -> Scene:
+        """Return a new scene of one browser, over the ground of this one."""
+        made = Scene(self._server, client)
+        made._fit_like(self)
+        self._of_clients[client.client_id] = made
+        return made
+
+    def keep_clients(self, numbers: Collection[int]) -> None:
+        """Forget the scenes of browsers that are gone; `numbers` are viser's of those that are
+        not.
+        """
+        self._of_clients = {n: one for n, one in self._of_clients.items() if n in numbers}
+
+    def atomic(self) -> AbstractContextManager[None]:
+        """Return a context in which all changes reach the browser together."""
+        return (self._client or self._server).atomic()
+
+    def _fit_like(self, other: Scene) -> None:
+        """Take the ground of another scene, to which the camera is fitted."""
+        self._low, self._high, self._ground = other._low, other._high, other._ground
+        self._cell = other._cell
+        self._note.position = other._note.position
+        self._rescale()
+        if self.camera is Camera.FIELD:
+            self._look()
 
     def set_ground(self, positions_enu: Floats, ground: float) -> None:
         """Fit grid, camera and the aircraft's drawn size to (T, 3) positions and `ground`, m."""
@@ -106,8 +145,10 @@ class Scene:
             "/world/north", "North", position=(*edge, ground), anchor="bottom-center"
         )
         corner = middle - np.array([side / 4, side / 2])
-        self._note = self._api.add_label("/world/scale", "", position=(*corner, ground))
+        self._note.position = (*corner, ground)
         self._look()
+        for one in self._of_clients.values():
+            one._fit_like(self)
 
     def hold(self, points_enu: Floats) -> None:
         """Enlarge ground and overview where (N, 3) points, m, lie outside of them.
@@ -218,6 +259,16 @@ class Scene:
         self._vehicles[key] = VehicleNode(self._api, "/world", key, airframe)
         self._rescale()
 
+    def add_name(self, key: str) -> LabelHandle:
+        """Add the name of an aircraft, hidden until it is placed."""
+        return self._api.add_label(
+            f"/world/name_{key}",
+            key,
+            anchor="bottom-center",
+            font_screen_scale=1.25,
+            visible=False,
+        )
+
     def show(
         self,
         key: str,
@@ -256,7 +307,7 @@ class Scene:
         return np.array([0.0, 0.0, 1.2 * self._vehicles[key].drawn_arm])
 
     def set_camera(self, camera: Camera) -> None:
-        """Look at the whole field, or follow the aircraft. Every open page is turned to it."""
+        """Look at the whole field, or follow the aircraft."""
         self.camera = camera
         self._show_pin()
         self._rescale()
@@ -284,12 +335,15 @@ class Scene:
         self._note.text = ", ".join(dict.fromkeys(note))
 
     def _look(self) -> None:
-        """Turn every open page, and those that open later, to the chosen camera."""
+        """Turn this scene's browser to the chosen camera; the server's scene turns pages that open
+        later.
+        """
+        if self._client is not None:
+            self._aim(self._client)
+            return
         position, look_at = self._view(FIRST_ASPECT)
         self._server.initial_camera.position = tuple(position)
         self._server.initial_camera.look_at = tuple(look_at)
-        for client in self._server.get_clients().values():
-            self._aim(client)
 
     def _keep_fitted(self, client: ClientHandle) -> None:
         """Aim now, and again when the picture's shape changes: panels dock, windows are resized."""

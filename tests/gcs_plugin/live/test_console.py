@@ -185,6 +185,23 @@ def test_the_screen_names_alarms_problems_and_the_tanks_source(monitor):
     assert "tank by NAMED_VALUE_FLOAT TANK" in text
 
 
+def test_what_was_found_is_not_gone_with_the_vehicle(monitor, monkeypatch):
+    vehicle = Vehicle(7)
+    for _ in range(30):
+        monitor.fleet.take(vehicle.tick(rpm=(1700,) * 4))
+        monitor.fleet.updates()
+    monitor._newest_us = vehicle.stamp_us
+    monkeypatch.setattr(monitor, "now_us", lambda: vehicle.stamp_us + 90 * SECOND)
+    watch = monitor.fleet.vehicles[7]
+    track = watch.last.analysis.track
+    stands = replace(track, flying=np.zeros_like(track.flying))
+    watch.last = replace(watch.last, analysis=replace(watch.last.analysis, track=stands))
+    shown = printed(monitor)
+    assert "no vehicle heard yet" not in shown
+    assert "vehicle 7 was last heard at" in shown
+    assert f"vehicle 7: {watch.last.answer.line}" in " ".join(shown.split())
+
+
 def test_a_recording_that_does_not_go_on_is_told_first(monitor, tmp_path):
     from thrustmargin.gcs_plugin.live.recording.recorder import RecorderStatus
 

@@ -1,6 +1,7 @@
 """The live view without a browser: what the monitor hears is drawn, and what the page is told."""
 
 import json
+import re
 import socket
 from typing import Any
 
@@ -13,6 +14,7 @@ from tests.gcs_plugin.wording.seen_colours import seen_for
 from tests.waiting import until
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.view.live_view import LiveView
+from thrustmargin.gcs_plugin.view.page import view_page
 from thrustmargin.gcs_plugin.wording.palette import MARGIN
 from thrustmargin.models.errors import LinkError
 from thrustmargin.models.model.rotor_model import physics_model
@@ -61,7 +63,7 @@ def test_what_is_heard_is_drawn_and_greyed_out_when_it_is_old(heard):
     heard.fly(2400, 1700)
     until(lambda: heard.node("/world/route_1") is not None)
     until(lambda: heard.node("/world/vehicle_1/discs") is not None)
-    view._colour_trail(view._aircraft[1])
+    view._colour_trail(view._aircraft[1], view._tabs.shared)
     trail = view._aircraft[1].trail
     left = trail.route.worst(trail.values(0), "min")
     assert left.min() == pytest.approx(1 - (2400 * 58.8 / 50 / 3000) ** 2, rel=1e-3)
@@ -119,17 +121,17 @@ def test_colour_camera_and_aircraft_can_be_chosen_and_nonsense_is_refused(heard)
     heard.fly(1700, 1700)
     until(lambda: len(heard.view._aircraft) == 2)
     acts = heard.view._screen._acts
-    acts["colour"]("Residual")
-    acts["camera"]("Follow, north up")
-    acts["follow"]("2")
+    acts["colour"]("Residual", "")
+    acts["camera"]("Follow, north up", "")
+    acts["follow"]("2", "")
     until(lambda: heard.view._screen.state()["field"]["colour"] == "Residual")
     until(lambda: heard.view._screen.state()["field"]["camera"] == "Follow, north up")
     until(lambda: heard.view._screen.state()["follow"] == 2)
-    acts["colour"]("<script>")
-    acts["follow"]("9")
+    acts["colour"]("<script>", "")
+    acts["follow"]("9", "")
     for name, wrong in (("camera", "<script>"), ("follow", "x")):
         with pytest.raises(ValueError, match=r"."):
-            acts[name](wrong)
+            acts[name](wrong, "")
     assert heard.view._screen.state()["follow"] == 2
 
 
@@ -153,3 +155,45 @@ def test_an_aircraft_that_was_switched_off_leaves_the_page_and_may_return(heard,
 def test_a_taken_port_is_an_error():
     with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(LinkError, match="port"):
         LiveView(AIRFRAME, port=taken.getsockname()[1]).start()
+
+
+def test_the_colour_that_one_browser_chose_is_its_own(heard):
+    heard.fly(1700, 1700)
+    screen = heard.view._screen
+    screen._acts["colour"]("Residual", "laptop")
+    screen._acts["camera"]("Follow, nose ahead", "laptop")
+    until(lambda: screen.state("laptop")["field"]["colour"] == "Residual")
+    until(lambda: screen.state("laptop")["field"]["camera"] == "Follow, nose ahead")
+    for tab in ("phone", ""):
+        field = screen.state(tab)["field"]
+        assert (field["colour"], field["camera"]) == ("Thrust left", "Whole field")
+
+
+def waiting(**options) -> dict[str, Any]:
+    """What the page is told before the first message."""
+    view = LiveView(AIRFRAME, port=0, listens=("udpin:0.0.0.0:14550",), **options)
+    view.start()
+    try:
+        return view._screen.state()["waiting"]
+    finally:
+        view.stop()
+
+
+def test_before_the_first_message_the_page_says_where_it_listens_and_how_a_phone_opens_it(
+    monkeypatch,
+):
+    alone = waiting()
+    assert list(alone["listens"]) == ["udpin:0.0.0.0:14550"]
+    assert (alone["page"], alone["open"], alone["option"]) == (None, False, "--host 0.0.0.0")
+    monkeypatch.setattr(view_page, "network_address", lambda _: "192.0.2.7")
+    shown = waiting(host="0.0.0.0", token="of-this-link")["page"]
+    assert re.fullmatch(r"http://192\.0\.2\.7:\d+/\?token=of-this-link", shown["url"])
+    assert shown["code"].startswith("<svg")
+    monkeypatch.setattr(view_page, "network_address", lambda _: None)
+    nowhere = waiting(host="0.0.0.0", token="of-this-link")
+    assert (nowhere["page"], nowhere["open"]) == (None, True)
+
+
+def test_once_a_vehicle_is_heard_nobody_needs_the_code(heard):
+    heard.fly(1700, 1700)
+    assert "waiting" not in heard.view._screen.state()

@@ -28,7 +28,7 @@ def test_the_page_shows_the_plan_as_planned_with_its_verdict_and_its_four_colour
         assert '"planned": true' in page
         state = view._screen.state()
         assert state["field"]["colours"] == ["Thrust in use", "Thrust left", "Redundancy", "Tank"]
-        assert state["verdict"] == verdict(made)
+        assert state["first"]["headline"] == verdict(made)
         duration = float(np.ptp(made.flight.track.time_s))
         assert state["replay"]["duration"] == pytest.approx(duration, abs=0.01)
         view.set_overlay("Tank")

@@ -85,12 +85,12 @@ def asked(view: ReplayView, path: str) -> Any:
         return json.load(answer)
 
 
-def act(view: ReplayView, what: str, to: str = "") -> None:
+def act(view: ReplayView, what: str, to: str = "", tab: str = "") -> None:
     """Ask as the page does, with the token that it was given."""
     with urllib.request.urlopen(view.url, timeout=100) as page:
         given = re.search(rb'"token": "([^"]+)"', page.read())
     assert given
-    told = urllib.parse.urlencode({"do": what, "to": to, "token": given[1].decode()})
+    told = urllib.parse.urlencode({"do": what, "to": to, "tab": tab, "token": given[1].decode()})
     asked(view, f"/screen/act?{told}")
 
 
@@ -289,6 +289,37 @@ def test_a_page_that_sends_nonsense_changes_nothing(view):
     np.testing.assert_array_equal(route_colours(view), before)
 
 
+def of_tab(view: ReplayView, tab: str) -> tuple[float, str, str]:
+    """Time, colour and camera of one browser's tab."""
+    state = asked(view, f"/screen.json?tab={tab}")
+    shown = state["field"]
+    return state["replay"]["time"], shown["colour"], shown["camera"]
+
+
+def test_every_browser_has_its_own_time_colour_and_camera(view):
+    """What a laptop chooses must not move the pilot's phone."""
+    at_first = (0.0, "Thrust left", "Whole field")
+    assert of_tab(view, "phone") == of_tab(view, "laptop") == at_first
+    for what, to in (("seek", "12"), ("colour", "Residual"), ("camera", "Follow, north up")):
+        act(view, what, to, tab="laptop")
+    chosen = (12.0, "Residual", "Follow, north up")
+    settled(view, lambda: of_tab(view, "laptop") == chosen)
+    assert of_tab(view, "phone") == at_first
+    assert view.clock.now() == 0.0
+    act(view, "play", tab="phone")
+    settled(view, lambda: of_tab(view, "phone")[0] > 0.0)
+    assert of_tab(view, "laptop") == chosen  # also when its page is loaded anew
+
+
+def test_a_page_that_opens_later_begins_where_a_program_has_set_the_view(view):
+    view.seek(17.0)
+    assert of_tab(view, "late")[0] == 17.0
+    view.play()
+    settled(view, lambda: of_tab(view, "late")[0] > 17.0)
+    view.pause()
+    assert not asked(view, "/screen.json?tab=later")["replay"]["playing"]
+
+
 def test_a_click_on_the_route_goes_to_that_time_whatever_the_camera_follows(view, analysis):
     view.seek(0.0)
     world = node(view, "/world")
@@ -298,11 +329,11 @@ def test_a_click_on_the_route_goes_to_that_time_whatever_the_camera_follows(view
         turn = Rotation.from_quat(world.wxyz, scalar_first=True)
         place = enu(analysis.track.position_ned[150]) + np.array([0.0, 0.0, 30.0])
         above = turn.apply(place) + world.position
-        click = SimpleNamespace(ray_origin=above, ray_direction=(0.0, 0.0, -1.0))
+        click = SimpleNamespace(client_id=-1, ray_origin=above, ray_direction=(0.0, 0.0, -1.0))
         view._clicked(click)
         assert view.clock.now() == pytest.approx(15.0, abs=0.11)
         aside = above + np.array([200.0, 0.0, 0.0])
-        beside = SimpleNamespace(ray_origin=aside, ray_direction=(0.0, 0.0, -1.0))
+        beside = SimpleNamespace(client_id=-1, ray_origin=aside, ray_direction=(0.0, 0.0, -1.0))
         view.seek(0.0)
         view._clicked(beside)
         assert view.clock.now() == 0.0

@@ -13,7 +13,7 @@ PAGE = (ROOT / "view/figures/screen.html").read_text("utf-8")
 OTHERS = [language for language in LANGUAGES if language != "en"]
 #: Keys that the page makes of a code of the state, not of its own text.
 OF_LOST = {"holds", "spins", "sinks", "cannot_tell", "bad_part", "no_data"}
-BY_CODE = {*OF_LOST, "aircraft", "field", "charts"}
+BY_CODE = {*OF_LOST, "aircraft", "field", "charts", "check_power", "check_sent", "check_port"}
 
 
 def placeholders(text: str) -> set[str]:

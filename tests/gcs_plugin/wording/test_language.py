@@ -27,6 +27,8 @@ from thrustmargin.gcs_plugin.wording.language import (
     number,
     place,
     say,
+    speaking,
+    spoken,
     translations,
     within,
 )
@@ -251,3 +253,12 @@ def test_a_language_that_there_is_not_is_refused(monkeypatch):
         say("land")
     monkeypatch.delenv(VARIABLE)
     assert say("land") == "land"
+
+
+def test_a_page_is_answered_in_its_own_language_and_nothing_else_changes():
+    assert (spoken(), say("nothing")) == ("en", "nothing")
+    with speaking("de"):
+        assert (spoken(), say("nothing")) == ("de", "nichts")
+        with speaking("xx"):
+            assert spoken() == "en"
+    assert spoken() == "en"

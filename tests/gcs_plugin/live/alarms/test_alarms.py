@@ -417,8 +417,8 @@ def test_a_bad_rotor_stays_listed_without_a_verdict_speeds_or_link_and_is_confir
         ("unconfirmed", "rotor", "link"),
     ]
     shown = sorted(alarms.listed.values(), key=lambda alarm: alarm.order)
-    assert [alarm.name for alarm in shown] == ["telemetry", "rotor"]
-    assert shown[1].line.startswith("cannot be confirmed, telemetry lost: Rotor 3 front left 1")
+    assert [alarm.name for alarm in shown] == ["rotor", "telemetry"]
+    assert shown[0].line.startswith("cannot be confirmed, telemetry lost: Rotor 3 front left 1")
 
 
 def test_reports_that_give_no_row_leave_nothing_confirmed():
@@ -543,7 +543,7 @@ def test_control_is_lost_where_the_aircraft_is_not_as_it_was_asked_and_by_spin_a
     assert of_control(moving(angular_rate_frd=spin))[0][2] == "CONTROL LOST: turning at 400 °/s"
 
 
-def test_lost_control_comes_before_every_alarm_but_a_lost_link():
+def test_lost_control_comes_before_every_alarm():
     alarms = Alarms()
     low = np.full((600, 4), 0.5)
     low[:, 2] = 1.0
@@ -553,7 +553,7 @@ def test_lost_control_comes_before_every_alarm_but_a_lost_link():
     assert [a.name for a in standing][:2] == ["control", "saturation"]
     alarms.heard(100.0, LinkNow(silent=5.0))
     standing = sorted(alarms.listed.values(), key=lambda alarm: alarm.order)
-    assert [a.name for a in standing][:2] == ["telemetry", "control"]
+    assert [a.name for a in standing][:2] == ["control", "telemetry"]
 
 
 def stopping(carried: float) -> FlightTrack:

@@ -110,3 +110,31 @@ def test_after_a_restart_the_rows_of_before_are_of_another_flight():
     assert after[0].clock_s[0] == pytest.approx(3.1, abs=0.2)
     assert all(np.all(np.diff(update.clock_s) > 0.0) for update in updates)
     assert watch.rows == pytest.approx(150, abs=6)
+
+
+class Hopping(Vehicle):
+    """It flies or stands, as `up` says."""
+
+    up = True
+
+    def landed(self, state: int = 2) -> bytes:
+        return super().landed(state if self.up else 1)
+
+
+@pytest.mark.parametrize("piece", [40, 900])
+def test_the_answer_of_a_flight_outlives_a_new_battery_until_the_next_flight(piece: int):
+    vehicle, watch = Hopping(), watching()
+    taken(watch, fly(vehicle, 40.0), piece)
+    down_us = vehicle.stamp_us
+    vehicle.up, vehicle.height = False, 0.0
+    (*_, over) = taken(watch, fly(vehicle, 12.0, rpm=0), piece)
+    assert over.answer is not None
+    assert over.landed_us == pytest.approx(down_us, abs=2.0 * SECOND)
+    vehicle.clock_s = 3.0
+    (*_, anew) = taken(watch, fly(vehicle, 12.0, rpm=0), piece)
+    assert anew.boot == over.boot + 1
+    assert (anew.answer.headline, anew.landed_us) == (over.answer.headline, over.landed_us)
+    vehicle.up, vehicle.height, vehicle.clock_s = True, 3.0, 2.0  # and it is heard in the air
+    (*_, next_one) = taken(watch, fly(vehicle, 12.0), piece)
+    assert next_one.landed_us == 0
+    assert next_one.answer.until_s > 0.0

@@ -13,11 +13,14 @@ import pytest
 from tests.gcs_plugin.live.alarms.test_alarms import hover
 from tests.gcs_plugin.live.monitored import MODEL
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmEvent, AlarmState, Missing
+from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures, shown_margin
 from thrustmargin.gcs_plugin.view.figures.screen import PageState, finite
 from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary
 from thrustmargin.gcs_plugin.view.page.guard import guarded_server, stop_server
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
+from thrustmargin.gcs_plugin.wording.alarm_words import margin_words
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
+from thrustmargin.gcs_plugin.wording.palette import MARGIN, css
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.airframe_claim import AirframeClaim
@@ -37,7 +40,7 @@ ONE = VehicleSummary(number=1, age=0.3, alarms=(TANK, NOTE))
 
 
 def screen_of(*standing: VehicleSummary, **options) -> PageState:
-    return PageState(lambda: list(standing), **options)
+    return PageState(lambda _: list(standing), **options)
 
 
 def given(screen: PageState) -> dict:
@@ -98,17 +101,155 @@ def test_a_verdict_is_the_first_line_until_an_alarm_is(verdict: str, level: str)
     whole = FlightAnswer("The verdict", FlightLevel(verdict), "do this")
     quiet = replace(ONE, alarms=(), whole=whole)
     assert quiet.first_line == ("The verdict", "Do this", level)
-    assert replace(quiet, alarms=(LOW,)).first_line == (LOW.text, "", "red")
+    if level != "red":
+        assert replace(quiet, alarms=(LOW,)).first_line == (LOW.text, "The verdict", "red")
     sought = replace(quiet, pending="being sought").first_line
     assert sought == ("The verdict", "Do this", "grey" if level == "green" else level)
 
 
+BAD = FlightAnswer(
+    "ROTOR 4: 12 % LESS THRUST",
+    FlightLevel.DAMAGED,
+    "do not fly it before rotor 4 was looked at",
+    rotors=(4,),
+    brief="Do not fly",
+    glance="DO NOT FLY: rotor 4",
+)
+SAYS = (
+    "DO NOT FLY: rotor 4",
+    "ROTOR 4: 12 % LESS THRUST · Do not fly it before rotor 4 was looked at",
+    "red",
+)
+LANDED_US = 1_700_000_000_000_000
+
+
+def landed(answer: FlightAnswer = BAD, **changes) -> VehicleSummary:
+    """The aircraft on the ground after a flight of this answer, as a monitor has it."""
+    track = hover(2.0, tank=0.0)
+    on_ground = replace(track, flying=np.zeros_like(track.flying))
+    update: Any = SimpleNamespace(
+        answer=answer, landed_us=LANDED_US, outlook=None, beside_the_airframe=()
+    )
+    return replace(standing_of(on_ground), update=update, **changes)
+
+
 @pytest.mark.parametrize("doubt", [{}, {"age": 4.0}, {"pending": "being sought"}])
 def test_what_was_found_in_the_flight_does_not_end_with_a_gap_in_the_telemetry(doubt: dict):
-    bad = FlightAnswer("ROTOR 4 IS BAD", FlightLevel.DAMAGED, "land", brief="Do not fly")
-    update: Any = SimpleNamespace(answer=bad)
+    update: Any = SimpleNamespace(answer=BAD, landed_us=0)
     late = replace(standing_of(hover(2.0, tank=0.0)), update=update, **doubt)
-    assert late.first_line == ("ROTOR 4 IS BAD", "Do not fly", "red")
+    assert late.first_line[0] == SAYS[0]
+    assert late.first_line[1].startswith(SAYS[1])
+    assert late.first_line[2] == "red"
+
+
+SILENT = Alarm("telemetry", None, NOTICE, "No telemetry, last on the ground", 50.0)
+ROTOR = Alarm("rotor", 4, CRITICAL, "Rotor 4 rear right 12% (9-15) less thrust: land", 40.0)
+UNSURE = replace(ROTOR, state=AlarmState.UNCONFIRMED, missing=Missing.LINK)
+
+
+def test_after_landing_the_answer_leads_whatever_the_link_does():
+    """The pilot has landed: neither `land` nor a battery that is off is the news."""
+    for alarms in ((ROTOR,), (UNSURE, SILENT), (UNSURE, SILENT, TANK)):
+        one = landed(alarms=tuple(sorted(alarms, key=lambda a: a.order)))
+        assert one.first_line == SAYS
+        assert one.faulty == {4}
+    fine = replace(BAD, level=FlightLevel.UNDER, glance="OK, 9.8 L next", rotors=())
+    assert landed(fine, alarms=(SILENT,)).first_line[::2] == ("OK, 9.8 L next", "green")
+    # Of a sound flight an alarm that is raised on the ground comes first.
+    assert landed(fine, alarms=(TANK,)).first_line[0] == TANK.text
+
+
+def test_the_answer_outlives_the_battery_until_somebody_has_seen_it():
+    heard = [landed(alarms=(UNSURE, SILENT), gone=True, age=95.0, silent=95.0)]
+    screen = PageState(lambda _: heard, clock=lambda: LANDED_US + 125_000_000)
+    for _ in range(2):  # also when the page is loaded anew
+        state = screen.state()
+        assert (state["first"]["headline"], state["first"]["level"]) == (SAYS[0], "red")
+        (shown,) = state["vehicles"]
+        assert shown["landed"]["ago_s"] == 125
+        assert shown["landed"]["unseen"]
+        assert shown["old"]
+        assert [alarm["text"] for alarm in state["alarms"]] == [ROTOR.text, SILENT.text]
+        assert state["left"] == []
+    screen.acknowledge()
+    state = screen.state()
+    assert (state["first"], state["vehicles"], state["alarms"]) == (None, [], [])
+    assert [one["number"] for one in state["left"]] == [1]
+    assert "seen" in [line["kind"] for line in state["history"]]
+    # The next flight has an answer of its own, which nobody has seen.
+    update: Any = SimpleNamespace(**{**vars(heard[0].update), "landed_us": LANDED_US + 900_000_000})
+    heard[0] = replace(heard[0], update=update)
+    assert screen.state()["first"]["headline"] == SAYS[0]
+
+
+def test_of_several_aircraft_the_answer_of_one_is_seen_and_no_other():
+    heard = [landed(), replace(landed(), number=2)]
+    screen = PageState(lambda _: heard)
+    may = f"{ACT}?token={given(screen)['token']}&do=acknowledge"
+    for to, unseen in (("", [True, True]), ("&to=2", [True, False]), ("&to=1", [False, False])):
+        assert status_of(screen, may + to) == 200
+        shown = [one["landed"] for one in screen.state()["vehicles"]]
+        assert [one is not None and one["unseen"] for one in shown] == unseen
+    assert status_of(screen, may + "&to=x") == 400
+
+
+def test_a_restarted_aircraft_keeps_its_answer_until_it_was_seen():
+    heard = [landed()]
+    screen = PageState(lambda _: heard)
+    assert screen.state()["first"]["headline"] == SAYS[0]
+    screen.acknowledge()
+    assert screen.state()["first"]["headline"] != SAYS[0]
+
+
+def test_in_the_air_the_alarm_says_what_to_do_now():
+    flying = replace(standing_of(hover(2.0, tank=0.0)), alarms=(ROTOR,))
+    assert flying.first_line == ("LAND: rotor 4 rear right", ROTOR.text, "red")
+    assert replace(flying, alarms=(LOW,)).first_line == ("FLY GENTLY", LOW.text, "red")
+    lost = Alarm("telemetry", None, CRITICAL, "Telemetry lost in flight", 39.0)
+    both = tuple(sorted((lost, UNSURE), key=lambda a: a.order))
+    headline, because, _ = replace(flying, alarms=both).first_line
+    assert headline == "LAND: rotor 4 rear right"
+    assert because.endswith(lost.text)
+
+
+def test_a_replay_says_what_to_do_now_and_not_what_its_alarm_asked_then():
+    then = replace(ROTOR, text="alarm then: rotor 4 rear right")
+    for alarms in ((), (then,)):
+        shown = replace(standing_of(hover(2.0, tank=0.0)), whole=BAD, alarms=alarms)
+        headline, because, level = shown.first_line
+        assert (headline, level) == (SAYS[0], "red")
+        assert because == " · ".join([SAYS[1], *(a.text for a in alarms)])
+        assert shown.faulty == {4}  # from the first moment on
+
+
+def test_no_verdict_is_never_green():
+    claim = AirframeClaim(withheld=("airframe not known yet: hover 5 s",))
+    track = hover(2.0)
+    on_ground = replace(track, flying=np.zeros_like(track.flying))
+    assert standing_of(on_ground, claim=claim).first_line[2] == "grey"
+
+
+@pytest.mark.parametrize(
+    ("left", "percent", "low"), [(0.496, 49, True), (0.5, 50, False), (0.5004, 50, False)]
+)
+def test_number_colour_and_alarm_of_a_margin_agree(left: float, percent: int, low: bool):
+    """What an alarm calls below 50 % has the number and the colour of it, and nothing else has."""
+    assert shown_margin(left, left, left)["percent"] == percent
+    assert (percent < 50) == low
+    said = margin_words("Thrust margin", left, 0.5, ends=(left, left), rotor=None)
+    assert f"{percent}%" in said
+    blue, orange = (css(MARGIN.screen(value)) for value in (0.5, np.nextafter(0.5, 0.0)))
+    assert (css(MARGIN.screen(left)) != blue) or not low
+    track = hover(2.0, tank=0.0)
+    use = np.full_like(track.rotor_speed_rpm, 1.0 - left)
+    row = standing_of(track).row
+    assert row is not None
+    at = replace(row, analysis=replace(row.analysis, utilisation=use))
+    calm, alarmed = (
+        aircraft_figures(at, 0.0, below_limit=active)["rotors"][0] for active in (False, True)
+    )
+    assert calm["percent"] == percent
+    assert alarmed["paper"] == orange if not low else alarmed["paper"] == calm["paper"]
 
 
 def test_no_alarm_is_green_only_over_thrust_that_is_measured_and_enough():
@@ -158,7 +299,7 @@ def test_an_acknowledgement_is_of_what_stands_and_is_kept():
     heard = []
     standing = [ONE]
     screen = PageState(
-        lambda: standing, acknowledged=lambda number, a: heard.append((number, a.name))
+        lambda _: standing, acknowledged=lambda number, a: heard.append((number, a.name))
     )
     screen.on_event(1, AlarmEvent(TANK, AlarmState.CLEARED, 41.0))
     screen.acknowledge()
@@ -177,7 +318,7 @@ def test_an_acknowledgement_is_of_what_stands_and_is_kept():
 
 def test_only_the_page_itself_may_act_and_only_as_it_can():
     done = []
-    screen = screen_of(ONE, acts={"seek": lambda text: done.append(finite(text))})
+    screen = screen_of(ONE, acts={"seek": lambda text, _: done.append(finite(text))})
     assert screen.answer("/index.html") is None
     for token in ("", "token=&", "token=ü&"):
         assert status_of(screen, f"{ACT}?{token}do=acknowledge") == 403
