@@ -122,6 +122,7 @@ class PlanSteps:
     executed: tuple[PlanItem, ...]  # items in order of execution, jumps followed
     not_understood: tuple[NotUnderstood, ...]
     pump_at_end: bool | None = None  # None: no order was given
+    pump_by_rule: bool = False  # the plan does not switch it: mission.spray_lines
 
 
 def pump_output(parameters: Mapping[str, float]) -> PumpOutput:

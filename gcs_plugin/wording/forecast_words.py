@@ -50,6 +50,10 @@ ASSUMED: Mapping[str, str] = {
     "sea level": "field at sea level: give --altitude",
     "no flow": "nothing is sprayed, so the tank stays full: give --flow or --rate",
     "pump rate": "flow by SPRAY_PUMP_RATE of a pump of {0} L/min at full output: give --flow",
+    "pump always": "pump: on from the first place to the last, as the airframe file says",
+    "pump always stated": "pump: on from the first place to the last, as --pump says",
+    "pump lines": "pump: on along {0} lines, {1} m apart, as the airframe file says",
+    "pump lines stated": "pump: on along {0} lines, {1} m apart, as --pump says",
     "straight splines": "splines as straight legs: the way flown is longer",
     "circles as waits": "circles as time at their middle: no bank and no drag of the circle",
     "efficiency": "motors and speed controllers pass on {0} % of the battery's power",
@@ -91,6 +95,8 @@ def verdict(made: PlanForecast) -> str:
     fill = ""
     if _has_tank(made):
         fill = say(" WITH {amount}", amount=amount(_fill(made), _liquid(made)))
+        if any(finding.fault == "pump never on" for finding in made.findings):
+            fill += say(" AND THE PUMP OFF")
         if hidden := made.assumed.get("hidden mass"):
             fill += say(" AND {kg} kg THAT NOBODY REPORTED", kg=hidden[0])
     lasting = percent_within(use.lasting_most, use.lasting_low, use.lasting_high)

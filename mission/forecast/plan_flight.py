@@ -53,7 +53,8 @@ Assumption = Literal[
     "sea level", "no flow", "pump rate", "straight splines", "circles as waits",
     "efficiency", "level ground", "PX4 corners", "pump by speed",
     "no forward flight", "extrapolated", "nose gives way", "first part", "alike", "aircraft",
-    "unlike", "hidden mass",
+    "unlike", "hidden mass", "pump always", "pump always stated", "pump lines",
+    "pump lines stated",
 ]  # fmt: skip
 
 

@@ -54,6 +54,12 @@ from thrustmargin.mission.forecast.way import (
 from thrustmargin.mission.plan_check import PlanFinding, check_plan
 from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan, NotUnderstood
 from thrustmargin.mission.sortie_plans import line_ends, split_plan
+from thrustmargin.mission.spray_lines import (
+    PumpRule,
+    airframe_rule,
+    orders_pump,
+    with_pump_rule,
+)
 from thrustmargin.mission.steps import PlanSteps, PumpOutput, plan_steps, pump_output
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import Origin
@@ -62,6 +68,7 @@ from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_misfit import Caveat
 from thrustmargin.models.model.rotor_faults import FaultHistory
 from thrustmargin.models.model.rotor_model import Basis, RotorModel, identified_airframe
+from thrustmargin.models.physics.airframe import Airframe
 
 STILL = (0.0, 0.0, 0.0)
 #: Directions that a wind without one is tried from.
@@ -132,6 +139,7 @@ def forecast(
     *,
     parameters: Mapping[str, float] | None = None,
     pump: PumpOutput | None = None,
+    pump_rule: PumpRule | None = None,
     limit: float = 0.5,
     refilled: bool = True,
     faults: FaultHistory | None = None,
@@ -142,11 +150,12 @@ def forecast(
     `take_off` is the conditions at take-off, or the tank mass in kg alone.
 
     `parameters` are the autopilot's by name; missing ones take their defaults. `limit` is the share
-    of a rotor's largest thrust allowed for lasting use. With `refilled` False the plan is flown on
+    of a rotor's largest thrust allowed for lasting use. `pump_rule` says where the pump is on in a
+    plan that does not switch it; None: as the airframe says. With `refilled` False the plan is flown on
     with an empty tank. `faults` are those of the last flight of this aircraft and not known to be
     repaired; None: those stored in the model. `other_order`: the motors of that flight were not in
-    the order of the airframe. Raise PlanError if the plan flies nowhere, or if a leg lasts longer
-    than any battery.
+    the order of the airframe. Raise PlanError if the plan flies nowhere, if a leg lasts longer
+    than any battery, or if `pump_rule` is given for a plan that switches its pump.
 
         >>> plan = read_plan("sitl_logs/campaign/v4_m16_q2.5.tlog")
         >>> forecast(plan, load_model(), 6.0).level.value
@@ -156,13 +165,15 @@ def forecast(
     known = {} if parameters is None else parameters
     px4 = plan.firmware == FIRMWARE_PX4
     limits = flight_limits(known, px4=px4)
-    steps = plan_steps(plan, pump or pump_output(known))
+    ordered = plan_steps(plan, pump or pump_output(known))
+    steps, switched = _pump_switched(plan, ordered, pump_rule, identified_airframe(model))
     home = plan.home
     altitude = next((h for h in (day.altitude, home[2]) if math.isfinite(h)), 0.0)
     plan = replace(plan, home=(*home[:2], altitude))
     legs = plan_legs(plan, steps, limits)
     craft = identified_airframe(model)
     given, assumed = conditions(day, altitude, craft.nominal_voltage)
+    assumed = {**switched, **assumed}
     by_rate = known_pump(known, craft)
     if not craft.tank_volume_l:
         given = replace(given, flow=0.0, flow_per_metre=math.nan)
@@ -258,7 +269,7 @@ def forecast(
         way_back=way_back(flight, flight.battery_wh, back, usable, charge_kept=CHARGE_KEPT),
         swath=day.swath,
         flight_s=float(taken.time_s[-1]),
-        findings=check_plan(plan, steps, sprays=sprays),
+        findings=check_plan(plan, ordered, sprays=sprays and not steps.pump_by_rule),
         not_understood=steps.not_understood,
         assumed=assumed,
     )
@@ -282,6 +293,32 @@ def sortie_plans(made: PlanForecast, *, pump: PumpOutput | None = None) -> tuple
         after = cuts[-1] if cuts else -1
         cuts.append(next(k for k in ends if k > after and flown[k].item == sortie.last_item))
     return split_plan(made.plan, made.steps, cuts, pump=pump)
+
+
+def _pump_switched(
+    plan: MissionPlan, steps: PlanSteps, rule: PumpRule | None, craft: Airframe
+) -> tuple[PlanSteps, dict[Assumption, tuple[str, ...]]]:
+    """Return the steps with the pump as the plan orders, else by `rule`, else by the airframe's.
+
+    Also return what the answer says of it. Without a tank no rule applies.
+    """
+    item = orders_pump(steps)
+    if item is not None or not craft.tank_volume_l:
+        if item is not None and rule is not None:
+            raise PlanError(
+                f"the plan itself switches the pump, first before item {item}; leave out "
+                f"--pump {rule}"
+            )
+        return steps, {}
+    chosen = rule or airframe_rule(craft)
+    if chosen is None:
+        return steps, {}
+    made, lines = with_pump_rule(plan, steps, chosen)
+    stated = rule is not None
+    if lines is None:
+        return made, {"pump always stated" if stated else "pump always": ()}
+    found = (f"{lines.count}", f"{lines.spacing:.1f}")
+    return made, {"pump lines stated" if stated else "pump lines": found}
 
 
 def _refuse_endless(timed: Sequence[TimedLeg]) -> None:

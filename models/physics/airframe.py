@@ -9,7 +9,8 @@ A file contains tables of quantities `{ value = 21.1, unit = "kg", source = "...
 = true` where nobody measured or printed the value. `extends = "other"` takes every value of another
 airframe and replaces those given; other is a shipped name, or the path of a .toml file relative to
 this one. `tank_source` may name the message that reports the tank level, for example
-"BATTERY_STATUS 1"; without it the best source is used. Without `[[rotors]]` they are made from a
+"BATTERY_STATUS 1"; without it the best source is used. `pump_on` may say where the pump is on in a
+plan that does not switch it: "always" or "lines". Without `[[rotors]]` they are made from a
 known `layout` (`motor_layouts`) and the quantity `arm`. Rotor order is the autopilot's motor order;
 positions are `_frd` from the centre of gravity. `spin` is +1 for a rotor that turns
 counter-clockwise seen from above, -1 for clockwise.
@@ -70,8 +71,10 @@ _LIQUIDS = (0.5, 3.0)  # kg/L, of sprayed liquids
 _MILLILITRES = 10.0
 _GRAVITY = 9.80665  # m/s^2
 _LARGEST = 1e30  # of any number in a file
-_KEYS = ("name", "title", "layout", "tank_source", "extends", "quantities", "rotors")
+_KEYS = ("name", "title", "layout", "tank_source", "pump_on", "extends", "quantities", "rotors")
 _QUANTITY_KEYS = ("value", "unit", "source", "guessed", "note")
+#: Where the pump is on in a plan that does not switch it; "": not known.
+PUMP_RULES = ("always", "lines")
 _ROTOR_KEYS = ("name", "position_frd", "spin", "effectiveness")
 
 
@@ -101,6 +104,8 @@ def table_problems(table: dict[str, Any]) -> list[str]:
     """List all problems of a complete table, each with its correction; empty without one."""
     problems = _unknown(table, _KEYS, "key")
     problems += [f"{key} must be text" for key in ("title", "layout") if not _is_text(table, key)]
+    if table.get("pump_on", "") not in ("", *PUMP_RULES):
+        problems.append(f'pump_on is {table["pump_on"]!r:.40}; write {" or ".join(PUMP_RULES)}')
     given = table.get("quantities", {})
     for name, unit in (QUANTITIES | OPTIONAL_QUANTITIES).items():
         if name in given or name in QUANTITIES:
@@ -307,6 +312,7 @@ class Airframe:
     rotor_names: tuple[str, ...]
     quantities: MappingProxyType[str, Quantity] = field(repr=False)
     tank_source: str = "auto"  # which message its tank level comes from, as readers name sources
+    pump_on: str = ""  # rule for plans that do not switch the pump: always, lines; "": not known
 
     def __repr__(self) -> str:
         return (
@@ -427,6 +433,7 @@ def airframe_table(airframe: Airframe) -> dict[str, Any]:
         "title": airframe.title,
         "layout": airframe.layout,
         "tank_source": airframe.tank_source,
+        **({"pump_on": airframe.pump_on} if airframe.pump_on else {}),
         "quantities": {name: quantity_table(q) for name, q in airframe.quantities.items()},
         "rotors": [
             {
@@ -476,6 +483,7 @@ def airframe_from_table(table: dict[str, Any], where: str) -> Airframe:
         rotor_names=tuple(r["name"] for r in rotors),
         quantities=MappingProxyType(quantities),
         tank_source=str(table.get("tank_source", "auto")),
+        pump_on=str(table.get("pump_on", "")),
         **{name: quantities[name].value for name in QUANTITIES},
     )
 

@@ -25,7 +25,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_utilisation,
     check_voltage,
 )
-from thrustmargin.gcs_plugin.commands.shared.plan_source import pump_of
+from thrustmargin.gcs_plugin.commands.shared.plan_source import pump_of, pump_rule_of
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import DataError, LogError
@@ -34,6 +34,7 @@ from thrustmargin.models.whole_file import whole_file
 if TYPE_CHECKING:
     from thrustmargin.mission.forecast.battery import FlightBattery
     from thrustmargin.mission.forecast.plan_forecast import PlanForecast
+    from thrustmargin.mission.steps import PumpOutput
     from thrustmargin.models.model.model_misfit import Caveat
     from thrustmargin.models.model.rotor_faults import FaultHistory
     from thrustmargin.models.model.rotor_model import RotorModel
@@ -96,7 +97,9 @@ def forecast(
         flow: L/min with the pump on, at the speed of the line.
         rate: L/ha, instead of --flow; needs --swath.
         swath: m between lines, for --rate and hectares.
-        pump: What switches the pump: sprayer (DO_SPRAYER), servo:NUMBER:ON:OFF, or relay:NUMBER.
+        pump: What switches the pump in the plan: sprayer (DO_SPRAYER), servo:NUMBER:ON:OFF, or
+            relay:NUMBER. Where the plan does not switch it: always (on from the first place to the
+            last) or lines (on along parallel lines).
         voltage: V of the battery at rest; without it a full one.
         capacity: Ah of the battery; without it that of the parameters.
         resistance: mOhm of the battery.
@@ -147,6 +150,10 @@ def forecast(
     if sorties is not None and not sorties.is_dir():
         raise DataError(f"no folder {sorties}; make it, or give another --sorties")
     found = read_plan(plan)  # a plan that is none is refused before the rest is loaded
+    from thrustmargin.gcs_plugin.commands.load.pump_question import (
+        asked_pump_rule,
+        never_switched,
+    )
     from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
     from thrustmargin.mission.forecast import plan_forecast
 
@@ -154,6 +161,7 @@ def forecast(
     rotor_model = inputs.rotor_model()
     craft = rotor_model.airframe
     liquid = craft.liquid_density
+    output = pump_of(pump) if pump is not None and pump_rule_of(pump) is None else None
     kg = _fill_kg(fill, liquid, craft.tank_capacity_kg)
     before = _before(plan, rotor_model, given=inputs.given)
     if before.beyond_gauge_kg > 0.0:
@@ -166,6 +174,9 @@ def forecast(
 
         known = read_parameters(parameters)
     battery = _battery(known, voltage, capacity, resistance, craft)
+    rule = pump_rule_of(pump)
+    if rule is None and json != STDOUT and never_switched(found, output, known, craft):
+        rule = asked_pump_rule(airframe)
     made = plan_forecast.forecast(
         found,
         rotor_model,
@@ -182,7 +193,8 @@ def forecast(
             battery=battery,
         ),
         parameters=known,
-        pump=None if pump is None else pump_of(pump),
+        pump=output,
+        pump_rule=rule,
         limit=inputs.limit,
         faults=before.faults,
         other_order=before.other_order,
@@ -226,7 +238,7 @@ def forecast(
         with whole_file(path) as draft:
             draft.write_bytes(made_of if isinstance(made_of, bytes) else made_of.encode())
         console.print(f"wrote {path}")
-    for path in [] if sorties is None else _write_sorties(made, plan, sorties, pump):
+    for path in [] if sorties is None else _write_sorties(made, plan, sorties, output):
         console.print(f"wrote {path}")
     if view:
         from thrustmargin.gcs_plugin.view.replay_view import planned_view, run_replay
@@ -235,12 +247,14 @@ def forecast(
     return 1 if before.unlike else 0
 
 
-def _write_sorties(made: PlanForecast, plan: Path, folder: Path, pump: str | None) -> list[Path]:
+def _write_sorties(
+    made: PlanForecast, plan: Path, folder: Path, pump: PumpOutput | None
+) -> list[Path]:
     """Write one .plan for each sortie, none of which replaces the plan that was read."""
     from thrustmargin.mission.forecast.plan_forecast import sortie_plans
     from thrustmargin.mission.plan import write_plan
 
-    made_plans = sortie_plans(made, pump=None if pump is None else pump_of(pump))
+    made_plans = sortie_plans(made, pump=pump)
     paths = [
         folder / f"{plan.stem}-sortie-{number}.plan" for number in range(1, len(made_plans) + 1)
     ]

@@ -26,6 +26,7 @@ from thrustmargin.models.whole_file import regular
 
 if TYPE_CHECKING:
     from thrustmargin.mission.forecast.plan_flight import PlanConditions
+    from thrustmargin.mission.spray_lines import PumpRule
     from thrustmargin.mission.steps import PumpOutput
 
 _ENDINGS = (".plan", ".mission", ".waypoints")
@@ -177,6 +178,13 @@ def plan_of_waypoints(waypoints: Sequence[PlanItem], *, autopilot: str, source: 
     )
 
 
+def pump_rule_of(words: str | None) -> PumpRule | None:
+    """Return the rule `always` or `lines` for plans that do not switch the pump; None for other
+    words.
+    """
+    return words if words in ("always", "lines") else None
+
+
 def pump_of(words: str) -> PumpOutput:
     """Parse `sprayer`, `servo:9:1900:1100` or `relay:0` into the pump's output. Raises UsageError
     for other text.
@@ -193,5 +201,5 @@ def pump_of(words: str) -> PumpOutput:
             return PumpOutput(servo=output, on_us=float(on), off_us=float(off))
     raise UsageError(
         f"--pump {words!r:.40} is none of sprayer, servo:NUMBER:ON:OFF (such as "
-        "servo:9:1900:1100) and relay:NUMBER"
+        "servo:9:1900:1100), relay:NUMBER, always and lines"
     )
