@@ -52,8 +52,8 @@ ASSUMED: Mapping[str, str] = {
     "pump rate": "flow by SPRAY_PUMP_RATE of a pump of {0} L/min at full output: give --flow",
     "pump always": "pump: on from the first place to the last, as the airframe file says",
     "pump always stated": "pump: on from the first place to the last, as --pump says",
-    "pump lines": "pump: on along {0} lines, {1} m apart, as the airframe file says",
-    "pump lines stated": "pump: on along {0} lines, {1} m apart, as --pump says",
+    "pump lines": "pump: on along {0} parallel lines, {1} m apart, as the airframe file says",
+    "pump lines stated": "pump: on along {0} parallel lines, {1} m apart, as --pump says",
     "straight splines": "splines as straight legs: the way flown is longer",
     "circles as waits": "circles as time at their middle: no bank and no drag of the circle",
     "efficiency": "motors and speed controllers pass on {0} % of the battery's power",
@@ -95,7 +95,7 @@ def verdict(made: PlanForecast) -> str:
     fill = ""
     if _has_tank(made):
         fill = say(" WITH {amount}", amount=amount(_fill(made), _liquid(made)))
-        if any(finding.fault == "pump never on" for finding in made.findings):
+        if made.pump_never_on:
             fill += say(" AND THE PUMP OFF")
         if hidden := made.assumed.get("hidden mass"):
             fill += say(" AND {kg} kg THAT NOBODY REPORTED", kg=hidden[0])
@@ -110,6 +110,8 @@ def verdict(made: PlanForecast) -> str:
         return say(CONTRADICTED if Caveat.MODEL in made.caveats else NO_VERDICT)
     if level is FlightLevel.BATTERY:
         return no + say("the battery does not last")
+    if level is FlightLevel.NO_THRUST and not use.spent_s > 0.0:
+        return no + say("a turn or the wind takes more thrust than there is")
     if level is FlightLevel.NO_THRUST:
         return no + say("no thrust is left for {long}", long=duration(use.spent_s))
     if level is FlightLevel.CRITICAL:
@@ -207,6 +209,8 @@ def sortie_words(made: PlanForecast) -> tuple[str, ...]:
             **flown,
         )
     ]
+    if sprayed > 0.0 and not made.needs.short_of:
+        found.append(_field_words(made, sprayed / liquid))
     if made.needs.short_of:
         found.append(f"{say('No split is possible')}: {say(_SHORT[made.needs.short_of])}.")
     elif len(sorties) > 1:
@@ -222,6 +226,34 @@ def sortie_words(made: PlanForecast) -> tuple[str, ...]:
         )
         found += _cut([_sortie(k, s, liquid, made.swath) for k, s in enumerate(sorties, start=1)])
     return tuple(found)
+
+
+def _field_words(made: PlanForecast, litres: float) -> str:
+    """What the whole field takes, beside this fill and the largest that may fly."""
+    sorties, liquid = made.needs.sorties, _liquid(made)
+    with_area = math.isfinite(made.swath)
+    field = f" ({area(sum(s.lines for s in sorties) * made.swath)})" if with_area else ""
+    known = {"litres": number(litres, "L"), "field": field}
+    if len(sorties) == 1:
+        words = say("The field takes {litres}{field}: one sortie, no refill.", **known)
+    else:
+        words = say(
+            "The field takes {litres}{field}: {count} sorties with {fill}, {refills} to refill.",
+            count=len(sorties),
+            fill=amount(_fill(made), liquid),
+            refills=_times(len(sorties) - 1),
+            **known,
+        )
+    most = made.sorties_at_largest
+    if not most or most == len(sorties):
+        return words
+    fill = amount(made.largest_fill_kg, liquid)
+    more = "{count} with the largest fill, {fill}." if most > 1 else "One with the largest, {fill}."
+    return f"{words} {say(more, count=most, fill=fill)}"
+
+
+def _times(count: int) -> str:
+    return say("once") if count == 1 else say("{count} times", count=count)
 
 
 def _sortie(which: int, one: Sortie, liquid: float, swath: float) -> str:
@@ -286,6 +318,8 @@ def _as_far(made: PlanForecast) -> str:
     open_ones = [say(CONDITIONS[one]) for one in made.caveats if one in CONDITIONS]
     if open_ones:
         parts.append(say(", IF {conditions}", conditions=f" {say('AND')} ".join(open_ones)))
+    if made.wind_left_out:
+        parts.append(say(", LEAVING OUT THE WIND, WHOSE DRAG IS NOT KNOWN"))
     if made.not_understood:
         parts.append(say(", AS FAR AS THE PLAN IS UNDERSTOOD"))
     if "first part" in made.assumed:

@@ -53,14 +53,20 @@ from thrustmargin.mission.forecast.way import (
 )
 from thrustmargin.mission.plan_check import PlanFinding, check_plan
 from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan, NotUnderstood
-from thrustmargin.mission.sortie_plans import line_ends, split_plan
-from thrustmargin.mission.spray_lines import (
+from thrustmargin.mission.pump_rule import (
     PumpRule,
     airframe_rule,
     orders_pump,
     with_pump_rule,
 )
-from thrustmargin.mission.steps import PlanSteps, PumpOutput, plan_steps, pump_output
+from thrustmargin.mission.sortie_plans import line_ends, split_plan
+from thrustmargin.mission.steps import (
+    PlanSteps,
+    PumpOutput,
+    plan_steps,
+    pump_output,
+    speeds_of_nothing,
+)
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import Origin
 from thrustmargin.models.model.advice import Advised, FlightLevel, advise
@@ -100,6 +106,7 @@ class PlanForecast:
     flight_s: float  # of the whole plan, also where only the first part was flown in detail
     findings: tuple[PlanFinding, ...]
     not_understood: tuple[NotUnderstood, ...]
+    sorties_at_largest: int = 0  # with the largest fill; 0: unknown, or no split is possible
     assumed: Mapping[Assumption, tuple[str, ...]] = field(default_factory=dict)
     caveats: tuple[Caveat, ...] = ()  # of the last flight of the aircraft, whose log the plan is in
 
@@ -107,14 +114,35 @@ class PlanForecast:
     def level(self) -> FlightLevel:
         """Return the level of the answer; a battery used up on the way comes before any other.
 
-        UNKNOWN where the aircraft's last flight contradicts the airframe. UNKNOWN instead of UNDER
-        where that flight contradicts the model.
+        NO_THRUST where the attitude to be flown is that of a fall. UNKNOWN where the aircraft's
+        last flight contradicts the airframe. UNKNOWN instead of UNDER where that flight contradicts
+        the model.
         """
         if self.needs.short_of == "battery" or np.isnan(self.flight.track.voltage).any():
             return FlightLevel.BATTERY
         level = self.advised.advice.level
+        if level is FlightLevel.LOST:
+            # A simulated flight keeps its attitude: what tumbles has too little thrust for it.
+            level = FlightLevel.NO_THRUST
         groundless = Caveat.MODEL in self.caveats and level is FlightLevel.UNDER
         return FlightLevel.UNKNOWN if groundless or "unlike" in self.assumed else level
+
+    @property
+    def pump_never_on(self) -> bool:
+        """Return whether the answer is for a tank that stays full: nothing says where the pump is
+        on.
+        """
+        return any(finding.fault == "pump never on" for finding in self.findings)
+
+    @property
+    def wind_left_out(self) -> bool:
+        """Return whether there is wind, and the model knows no drag of this aircraft."""
+        return "no forward flight" in self.assumed and self.given.wind_ned != STILL
+
+    @property
+    def needed_kg(self) -> float:
+        """Return the mass of liquid, kg, that the whole plan sprays, in all of its sorties."""
+        return sum(sortie.kg for sortie in self.needs.sorties)
 
     @property
     def too_heavy(self) -> bool:
@@ -151,11 +179,11 @@ def forecast(
 
     `parameters` are the autopilot's by name; missing ones take their defaults. `limit` is the share
     of a rotor's largest thrust allowed for lasting use. `pump_rule` says where the pump is on in a
-    plan that does not switch it; None: as the airframe says. With `refilled` False the plan is flown on
-    with an empty tank. `faults` are those of the last flight of this aircraft and not known to be
-    repaired; None: those stored in the model. `other_order`: the motors of that flight were not in
-    the order of the airframe. Raise PlanError if the plan flies nowhere, if a leg lasts longer
-    than any battery, or if `pump_rule` is given for a plan that switches its pump.
+    plan that does not switch it; None: as the airframe says. With `refilled` False the plan is
+    flown on with an empty tank. `faults` are those of the last flight of this aircraft and not
+    known to be repaired; None: those stored in the model. `other_order`: the motors of that flight
+    were not in the order of the airframe. Raise PlanError if the plan flies nowhere, if a leg lasts
+    longer than any battery, or if `pump_rule` is given for a plan that switches its pump.
 
         >>> plan = read_plan("sitl_logs/campaign/v4_m16_q2.5.tlog")
         >>> forecast(plan, load_model(), 6.0).level.value
@@ -166,6 +194,8 @@ def forecast(
     px4 = plan.firmware == FIRMWARE_PX4
     limits = flight_limits(known, px4=px4)
     ordered = plan_steps(plan, pump or pump_output(known))
+    for item, speed in speeds_of_nothing(ordered):
+        raise PlanError(f"item {item} orders a speed of {speed:g} m/s; give it the speed to fly at")
     steps, switched = _pump_switched(plan, ordered, pump_rule, identified_airframe(model))
     home = plan.home
     altitude = next((h for h in (day.altitude, home[2]) if math.isfinite(h)), 0.0)
@@ -248,6 +278,17 @@ def forecast(
         assumed["no forward flight"] = ()
     if np.any(analysis.prediction.basis == Basis.PHYSICS) and model.network is not None:
         assumed["extrapolated"] = ()
+    largest = largest_fill(
+        advised, given, limit, lambda g: _advise(fly(way, g, parts.anew), model, limit)
+    )
+
+    def sorties_with(fill_kg: float) -> int:
+        """Return the number of sorties with another fill; 0 if no split is possible."""
+        filled = replace(given, fill_kg=fill_kg)
+        ends_then = leg_ends(fly(once.course, filled), timed, filled, limits, model)
+        split = needs(ends_then, ends, fill_kg=fill_kg, usable_wh=usable)
+        return 0 if split.short_of else len(split.sorties)
+
     sprays = any(leg.pump for leg in legs) or given.flow > 0.0 or given.flow_per_metre > 0.0
     return PlanForecast(
         plan=plan,
@@ -258,12 +299,8 @@ def forecast(
         limits=limits,
         legs=tuple(leg_forecast(span, analysis) for span in way.spans),
         weakest=weakest_place(flight, analysis),
-        largest_fill_kg=largest_fill(
-            advised,
-            given,
-            limit,
-            lambda g: _advise(fly(way, g, parts.anew), model, limit),
-        ),
+        largest_fill_kg=largest,
+        sorties_at_largest=sorties_with(largest) if largest > 0.0 else 0,
         survivable_below_kg=survivable_below(advised.analysis),
         needs=needed,
         way_back=way_back(flight, flight.battery_wh, back, usable, charge_kept=CHARGE_KEPT),

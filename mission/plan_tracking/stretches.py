@@ -32,7 +32,7 @@ from thrustmargin.mission.forecast.plan_flight import (
 )
 from thrustmargin.mission.forecast.way import Course, Span, SpanKind, course, plan_legs
 from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan
-from thrustmargin.mission.spray_lines import pumped_by_airframe
+from thrustmargin.mission.pump_rule import pumped_by_airframe
 from thrustmargin.mission.steps import plan_steps, pump_output
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse

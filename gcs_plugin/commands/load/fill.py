@@ -17,6 +17,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_range,
     check_utilisation,
     check_voltage,
+    json_apart,
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.reports.shared.page_shell import grid
@@ -70,6 +71,7 @@ def fill(
     from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
     from thrustmargin.gcs_plugin.reports.fill import fill_table as made
 
+    out, json = json_apart(out, json)
     inputs = Inputs(model=model, airframe=airframe, max_utilisation=max_utilisation)
     if not inputs.given:
         raise UsageError("no aircraft given; name one with --airframe or --model")

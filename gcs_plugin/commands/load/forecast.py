@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import tyro
 from tyro.conf import Positional, UseAppendAction
 
@@ -24,6 +25,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_range,
     check_utilisation,
     check_voltage,
+    json_apart,
 )
 from thrustmargin.gcs_plugin.commands.shared.plan_source import pump_of, pump_rule_of
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
@@ -34,7 +36,9 @@ from thrustmargin.models.whole_file import whole_file
 if TYPE_CHECKING:
     from thrustmargin.mission.forecast.battery import FlightBattery
     from thrustmargin.mission.forecast.plan_forecast import PlanForecast
+    from thrustmargin.mission.plan_items import MissionPlan
     from thrustmargin.mission.steps import PumpOutput
+    from thrustmargin.models.flight import FlightTrack
     from thrustmargin.models.model.model_misfit import Caveat
     from thrustmargin.models.model.rotor_faults import FaultHistory
     from thrustmargin.models.model.rotor_model import RotorModel
@@ -42,6 +46,7 @@ if TYPE_CHECKING:
 
 PLANS = (".plan", ".mission", ".waypoints", ".txt")
 ZERO_CELSIUS = 273.15
+AT_HOME = 30.0  # m from a plan's home within which a lift-off was there
 
 
 def forecast(
@@ -137,6 +142,9 @@ def forecast(
         check_range(name, value, low, high, unit)
     if rate is not None and (swath is None or flow is not None):
         raise UsageError("--rate needs --swath, and goes without --flow")
+    for path in out:
+        kept, json = json_apart(path, json)
+        out = out if kept else tuple(one for one in out if one != path)
     if refuse and lua is None:
         raise UsageError("--refuse is how the script of --lua behaves; give --lua FILE as well")
     outputs = [
@@ -164,6 +172,7 @@ def forecast(
     output = pump_of(pump) if pump is not None and pump_rule_of(pump) is None else None
     kg = _fill_kg(fill, liquid, craft.tank_capacity_kg)
     before = _before(plan, rotor_model, given=inputs.given)
+    found = _at_lift_off(found, before)
     if before.beyond_gauge_kg > 0.0:
         from thrustmargin.models.model.rotor_model import heavier_model
 
@@ -287,10 +296,14 @@ def _or_nan(value: float | None) -> float:
 
 
 def _fill_kg(words: str, liquid: float, capacity_kg: float) -> float:
-    found = re.fullmatch(r"\s*(\d{1,4}(?:\.\d+)?)\s*(kg|l)?\s*", words, re.IGNORECASE)
+    found = re.fullmatch(r"\s*(\d{1,4}(?:[.,]\d+)?)\s*(kg|l)?\s*", words, re.IGNORECASE)
     if not found:
         raise UsageError(f"--fill {words!r:.40} is no amount; give kg as 16, or litres as 16L")
-    kg = float(found[1]) * (liquid if (found[2] or "").lower() == "l" else 1.0)
+    kg = float(found[1].replace(",", ".")) * (liquid if (found[2] or "").lower() == "l" else 1.0)
+    if kg > 0.0 and capacity_kg <= 0.0:
+        raise UsageError(
+            f"--fill {words}: the airframe has no tank; give --fill 0, or tank_volume_l in its file"
+        )
     if kg > capacity_kg + 1e-6:
         raise UsageError(f"--fill {words} is more than the tank holds ({capacity_kg:g} kg)")
     return kg
@@ -307,6 +320,8 @@ class _FlightBefore:
     unlike: tuple[str, ...] | None = None
     caveats: tuple[Caveat, ...] = ()
     beyond_gauge_kg: float = 0.0  # that hover thrust showed beyond the reported load
+    #: Where it lifted off: degrees, degrees, m AMSL; None where the log does not say.
+    lift_off: tuple[float, float, float] | None = None
 
 
 def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
@@ -331,7 +346,31 @@ def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
         unlike=(claim.unlike,) if claim.unlike else claim.withheld,
         caveats=advice.caveats,
         beyond_gauge_kg=advice.fill.beyond_gauge_kg,
+        lift_off=_lift_off(log.track),
     )
+
+
+def _lift_off(track: FlightTrack) -> tuple[float, float, float] | None:
+    """Return the place of the first row in flight with a known position; None without one."""
+    known = track.flying & np.isfinite(track.position_ned).all(axis=1)
+    if track.origin is None or not known.any():
+        return None
+    latitude, longitude, altitude = track.origin.geodetic(track.position_ned[np.argmax(known)])
+    return (float(latitude), float(longitude), float(altitude))
+
+
+def _at_lift_off(plan: MissionPlan, before: _FlightBefore) -> MissionPlan:
+    """Return the plan with the height of the last lift-off as home's, if that was at its home."""
+    import pymap3d
+
+    from thrustmargin.mission.plan_items import with_home_height
+
+    if before.lift_off is None:
+        return plan
+    latitude, longitude, altitude = before.lift_off
+    east, north, _ = pymap3d.geodetic2enu(latitude, longitude, 0.0, *plan.home[:2], 0.0)
+    at_home = math.hypot(float(east), float(north)) <= AT_HOME
+    return with_home_height(plan, altitude) if at_home else plan
 
 
 def _battery(

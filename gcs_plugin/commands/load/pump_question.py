@@ -19,7 +19,7 @@ from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
     from thrustmargin.mission.plan_items import MissionPlan
-    from thrustmargin.mission.spray_lines import PumpRule
+    from thrustmargin.mission.pump_rule import PumpRule
     from thrustmargin.mission.steps import PumpOutput
     from thrustmargin.models.physics.airframe import Airframe
 
@@ -40,7 +40,7 @@ def never_switched(
     Also return False without a tank, and where an order of the plan may be the pump's: its line
     already names the remedy.
     """
-    from thrustmargin.mission.spray_lines import airframe_rule, orders_pump
+    from thrustmargin.mission.pump_rule import airframe_rule, orders_pump
     from thrustmargin.mission.steps import plan_steps, pump_output
 
     if not craft.tank_volume_l or airframe_rule(craft) is not None:
@@ -70,7 +70,7 @@ def asked_pump_rule(airframe: str | None) -> PumpRule | None:
     rule = answers[answer]
     if rule is not None and airframe is not None and airframe.endswith(".toml"):
         remember_pump_rule(Path(airframe), rule)
-        console.print(f"remembered in {airframe}: pump_on = \"{rule}\"")
+        console.print(f'remembered in {airframe}: pump_on = "{rule}"')
     elif rule is not None:
         console.print(f"not remembered, for no airframe file was given; next time: --pump {rule}")
     return rule

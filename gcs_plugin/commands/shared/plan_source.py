@@ -26,7 +26,7 @@ from thrustmargin.models.whole_file import regular
 
 if TYPE_CHECKING:
     from thrustmargin.mission.forecast.plan_flight import PlanConditions
-    from thrustmargin.mission.spray_lines import PumpRule
+    from thrustmargin.mission.pump_rule import PumpRule
     from thrustmargin.mission.steps import PumpOutput
 
 _ENDINGS = (".plan", ".mission", ".waypoints")
@@ -97,6 +97,8 @@ def read_plan(path: str | Path, *, vehicle: int | None = None) -> MissionPlan:
     try:
         with regular(path).open("rb") as file:
             head = file.read(4096).lstrip(b"\xef\xbb\xbf \t\r\n")
+    except FileNotFoundError as error:
+        raise PlanError(f"no file {path}; check its name and folder") from error
     except OSError as error:
         raise PlanError(f"{path} cannot be read: {error.strerror}") from error
     if path.suffix.lower() in _FIELDS:

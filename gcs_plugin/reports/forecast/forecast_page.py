@@ -71,6 +71,14 @@ def json_text(made: PlanForecast) -> str:
         "weakest": weakest and {"what": weakest.kind, **asdict(weakest)},
         "largest_fill_kg": made.largest_fill_kg,
         "rotor_loss_survivable_below_kg": made.survivable_below_kg,
+        "field": {
+            "needed_kg": made.needed_kg,
+            "lines_m": sum(s.lines for s in made.needs.sorties),
+            "area_m2": made.swath * sum(s.lines for s in made.needs.sorties),
+            "sorties": len(sorties) or None,
+            "refills": len(sorties) - 1 if sorties else None,
+            "sorties_at_largest_fill": made.sorties_at_largest or None,
+        },
         "sorties": [
             {
                 "items": [s.first_item, s.last_item],

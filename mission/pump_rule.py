@@ -134,7 +134,7 @@ def spray_lines(plan: MissionPlan, steps: PlanSteps) -> SprayLines:
     A line is a run of legs of one heading. It is longer than the distance to a parallel run that
     lies beside it, or it lies at the usual spacing beside such a run. Its speed is that of most of
     the length of such runs. Legs that only extend a line, as for a turn outside of the field,
-    cannot be told from it and count as part of it.
+    cannot be distinguished from it and count as part of it.
     """
     runs = _runs(plan, steps.steps)
     spraying = np.zeros(len(steps.steps), dtype=np.bool_)
