@@ -111,7 +111,9 @@ def read_plan(path: Path) -> MissionPlan:
 
 def _cut_short(text: str, error: json.JSONDecodeError) -> bool:
     """Return whether JSON text is fine up to its end, but ends too early."""
-    return error.pos >= len(text.rstrip()) - 1 or error.msg.startswith("Unterminated string")
+    rest = text[error.pos :].strip()
+    begun_word = any(word.startswith(rest) for word in ("null", "true", "false"))
+    return begun_word or len(rest) <= 1 or error.msg.startswith("Unterminated string")
 
 
 def _newer(content: Any) -> Any:
