@@ -33,6 +33,8 @@ _NOTHING_FITS: Mapping[Reason, str] = {
     "take-off mass": "empty it has the maker's maximum take-off mass already",
 }
 UNKNOWN_FILL = "No fill can be recommended: mass and rotors of the aircraft are not known"
+#: What settles a limit whose largest rotor speed is a guess.
+CLIMB = "a climb at full throttle for 3 s, without liquid, settles it: airframe new --hover LOG"
 UNSOUND = "No fill can be recommended: a rotor or motor is bad, and the limits are of sound ones"
 UNPREDICTED = "No fill can be recommended: the model predicts nothing in these conditions"
 
@@ -59,7 +61,8 @@ def fill_advice(fill: NextFill, limit: float, *, was_within: bool = False) -> st
     if fill.kg <= 0.0:
         if fill.limit_kg > 0.0 and fill.reason != "as flown":
             words = "Do not fill: the limit is at {limit}, too unsure to fill anything"
-            return say(words, limit=_range(fill))
+            settled = f"; {say(CLIMB)}" if fill.ceiling_guessed else ""
+            return f"{say(words, limit=_range(fill))}{settled}"
         return say("Do not fill: even empty {empty}", empty=empty)
     first = "Up to {amount}: {more}" if was_within else "Fill at most {amount}: {more}"
     return say(first, amount=amount(fill.kg, fill.liquid_density), more=more)
@@ -72,6 +75,8 @@ def how_sure(fill: NextFill) -> str:
     parts = (
         [say("limit at {limit}", limit=_range(fill))] if fill.high_kg - fill.low_kg >= 0.05 else []
     )
+    if parts and fill.ceiling_guessed:
+        parts.append(say(CLIMB))
     if fill.fresh_kg > fill.kg + 0.05:
         fresh = amount(fill.fresh_kg, fill.liquid_density)
         parts.append(say("at most {amount} with the battery as at the start", amount=fresh))
