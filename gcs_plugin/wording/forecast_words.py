@@ -156,6 +156,43 @@ def weakest_words(weakest: Weakest | None) -> str:
     return f"{words}{beyond}{why}."
 
 
+#: Places where thrust is short; amount and beside as in `ThrustPlace`.
+_PLACES: Mapping[str, str] = {
+    "slope slows": (
+        "the slope to item {item} slows the vehicle to {amount} m/s, of {beside} m/s ordered"
+    ),
+    "slope beyond thrust": (
+        "the slope to item {item} takes {percent} of a rotor's thrust at {beside} m/s of climb: "
+        "fly it slower, or with less"
+    ),
+    "loses height": (
+        "the vehicle loses {amount} m of height or more where it leans to brake or turn on the "
+        "way to item {item}"
+    ),
+    "motors at idle": (
+        "a motor is at idle in the descent of {beside} m/s to item {item}: descend slower"
+    ),
+    "into the ground": "the way to item {item} leads {amount} m into the ground: plan it higher",
+}
+
+
+def place_words(made: PlanForecast) -> tuple[str, ...]:
+    """Where thrust is short or next to none, and slopes; what leads into the ground first."""
+    order = {kind: rank for rank, kind in enumerate(reversed(_PLACES))}
+    found = sorted(made.places, key=lambda place: (order[place.kind], -place.amount))
+    words = [
+        say(
+            _PLACES[place.kind],
+            item=place.item,
+            amount=f"{place.amount:.1f}",
+            beside=f"{place.beside:.1f}",
+            percent=percent(place.amount),
+        )
+        for place in found
+    ]
+    return tuple(_cut([f"{one[0].upper()}{one[1:]}." for one in words]))
+
+
 def fill_words(made: PlanForecast) -> str:
     """The largest fill that keeps the limit all along."""
     liquid, limit = _liquid(made), percent(made.advised.advice.limit)

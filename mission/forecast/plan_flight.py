@@ -23,6 +23,7 @@ from thrustmargin.mission.forecast.battery import (
     FULL,
     UNKNOWN,
     FlightBattery,
+    climb_power,
     discharge,
     rotor_power,
     used_since_change,
@@ -253,10 +254,10 @@ def fly_plan(
     density = np.full(time_s.size, given.density)
     prediction = predict(model, track, density)
     speed = prediction.rotor_speed_rpm
-    power = rotor_power(identified_airframe(model), prediction.thrust, speed)
-    volts, energy = discharge(
-        given.battery, identified_airframe(model), power, seconds, changed, before[:, 1]
-    )
+    craft = identified_airframe(model)
+    power = rotor_power(craft, prediction.thrust, speed)
+    power = power + climb_power(craft, prediction.thrust, density, -velocity[:, 2])
+    volts, energy = discharge(given.battery, craft, power, seconds, changed, before[:, 1])
     track = replace(track, voltage=volts)
     return PlanFlight(
         track=track,

@@ -43,6 +43,7 @@ from thrustmargin.mission.forecast.plan_flight import (
     wind_ned,
     with_slower_yaw,
 )
+from thrustmargin.mission.forecast.thrust_places import ThrustPlace, idle_use, thrust_places
 from thrustmargin.mission.forecast.way import (
     Course,
     TimedLeg,
@@ -67,6 +68,7 @@ from thrustmargin.mission.steps import (
     pump_output,
     speeds_of_nothing,
 )
+from thrustmargin.mission.terrain import Terrain
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import Origin
 from thrustmargin.models.model.advice import Advised, FlightLevel, advise
@@ -106,6 +108,7 @@ class PlanForecast:
     flight_s: float  # of the whole plan, also where only the first part was flown in detail
     findings: tuple[PlanFinding, ...]
     not_understood: tuple[NotUnderstood, ...]
+    places: tuple[ThrustPlace, ...] = ()  # where thrust is short, or next to none
     sorties_at_largest: int = 0  # with the largest fill; 0: unknown, or no split is possible
     assumed: Mapping[Assumption, tuple[str, ...]] = field(default_factory=dict)
     caveats: tuple[Caveat, ...] = ()  # of the last flight of the aircraft, whose log the plan is in
@@ -168,6 +171,7 @@ def forecast(
     parameters: Mapping[str, float] | None = None,
     pump: PumpOutput | None = None,
     pump_rule: PumpRule | None = None,
+    terrain: Terrain | None = None,
     limit: float = 0.5,
     refilled: bool = True,
     faults: FaultHistory | None = None,
@@ -179,7 +183,8 @@ def forecast(
 
     `parameters` are the autopilot's by name; missing ones take their defaults. `limit` is the share
     of a rotor's largest thrust allowed for lasting use. `pump_rule` says where the pump is on in a
-    plan that does not switch it; None: as the airframe says. With `refilled` False the plan is
+    plan that does not switch it; None: as the airframe says. `terrain` is the ground that
+    heights above the ground are of; None: level ground. With `refilled` False the plan is
     flown on with an empty tank. `faults` are those of the last flight of this aircraft and not
     known to be repaired; None: those stored in the model. `other_order`: the motors of that flight
     were not in the order of the airframe. Raise PlanError if the plan flies nowhere, if a leg lasts
@@ -200,7 +205,7 @@ def forecast(
     home = plan.home
     altitude = next((h for h in (day.altitude, home[2]) if math.isfinite(h)), 0.0)
     plan = replace(plan, home=(*home[:2], altitude))
-    legs = plan_legs(plan, steps, limits)
+    legs = plan_legs(plan, steps, limits, terrain=terrain)
     craft = identified_airframe(model)
     given, assumed = conditions(day, altitude, craft.nominal_voltage)
     assumed = {**switched, **assumed}
@@ -264,7 +269,7 @@ def forecast(
         assumed["limits"] = limits.assumed
     if px4:
         assumed["PX4 corners"] = ()
-    if above_ground(steps):
+    if above_ground(steps) and terrain is None:
         assumed["level ground"] = ()
     kinds = {step.kind for step in steps.steps}
     if "spline" in kinds:
@@ -300,6 +305,9 @@ def forecast(
         legs=tuple(leg_forecast(span, analysis) for span in way.spans),
         weakest=weakest_place(flight, analysis),
         largest_fill_kg=largest,
+        places=thrust_places(
+            flight, analysis, idle_use(known, px4=px4), terrain=terrain, home=plan.home
+        ),
         sorties_at_largest=sorties_with(largest) if largest > 0.0 else 0,
         survivable_below_kg=survivable_below(advised.analysis),
         needs=needed,

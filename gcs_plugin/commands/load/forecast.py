@@ -65,6 +65,7 @@ def forecast(
     rate: float | None = None,
     swath: float | None = None,
     pump: str | None = None,
+    dem: Path | None = None,
     voltage: float | None = None,
     capacity: float | None = None,
     resistance: float | None = None,
@@ -105,6 +106,8 @@ def forecast(
         pump: What switches the pump in the plan: sprayer (DO_SPRAYER), servo:NUMBER:ON:OFF, or
             relay:NUMBER. Where the plan does not switch it: always (on from the first place to the
             last) or lines (on along parallel lines).
+        dem: Heights of the ground (.asc in degrees, or .hgt), which heights above the ground then
+            follow; without it the ground is level.
         voltage: V of the battery at rest; without it a full one.
         capacity: Ah of the battery; without it that of the parameters.
         resistance: mOhm of the battery.
@@ -123,6 +126,7 @@ def forecast(
         refuse: With --lua: the script refuses to arm instead of warning.
     """
     from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
+    from thrustmargin.mission.terrain import read_terrain
 
     check_utilisation(max_utilisation)
     check_port(port)
@@ -154,10 +158,11 @@ def forecast(
         ),
         *(OutputFile("--out", path, endings=(".html", ".htm", ".pdf")) for path in out),
     ]
-    check_outputs(outputs, inputs=[plan, model, airframe, parameters])
+    check_outputs(outputs, inputs=[plan, model, airframe, parameters, dem])
     if sorties is not None and not sorties.is_dir():
         raise DataError(f"no folder {sorties}; make it, or give another --sorties")
     found = read_plan(plan)  # a plan that is none is refused before the rest is loaded
+    ground = None if dem is None else read_terrain(dem)
     from thrustmargin.gcs_plugin.commands.load.pump_question import (
         asked_pump_rule,
         never_switched,
@@ -204,6 +209,7 @@ def forecast(
         parameters=known,
         pump=output,
         pump_rule=rule,
+        terrain=ground,
         limit=inputs.limit,
         faults=before.faults,
         other_order=before.other_order,
@@ -282,6 +288,8 @@ def _show(made: PlanForecast, console: Terminal) -> None:
         console.print(line)
     console.print(words.verdict(made), style="bold")
     console.print(words.weakest_words(made.weakest))
+    for line in words.place_words(made):
+        console.print(line)
     console.print(words.fill_words(made))
     console.print(words.survivable_words(made))
     for line in (*words.sortie_words(made), words.way_back_words(made)):

@@ -69,6 +69,7 @@ def json_text(made: PlanForecast) -> str:
             "peak_interval": weakest and weakest.interval,
         },
         "weakest": weakest and {"what": weakest.kind, **asdict(weakest)},
+        "places": made.places,
         "largest_fill_kg": made.largest_fill_kg,
         "rotor_loss_survivable_below_kg": made.survivable_below_kg,
         "field": {
@@ -279,6 +280,7 @@ def _page(made: PlanForecast, name: str, figures: Mapping[str, Markup]) -> str:
         "first": (
             words.fill_words(made),
             words.weakest_words(made.weakest),
+            *words.place_words(made),
             words.survivable_words(made),
         ),
         "needs": [s.strip() for s in (*words.sortie_words(made), words.way_back_words(made))],
