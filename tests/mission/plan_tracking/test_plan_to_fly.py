@@ -1,5 +1,7 @@
 """A plan beside its flight is flown as before take-off, and so is the rest of one in flight."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -52,3 +54,13 @@ def test_what_is_known_before_is_still_standard_air_and_the_battery_of_the_param
     assert given.wind_ned == (0.0, 0.0, 0.0)
     assert given.density == pytest.approx(1.112, abs=0.001)  # ISO 2533 at 1000 m
     assert given.battery.capacity_ah == 16.0
+
+
+def test_a_plan_that_does_not_switch_the_pump_is_compared_by_the_airframes_rule():
+    dry = plan_of(*(row for row in TWO_LINES if row[0] != 216))
+    ruled = replace(MODEL, airframe=replace(MODEL.airframe, pump_on="lines"))
+    flown = [
+        {t.leg.item for t in PlanToFly.of(plan, {}, model).course.legs if t.leg.pump}
+        for plan, model in ((dry, MODEL), (dry, ruled), (PLAN, ruled))
+    ]
+    assert flown == [set(), {4, 6}, {5, 9}]  # the last by its own orders

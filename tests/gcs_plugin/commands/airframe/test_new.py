@@ -100,7 +100,7 @@ def test_somebody_at_a_terminal_is_asked_and_offered_no_default(tmp_path):
     source.write_text(HEXA)
     own, terminal = os.openpty()
     # Mass, a slip of the finger, motor to motor, no answer, another power set, its figures, tank.
-    os.write(own, b"6.2\nfour\n0.9\n\nother\n15x5.5\n3.33\n2\n")
+    os.write(own, b"6.2 kg\nfour\n0.9m\n\nother\n15x5.5\n3,33 kgf\n2 l\n")
     run_it = "from thrustmargin.gcs_plugin.cli import main; main()"
     line = [sys.executable, "-c", run_it, "airframe", "new", "--from", str(source)]
     done = subprocess.run(
