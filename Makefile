@@ -47,8 +47,9 @@ mutation: $(VENV)/.test
 	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[mutation]'
 	nice $(BIN)/python tests/lab/mutation/mutate.py $(MUTATION_ARGS)
 
-# What an index takes: the wheel is built from the source archive, so that neither lacks a file.
-package: $(VENV)/.test
+# What an index takes: the wheel is built from the source archive, so that neither lacks a file. Its
+# pictures are of the pages as they are.
+package: $(VENV)/.test screenshots
 	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[release]'
 	rm -rf dist
 	$(BIN)/python -m build --no-isolation

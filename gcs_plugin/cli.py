@@ -20,7 +20,7 @@ from typing import Any
 
 from thrustmargin.gcs_plugin.commands.shared.extras import HERE, extras
 from thrustmargin.gcs_plugin.commands.shared.options import QUIET, UsageError, refuse_renamed
-from thrustmargin.gcs_plugin.commands.shared.typed import as_read, plain_optionals
+from thrustmargin.gcs_plugin.commands.shared.typed import as_read, hide_none, plain_optionals
 from thrustmargin.gcs_plugin.mavlink.text import clean_lines
 from thrustmargin.gcs_plugin.wording.language import LANGUAGES
 from thrustmargin.gcs_plugin.wording.language import VARIABLE as LANGUAGE
@@ -226,6 +226,9 @@ def _answer(argv: Sequence[str]) -> Any:
     functions = {name: command_function(name) for name in chosen}
     import tyro  # takes half of the time of a help that needs nothing of it
 
+    if {"-h", "--help"} & set(argv):
+        for function in functions.values():
+            hide_none(function)
     with plain_optionals():
         return tyro.extras.subcommand_cli_from_dict(
             functions, prog="thrustmargin", args=as_read(argv)

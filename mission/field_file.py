@@ -27,7 +27,7 @@ from defusedxml import ElementTree
 from defusedxml.common import DefusedXmlException
 
 from thrustmargin.mission.outline import FieldOutline, LocalPlane, TooWide, field_outline
-from thrustmargin.models.errors import InstallError, PlanError
+from thrustmargin.models.errors import InstallError, PlanError, install_line
 from thrustmargin.models.whole_file import regular
 
 LARGEST_FILE = 16 * 2**20
@@ -262,7 +262,7 @@ def _of_shapefile(data: bytes, path: Path) -> list[Named]:
         import shapefile
     except ImportError as error:
         raise InstallError(
-            f"{path.name} is a shapefile; reading one needs: pip install 'thrustmargin[field]'"
+            f"{path.name} is a shapefile; to read it run: {install_line('field')}"
         ) from error
     system = next((p for s in (".prj", ".PRJ") if (p := path.with_suffix(s)).is_file()), None)
     if system is None:
@@ -295,7 +295,7 @@ def _in_degrees(found: Sequence[Named], system: str, name: str) -> list[Named]:
         from pyproj.exceptions import ProjError
     except ImportError as error:
         raise InstallError(
-            f"{name} is not in WGS 84; reading it needs: pip install 'thrustmargin[field]'"
+            f"{name} is not in WGS 84; to read it run: {install_line('field')}"
         ) from error
     try:
         crs = pyproj.CRS.from_user_input(system)

@@ -91,6 +91,8 @@ def read_plan(path: Path) -> MissionPlan:
         raise PlanError(
             f"{name} is not a QGroundControl plan (it is no text); {SAVE_AGAIN}"
         ) from error
+    if not text.strip():
+        raise PlanError(f"{name} is empty; {SAVE_AGAIN}")
     if text.startswith(_WPL):
         return _plan_of_waypoints(text, name)
     if text.count(",") > MOST_COMMAS:
@@ -99,8 +101,19 @@ def read_plan(path: Path) -> MissionPlan:
         content = json.loads(text, parse_constant=_CONSTANTS.get)
     except (ValueError, RecursionError) as error:
         why = f"{error!s:.80}"
+        if isinstance(error, json.JSONDecodeError) and _cut_short(text, error):
+            raise PlanError(
+                f"{name} ends in line {error.lineno}, cut short; {SAVE_AGAIN}"
+            ) from error
         raise PlanError(f"{name} is not a QGroundControl plan ({why}); {SAVE_AGAIN}") from error
     return plan_of_json(_newer(content), name)
+
+
+def _cut_short(text: str, error: json.JSONDecodeError) -> bool:
+    """Return whether JSON text is fine up to its end, but ends too early."""
+    rest = text[error.pos :].strip()
+    begun_word = any(word.startswith(rest) for word in ("null", "true", "false"))
+    return begun_word or len(rest) <= 1 or error.msg.startswith("Unterminated string")
 
 
 def _newer(content: Any) -> Any:

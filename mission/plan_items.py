@@ -32,6 +32,8 @@ VEHICLE_QUADROTOR = 2
 #: Of a mission that is read: 10,000 places with an order at each, and more.
 MOST_ITEMS = 25_000
 NO_HOME_HEIGHT = "altitudes above home have no known height above sea level"
+_HOME_WITHOUT_HEIGHT = f"home is given without its height above sea level: {NO_HOME_HEIGHT}"
+_FIRST_PLACE_IS_HOME = f"home is not known and the first waypoint stands in: {NO_HOME_HEIGHT}"
 
 #: What a figure of a forecast is of.
 Touched = Literal["distance", "time", "load", "height", "heading"]
@@ -148,7 +150,7 @@ def plan_from_items(
         if known and mission[0].frame != FRAME_AMSL:
             altitude = math.nan if home is None else home[2]
             if math.isnan(altitude):
-                notes = (f"home is given without its height above sea level: {NO_HOME_HEIGHT}",)
+                notes = (_HOME_WITHOUT_HEIGHT,)
         home, mission = (latitude, longitude, altitude) if known else home, mission[1:]
     elif not home_first:
         mission = [_renumbered(i) for i in mission]
@@ -165,8 +167,19 @@ def plan_from_items(
                 f"the mission has no place and {source} reports no home; wait for its position"
             )
         home = (*places[0][:2], math.nan)
-        notes = (f"home is not known and the first waypoint stands in: {NO_HOME_HEIGHT}",)
+        notes = (_FIRST_PLACE_IS_HOME,)
     return MissionPlan(items=tuple(mission), home=home, firmware=firmware, notes=notes)
+
+
+def with_home_height(plan: MissionPlan, altitude: float) -> MissionPlan:
+    """Return the plan with its home at `altitude`, m AMSL, where it is given without a height.
+
+    Return it unchanged where its home has a height, or is only the first waypoint.
+    """
+    if math.isfinite(plan.home[2]) or _FIRST_PLACE_IS_HOME in plan.notes:
+        return plan
+    notes = tuple(note for note in plan.notes if note != _HOME_WITHOUT_HEIGHT)
+    return replace(plan, home=(*plan.home[:2], altitude), notes=notes)
 
 
 def too_many(source: str) -> PlanError:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 from thrustmargin.mission.plan_items import (
@@ -38,6 +39,8 @@ ALTITUDE_MODE = {FRAME_AMSL: 2, FRAME_ABOVE_HOME: 1, FRAME_ABOVE_GROUND: 4}
 _VERSION, _MISSION_VERSION, _PARTS_VERSIONS, _OLD_VERSIONS = (1,), (2,), (1, 2), (2,)
 #: Corners of a geofence at most, and for how many of them a circle counts.
 MOST_FENCE, CIRCLE = 10_000, 100
+#: "type" of a GeoJSON file with areas.
+_GEOJSON = ("FeatureCollection", "Feature", "Polygon", "MultiPolygon", "GeometryCollection")
 SAVE_AGAIN = "save the mission again from QGroundControl as .plan"
 
 
@@ -64,6 +67,11 @@ def plan_of_json(content: Any, name: str) -> MissionPlan:
             raise PlanError(f"{name} has patterns of an old kind; {SAVE_AGAIN}")
         if not isinstance(mission["items"], list):
             raise PlanError(f'{name} has no list of "items"; {SAVE_AGAIN}')
+    elif isinstance(content, dict) and content.get("type") in _GEOJSON:
+        raise PlanError(
+            f"{name} is a field (GeoJSON), not a plan; make its route first: thrustmargin cover "
+            f"{Path(name).stem}.geojson --swath 5 -o field.plan"
+        )
     else:
         raise PlanError(f'{name} has no "fileType": "Plan"; save it from QGroundControl as .plan')
     firmware = _integer(mission.get("firmwareType", 0), where=f"{name} firmwareType")

@@ -84,7 +84,8 @@ def split_plan(
     home = plan.home if refill is None else (refill[0], refill[1], math.nan)
     _check_reach(home, flown)
     cuts = sorted(set(refill_after))
-    switched = any(step.pump is not None for step in flown)
+    # What switches the pump of such a plan switches that of its sorties.
+    switched = any(step.pump is not None for step in flown) and not steps.pump_by_rule
     off = [pump_switch(pump or PumpOutput(), on=False)] if switched else []
     on = pump_switch(pump or PumpOutput(), on=True)
     sorties = []
@@ -92,7 +93,7 @@ def split_plan(
         body: list[PlanItem] = []
         if begin is not None:
             body += _way_out(flown[begin], flown[begin + 1], plan, home, off)
-            body += [on] if flown[begin + 1].pump else []
+            body += [on] if switched and flown[begin + 1].pump else []
         low = 0 if begin is None else flown[begin].index + 1
         body += items[low : len(items) if end is None else flown[end].index + 1]
         if end is not None:

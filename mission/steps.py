@@ -122,6 +122,7 @@ class PlanSteps:
     executed: tuple[PlanItem, ...]  # items in order of execution, jumps followed
     not_understood: tuple[NotUnderstood, ...]
     pump_at_end: bool | None = None  # None: no order was given
+    pump_by_rule: bool = False  # the plan does not switch it: mission.pump_rule
 
 
 def pump_output(parameters: Mapping[str, float]) -> PumpOutput:
@@ -279,6 +280,21 @@ class _Walk:
             self.pump = share > 0.1
         else:
             self.pump = value > 0.5
+
+
+def speeds_of_nothing(steps: PlanSteps) -> list[tuple[int, float]]:
+    """List the items that order a speed over ground of 0 or below: their number, and m/s.
+
+    -1 is no change, and -2 the vehicle's own speed.
+    """
+    return [
+        (item.number, item.parameters[1])
+        for item in steps.executed
+        if item.command == CHANGE_SPEED
+        and item.parameters[0] in (0.0, 1.0)
+        and item.parameters[1] <= 0.0
+        and item.parameters[1] not in (-1.0, -2.0)
+    ]
 
 
 def _jump_targets(items: Sequence[PlanItem]) -> dict[int, int]:

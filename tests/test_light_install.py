@@ -161,7 +161,8 @@ def test_what_needs_an_extra_says_in_one_line_what_to_install(
     assert ended.code == 1
     said = ended.errors.splitlines()[-1]
     assert said.startswith("thrustmargin: ")
-    assert f"{missing}, which is not installed; run: pip install 'thrustmargin[{extra}]'" in said
+    assert f"{missing}, which is not installed; run: pip install " in said
+    assert f'[{extra}]"' in said
     assert "Traceback" not in ended.errors
     assert not list(ended.folder.glob("s*"))  # nothing was begun
 

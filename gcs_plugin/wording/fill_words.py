@@ -36,6 +36,8 @@ _NOTHING_FITS: Mapping[Reason, str] = {
     "take-off mass": "empty it has the maker's maximum take-off mass already",
 }
 UNKNOWN_FILL = "No fill can be recommended: mass and rotors of the aircraft are not known"
+#: What settles a limit whose largest rotor speed is a guess.
+CLIMB = "a climb at full throttle for 3 s, without liquid, settles it: airframe new --hover LOG"
 UNSOUND = "No fill before the bad rotor or motor is repaired"
 UNPREDICTED = "No fill can be recommended: the model predicts nothing in these conditions"
 
@@ -82,7 +84,8 @@ def fill_advice(fill: NextFill, limit: float, *, was_within: bool = False) -> st
         return say("Nothing to fill: {why}", why=why)
     if level is FillLevel.UNSURE:
         words = "Do not fill{day}: the limit is at {limit}, too unsure to fill anything"
-        return say(words, day=day, limit=_range(fill))
+        settled = f"; {say(CLIMB)}" if fill.ceiling_guessed else ""
+        return f"{say(words, day=day, limit=_range(fill))}{settled}"
     if level is FillLevel.NO_FILL:
         return say("Do not fill{day}: even empty {empty}", day=day, empty=empty)
     first = "Up to {amount}{day}: {more}" if was_within else "Fill at most {amount}{day}: {more}"
@@ -103,6 +106,8 @@ def how_sure(fill: NextFill) -> str:
     parts = (
         [say("limit at {limit}", limit=_range(fill))] if fill.high_kg - fill.low_kg >= 0.05 else []
     )
+    if parts and fill.ceiling_guessed:
+        parts.append(say(CLIMB))
     if fill.fresh_kg > fill.kg + 0.05:
         fresh = amount(fill.fresh_kg, fill.liquid_density)
         words = "at most {amount} with the battery as at the start"

@@ -50,6 +50,10 @@ ASSUMED: Mapping[str, str] = {
     "sea level": "field at sea level: give --altitude",
     "no flow": "nothing is sprayed, so the tank stays full: give --flow or --rate",
     "pump rate": "flow by SPRAY_PUMP_RATE of a pump of {0} L/min at full output: give --flow",
+    "pump always": "pump: on from the first place to the last, as the airframe file says",
+    "pump always stated": "pump: on from the first place to the last, as --pump says",
+    "pump lines": "pump: on along {0} parallel lines, {1} m apart, as the airframe file says",
+    "pump lines stated": "pump: on along {0} parallel lines, {1} m apart, as --pump says",
     "straight splines": "splines as straight legs: the way flown is longer",
     "circles as waits": "circles as time at their middle: no bank and no drag of the circle",
     "efficiency": "motors and speed controllers pass on {0} % of the battery's power",
@@ -91,6 +95,8 @@ def verdict(made: PlanForecast) -> str:
     fill = ""
     if _has_tank(made):
         fill = say(" WITH {amount}", amount=amount(_fill(made), _liquid(made)))
+        if made.pump_never_on:
+            fill += say(" AND THE PUMP OFF")
         if hidden := made.assumed.get("hidden mass"):
             fill += say(" AND {kg} kg THAT NOBODY REPORTED", kg=hidden[0])
     lasting = percent_within(use.lasting_most, use.lasting_low, use.lasting_high)
@@ -104,6 +110,8 @@ def verdict(made: PlanForecast) -> str:
         return say(CONTRADICTED if Caveat.MODEL in made.caveats else NO_VERDICT)
     if level is FlightLevel.BATTERY:
         return no + say("the battery does not last")
+    if level is FlightLevel.NO_THRUST and not use.spent_s > 0.0:
+        return no + say("a turn or the wind takes more thrust than there is")
     if level is FlightLevel.NO_THRUST:
         return no + say("no thrust is left for {long}", long=duration(use.spent_s))
     if level is FlightLevel.CRITICAL:
@@ -146,6 +154,43 @@ def weakest_words(weakest: Weakest | None) -> str:
     why = f" ({', '.join(named)})" if named else ""
     words = say("Weakest {where}: {use} of a rotor's thrust", where=where, use=use)
     return f"{words}{beyond}{why}."
+
+
+#: Places where thrust is short; amount and beside as in `ThrustPlace`.
+_PLACES: Mapping[str, str] = {
+    "slope slows": (
+        "the slope to item {item} slows the vehicle to {amount} m/s, of {beside} m/s ordered"
+    ),
+    "slope beyond thrust": (
+        "the slope to item {item} takes {percent} of a rotor's thrust at {beside} m/s of climb: "
+        "fly it slower, or with less"
+    ),
+    "loses height": (
+        "the vehicle loses {amount} m of height or more where it leans to brake or turn on the "
+        "way to item {item}"
+    ),
+    "motors at idle": (
+        "a motor is at idle in the descent of {beside} m/s to item {item}: descend slower"
+    ),
+    "into the ground": "the way to item {item} leads {amount} m into the ground: plan it higher",
+}
+
+
+def place_words(made: PlanForecast) -> tuple[str, ...]:
+    """Where thrust is short or next to none, and slopes; what leads into the ground first."""
+    order = {kind: rank for rank, kind in enumerate(reversed(_PLACES))}
+    found = sorted(made.places, key=lambda place: (order[place.kind], -place.amount))
+    words = [
+        say(
+            _PLACES[place.kind],
+            item=place.item,
+            amount=f"{place.amount:.1f}",
+            beside=f"{place.beside:.1f}",
+            percent=percent(place.amount),
+        )
+        for place in found
+    ]
+    return tuple(_cut([f"{one[0].upper()}{one[1:]}." for one in words]))
 
 
 def fill_words(made: PlanForecast) -> str:
@@ -202,6 +247,8 @@ def sortie_words(made: PlanForecast) -> tuple[str, ...]:
             **flown,
         )
     ]
+    if sprayed > 0.0 and not made.needs.short_of:
+        found.append(_field_words(made, sprayed / liquid))
     if made.needs.short_of:
         found.append(f"{say('No split is possible')}: {say(_SHORT[made.needs.short_of])}.")
     elif len(sorties) > 1:
@@ -217,6 +264,34 @@ def sortie_words(made: PlanForecast) -> tuple[str, ...]:
         )
         found += _cut([_sortie(k, s, liquid, made.swath) for k, s in enumerate(sorties, start=1)])
     return tuple(found)
+
+
+def _field_words(made: PlanForecast, litres: float) -> str:
+    """What the whole field takes, beside this fill and the largest that may fly."""
+    sorties, liquid = made.needs.sorties, _liquid(made)
+    with_area = math.isfinite(made.swath)
+    field = f" ({area(sum(s.lines for s in sorties) * made.swath)})" if with_area else ""
+    known = {"litres": number(litres, "L"), "field": field}
+    if len(sorties) == 1:
+        words = say("The field takes {litres}{field}: one sortie, no refill.", **known)
+    else:
+        words = say(
+            "The field takes {litres}{field}: {count} sorties with {fill}, {refills} to refill.",
+            count=len(sorties),
+            fill=amount(_fill(made), liquid),
+            refills=_times(len(sorties) - 1),
+            **known,
+        )
+    most = made.sorties_at_largest
+    if not most or most == len(sorties):
+        return words
+    fill = amount(made.largest_fill_kg, liquid)
+    more = "{count} with the largest fill, {fill}." if most > 1 else "One with the largest, {fill}."
+    return f"{words} {say(more, count=most, fill=fill)}"
+
+
+def _times(count: int) -> str:
+    return say("once") if count == 1 else say("{count} times", count=count)
 
 
 def _sortie(which: int, one: Sortie, liquid: float, swath: float) -> str:
@@ -283,6 +358,8 @@ def _as_far(made: PlanForecast) -> str:
     open_ones = [say(CONDITIONS[one]) for one in made.caveats if one in CONDITIONS]
     if open_ones:
         parts.append(say(", IF {conditions}", conditions=f" {say('AND')} ".join(open_ones)))
+    if made.wind_left_out:
+        parts.append(say(", LEAVING OUT THE WIND, WHOSE DRAG IS NOT KNOWN"))
     if made.not_understood:
         parts.append(say(", AS FAR AS THE PLAN IS UNDERSTOOD"))
     if "first part" in made.assumed:

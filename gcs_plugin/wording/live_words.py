@@ -141,7 +141,7 @@ NO_VEHICLE = "no vehicle heard yet"
 NO_ALARM = "no alarm"
 NO_SAMPLES = (
     "messages and events are recorded, and no table of samples, which needs pyarrow; "
-    "to have it run: pip install 'thrustmargin[fleet]'"
+    "to have it run: {line}"
 )
 HEARD, WATCHED_AGAIN, RECORDING_AGAIN = "heard", "watched again", "recording again"
 NOT_BEHIND = "no longer behind"

@@ -48,7 +48,10 @@ NOT_UNDERSTOOD: Mapping[str, tuple[str, str]] = {
 }
 #: Fault of a plan -> its words, and the action.
 FAULTS: Mapping[str, tuple[str, str]] = {
-    "pump never on": ("the pump is never switched on", "add DO_SPRAYER at the start of a line"),
+    "pump never on": (
+        "the plan never switches the pump on",
+        "say where it is on with --pump always or --pump lines, or add DO_SPRAYER",
+    ),
     "pump never off": ("the pump is still on when the mission ends", "add DO_SPRAYER off"),
     "pump on before the first line": (
         "the pump is on before the first line",

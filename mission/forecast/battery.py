@@ -84,6 +84,20 @@ def rotor_power(airframe: Airframe, thrust: Floats, speed_rpm: Floats) -> Floats
     return np.sum(shaft, axis=1) / EFFICIENCY
 
 
+def climb_power(airframe: Airframe, thrust: Floats, density: Floats, climb: Floats) -> Floats:
+    """Compute the battery power (T,), W, that climbing at `climb` (T,) m/s adds to that of level
+    flight.
+
+    By momentum theory for the rotors' discs: T (c/2 + sqrt(c²/4 + v²) - v) with the induced
+    velocity v of hover. It is negative in a descent. `thrust` is (T, R) N, `density` (T,) kg/m³.
+    """
+    total = np.sum(thrust, axis=1)
+    disc = airframe.rotor_count * math.pi * airframe.propeller_diameter**2 / 4.0
+    induced = np.sqrt(np.maximum(total, 0.0) / (2.0 * density * disc))
+    half = 0.5 * climb
+    return total * (half + np.sqrt(half**2 + induced**2) - induced) / EFFICIENCY
+
+
 def discharge(
     battery: FlightBattery,
     airframe: Airframe,

@@ -22,6 +22,7 @@ from thrustmargin.mission.day_fill import voltage_under_load
 from thrustmargin.mission.forecast.battery import (
     UNKNOWN,
     FlightBattery,
+    climb_power,
     discharge,
     rotor_power,
     used_since_change,
@@ -55,7 +56,8 @@ Assumption = Literal[
     "sea level", "no flow", "pump rate", "straight splines", "circles as waits",
     "efficiency", "level ground", "PX4 corners", "pump by speed",
     "no forward flight", "extrapolated", "nose gives way", "first part", "alike", "aircraft",
-    "unlike", "hidden mass",
+    "unlike", "hidden mass", "pump always", "pump always stated", "pump lines",
+    "pump lines stated",
 ]  # fmt: skip
 
 
@@ -273,10 +275,10 @@ def fly_plan(
     density = np.full(time_s.size, given.density)
     prediction = predict(model, track, density)
     speed = prediction.rotor_speed_rpm
-    power = rotor_power(identified_airframe(model), prediction.thrust, speed)
-    volts, energy = discharge(
-        given.battery, identified_airframe(model), power, seconds, changed, before[:, 1]
-    )
+    craft = identified_airframe(model)
+    power = rotor_power(craft, prediction.thrust, speed)
+    power = power + climb_power(craft, prediction.thrust, density, -velocity[:, 2])
+    volts, energy = discharge(given.battery, craft, power, seconds, changed, before[:, 1])
     track = replace(track, voltage=volts)
     return PlanFlight(
         track=track,

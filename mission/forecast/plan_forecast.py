@@ -43,6 +43,7 @@ from thrustmargin.mission.forecast.plan_flight import (
     wind_ned,
     with_slower_yaw,
 )
+from thrustmargin.mission.forecast.thrust_places import ThrustPlace, idle_use, thrust_places
 from thrustmargin.mission.forecast.way import (
     Course,
     TimedLeg,
@@ -53,8 +54,21 @@ from thrustmargin.mission.forecast.way import (
 )
 from thrustmargin.mission.plan_check import PlanFinding, check_plan
 from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan, NotUnderstood
+from thrustmargin.mission.pump_rule import (
+    PumpRule,
+    airframe_rule,
+    orders_pump,
+    with_pump_rule,
+)
 from thrustmargin.mission.sortie_plans import line_ends, split_plan
-from thrustmargin.mission.steps import PlanSteps, PumpOutput, plan_steps, pump_output
+from thrustmargin.mission.steps import (
+    PlanSteps,
+    PumpOutput,
+    plan_steps,
+    pump_output,
+    speeds_of_nothing,
+)
+from thrustmargin.mission.terrain import Terrain
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import Origin
 from thrustmargin.models.model.advice import Advised, FlightLevel, advise
@@ -62,6 +76,7 @@ from thrustmargin.models.model.analysis import analyse, with_density_error
 from thrustmargin.models.model.model_misfit import Caveat
 from thrustmargin.models.model.rotor_faults import FaultHistory
 from thrustmargin.models.model.rotor_model import Basis, RotorModel, identified_airframe
+from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.day import UNKNOWN_DAY, Day
 
 STILL = (0.0, 0.0, 0.0)
@@ -94,6 +109,8 @@ class PlanForecast:
     flight_s: float  # of the whole plan, also where only the first part was flown in detail
     findings: tuple[PlanFinding, ...]
     not_understood: tuple[NotUnderstood, ...]
+    places: tuple[ThrustPlace, ...] = ()  # where thrust is short, or next to none
+    sorties_at_largest: int = 0  # with the largest fill; 0: unknown, or no split is possible
     assumed: Mapping[Assumption, tuple[str, ...]] = field(default_factory=dict)
     day: Day = UNKNOWN_DAY  # that all of it holds for
     caveats: tuple[Caveat, ...] = ()  # of the last flight of the aircraft, whose log the plan is in
@@ -102,14 +119,35 @@ class PlanForecast:
     def level(self) -> FlightLevel:
         """Return the level of the answer; a battery used up on the way comes before any other.
 
-        UNKNOWN where the aircraft's last flight contradicts the airframe. UNKNOWN instead of UNDER
-        where that flight contradicts the model.
+        NO_THRUST where the attitude to be flown is that of a fall. UNKNOWN where the aircraft's
+        last flight contradicts the airframe. UNKNOWN instead of UNDER where that flight contradicts
+        the model.
         """
         if self.needs.short_of == "battery" or np.isnan(self.flight.track.voltage).any():
             return FlightLevel.BATTERY
         level = self.advised.advice.level
+        if level is FlightLevel.LOST:
+            # A simulated flight keeps its attitude: what tumbles has too little thrust for it.
+            level = FlightLevel.NO_THRUST
         groundless = Caveat.MODEL in self.caveats and level is FlightLevel.UNDER
         return FlightLevel.UNKNOWN if groundless or "unlike" in self.assumed else level
+
+    @property
+    def pump_never_on(self) -> bool:
+        """Return whether the answer is for a tank that stays full: nothing says where the pump is
+        on.
+        """
+        return any(finding.fault == "pump never on" for finding in self.findings)
+
+    @property
+    def wind_left_out(self) -> bool:
+        """Return whether there is wind, and the model knows no drag of this aircraft."""
+        return "no forward flight" in self.assumed and self.given.wind_ned != STILL
+
+    @property
+    def needed_kg(self) -> float:
+        """Return the mass of liquid, kg, that the whole plan sprays, in all of its sorties."""
+        return sum(sortie.kg for sortie in self.needs.sorties)
 
     @property
     def too_heavy(self) -> bool:
@@ -134,6 +172,8 @@ def forecast(
     *,
     parameters: Mapping[str, float] | None = None,
     pump: PumpOutput | None = None,
+    pump_rule: PumpRule | None = None,
+    terrain: Terrain | None = None,
     limit: float = 0.5,
     refilled: bool = True,
     faults: FaultHistory | None = None,
@@ -144,11 +184,13 @@ def forecast(
     `take_off` is the conditions at take-off, or the tank mass in kg alone.
 
     `parameters` are the autopilot's by name; missing ones take their defaults. `limit` is the share
-    of a rotor's largest thrust allowed for lasting use. With `refilled` False the plan is flown on
-    with an empty tank. `faults` are those of the last flight of this aircraft and not known to be
-    repaired; None: those stored in the model. `other_order`: the motors of that flight were not in
-    the order of the airframe. Raise PlanError if the plan flies nowhere, or if a leg lasts longer
-    than any battery.
+    of a rotor's largest thrust allowed for lasting use. `pump_rule` says where the pump is on in a
+    plan that does not switch it; None: as the airframe says. `terrain` is the ground that
+    heights above the ground are of; None: level ground. With `refilled` False the plan is
+    flown on with an empty tank. `faults` are those of the last flight of this aircraft and not
+    known to be repaired; None: those stored in the model. `other_order`: the motors of that flight
+    were not in the order of the airframe. Raise PlanError if the plan flies nowhere, if a leg lasts
+    longer than any battery, or if `pump_rule` is given for a plan that switches its pump.
 
         >>> plan = read_plan("sitl_logs/campaign/v4_m16_q2.5.tlog")
         >>> forecast(plan, load_model(), 4.0).level.value
@@ -158,14 +200,18 @@ def forecast(
     known = {} if parameters is None else parameters
     px4 = plan.firmware == FIRMWARE_PX4
     limits = flight_limits(known, px4=px4)
-    steps = plan_steps(plan, pump or pump_output(known))
+    ordered = plan_steps(plan, pump or pump_output(known))
+    for item, speed in speeds_of_nothing(ordered):
+        raise PlanError(f"item {item} orders a speed of {speed:g} m/s; give it the speed to fly at")
+    steps, switched = _pump_switched(plan, ordered, pump_rule, identified_airframe(model))
     home = plan.home
     craft = identified_airframe(model)
     day = stated.day(craft.nominal_voltage, home[2])
     altitude = day.field_height
     plan = replace(plan, home=(*home[:2], altitude))
-    legs = plan_legs(plan, steps, limits)
+    legs = plan_legs(plan, steps, limits, terrain=terrain)
     given, assumed = conditions(stated, day, model)
+    assumed = {**switched, **assumed}
     by_rate = known_pump(known, craft)
     if not craft.tank_volume_l:
         given = replace(given, flow=0.0, flow_per_metre=math.nan)
@@ -227,7 +273,7 @@ def forecast(
         assumed["limits"] = limits.assumed
     if px4:
         assumed["PX4 corners"] = ()
-    if above_ground(steps):
+    if above_ground(steps) and terrain is None:
         assumed["level ground"] = ()
     kinds = {step.kind for step in steps.steps}
     if "spline" in kinds:
@@ -241,6 +287,20 @@ def forecast(
         assumed["no forward flight"] = ()
     if np.any(analysis.prediction.basis == Basis.PHYSICS) and model.network is not None:
         assumed["extrapolated"] = ()
+    largest = largest_fill(
+        advised,
+        given,
+        limit,
+        lambda g: _advise(fly(way, g, parts.anew), model, limit, g.density_error),
+    )
+
+    def sorties_with(fill_kg: float) -> int:
+        """Return the number of sorties with another fill; 0 if no split is possible."""
+        filled = replace(given, fill_kg=fill_kg)
+        ends_then = leg_ends(fly(once.course, filled), timed, filled, limits, model)
+        split = needs(ends_then, ends, fill_kg=fill_kg, usable_wh=usable)
+        return 0 if split.short_of else len(split.sorties)
+
     sprays = any(leg.pump for leg in legs) or given.flow > 0.0 or given.flow_per_metre > 0.0
     return PlanForecast(
         plan=plan,
@@ -251,19 +311,18 @@ def forecast(
         limits=limits,
         legs=tuple(leg_forecast(span, analysis) for span in way.spans),
         weakest=weakest_place(flight, analysis),
-        largest_fill_kg=largest_fill(
-            advised,
-            given,
-            limit,
-            lambda g: _advise(fly(way, g, parts.anew), model, limit, g.density_error),
+        largest_fill_kg=largest,
+        places=thrust_places(
+            flight, analysis, idle_use(known, px4=px4), terrain=terrain, home=plan.home
         ),
+        sorties_at_largest=sorties_with(largest) if largest > 0.0 else 0,
         survivable_below_kg=survivable_below(advised.analysis),
         needs=needed,
         way_back=way_back(flight, flight.battery_wh, back, usable, charge_kept=CHARGE_KEPT),
         swath=stated.swath,
         day=day,
         flight_s=float(taken.time_s[-1]),
-        findings=check_plan(plan, steps, sprays=sprays),
+        findings=check_plan(plan, ordered, sprays=sprays and not steps.pump_by_rule),
         not_understood=steps.not_understood,
         assumed=assumed,
     )
@@ -287,6 +346,32 @@ def sortie_plans(made: PlanForecast, *, pump: PumpOutput | None = None) -> tuple
         after = cuts[-1] if cuts else -1
         cuts.append(next(k for k in ends if k > after and flown[k].item == sortie.last_item))
     return split_plan(made.plan, made.steps, cuts, pump=pump)
+
+
+def _pump_switched(
+    plan: MissionPlan, steps: PlanSteps, rule: PumpRule | None, craft: Airframe
+) -> tuple[PlanSteps, dict[Assumption, tuple[str, ...]]]:
+    """Return the steps with the pump as the plan orders, else by `rule`, else by the airframe's.
+
+    Also return what the answer says of it. Without a tank no rule applies.
+    """
+    item = orders_pump(steps)
+    if item is not None or not craft.tank_volume_l:
+        if item is not None and rule is not None:
+            raise PlanError(
+                f"the plan itself switches the pump, first before item {item}; leave out "
+                f"--pump {rule}"
+            )
+        return steps, {}
+    chosen = rule or airframe_rule(craft)
+    if chosen is None:
+        return steps, {}
+    made, lines = with_pump_rule(plan, steps, chosen)
+    stated = rule is not None
+    if lines is None:
+        return made, {"pump always stated" if stated else "pump always": ()}
+    found = (f"{lines.count}", f"{lines.spacing:.1f}")
+    return made, {"pump lines stated" if stated else "pump lines": found}
 
 
 def _refuse_endless(timed: Sequence[TimedLeg]) -> None:

@@ -25,12 +25,14 @@ from typing import Literal
 
 import numpy as np
 import pymap3d
+import shapely
 from numpy.typing import NDArray
 
 from thrustmargin.mission.forecast.leg_profile import LegProfile, Pulse, leg_profile
 from thrustmargin.mission.forecast.limits import FlightLimits
 from thrustmargin.mission.plan_items import FRAME_ABOVE_GROUND, FRAME_AMSL, MissionPlan
 from thrustmargin.mission.steps import PlanSteps, Step
+from thrustmargin.mission.terrain import Terrain
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import Floats
 
@@ -271,18 +273,29 @@ class _Way:
         self.to(slow, np.array([*self.at[:2], 0.0]), stops=True)
 
 
+#: m by which straight legs over the ground may be off its height.
+GROUND_ERROR = 0.5
+
+
 def plan_legs(
-    plan: MissionPlan, steps: PlanSteps, limits: FlightLimits, *, start: Floats | None = None
+    plan: MissionPlan,
+    steps: PlanSteps,
+    limits: FlightLimits,
+    *,
+    start: Floats | None = None,
+    terrain: Terrain | None = None,
 ) -> tuple[WayLeg, ...]:
     """Return the straight legs that a vehicle flies for `steps`, from `start` (3,) m NED about
     home, or from home.
 
-    A height above the ground counts as above home. Raise PlanError if the plan flies nowhere, or
-    farther than such an aircraft can.
+    Between two places with heights above the ground the legs follow `terrain`. Without terrain such
+    a height counts as above home. Raise PlanError if the plan flies nowhere, farther than such an
+    aircraft can, or over ground that `terrain` does not cover.
     """
     way = _Way(limits, np.zeros(3) if start is None else start)
     flown = steps.steps
-    places = _places(plan, flown)
+    places = _places(plan, flown, terrain)
+    above: int | None = None  # frame of the place before
     for (step, following), place in zip(pairwise([*flown, None]), places, strict=True):
         assert step is not None
         speed = step.speed
@@ -306,10 +319,15 @@ def plan_legs(
         else:
             on = following is not None and following.kind in _ON and step.wait_s == 0.0
             on = on and following is not None and following.frame == step.frame
+            if terrain is not None and above == step.frame == FRAME_ABOVE_GROUND:
+                for between in _over_ground(plan, step, way.at, there, terrain):
+                    way.to(step, between, speed=speed, stops=False)
             way.to(step, there, speed=speed, stops=not (on and step.kind in _ON))
             way.wait(step.wait_s)
             if step.turns:
                 way.wait(step.turns * 2.0 * math.pi * step.radius / (speed or limits.speed))
+        if step.place is not None or step.kind == "take-off":
+            above = step.frame
     if not way.legs:
         unknown = next((n for n in steps.not_understood if n.why == "unknown command"), None)
         why = "" if unknown is None else f"; item {unknown.item} is MAV_CMD {unknown.command}"
@@ -317,7 +335,41 @@ def plan_legs(
     return tuple(way.legs)
 
 
-def _places(plan: MissionPlan, steps: Sequence[Step]) -> Floats:
+def _over_ground(
+    plan: MissionPlan, step: Step, begin: Floats, end: Floats, terrain: Terrain
+) -> Floats:
+    """Return the places (P, 3), m NED about home, between `begin` and `end` at which a way at
+    constant height above the ground bends.
+
+    The height above the ground changes evenly along the way, as the autopilot has it.
+    """
+    away = float(np.hypot(*(end - begin)[:2]))
+    share = np.linspace(0.0, 1.0, max(math.ceil(away / terrain.spacing), 1) + 1)
+    straight = begin + share[:, None] * (end - begin)
+    latitude, longitude, _ = pymap3d.ned2geodetic(*straight[:, :2].T, 0.0, *plan.home[:2], 0.0)
+    ground = _ground(terrain, latitude, longitude, step.item)
+    relief = ground - np.interp(share, [0.0, 1.0], ground[[0, -1]])
+    # In metres along and up the way: what is left by the simplification is a bend.
+    line = shapely.LineString(np.column_stack([away * share, relief - straight[:, 2]]))
+    kept = shapely.get_coordinates(shapely.simplify(line, GROUND_ERROR))[1:-1]
+    middle = begin + (kept[:, :1] / max(away, 1e-9)) * (end - begin)
+    return np.column_stack([middle[:, :2], -kept[:, 1]])
+
+
+def _ground(terrain: Terrain, latitude: Floats, longitude: Floats, item: int) -> Floats:
+    """Return the height of the ground (N,), m above the sea; raise PlanError where it is not
+    known.
+    """
+    found = terrain.height(latitude, longitude)
+    if not np.isfinite(found).all():
+        where = f"the way to item {item}" if item else "home"
+        raise PlanError(
+            f"{terrain.name} has no height of the ground at {where}; give one that covers the plan"
+        )
+    return found
+
+
+def _places(plan: MissionPlan, steps: Sequence[Step], terrain: Terrain | None = None) -> Floats:
     """Return the places of S steps (S, 3), m NED about home; NaN where a step keeps the value
     before.
     """
@@ -340,13 +392,17 @@ def _places(plan: MissionPlan, steps: Sequence[Step]) -> Floats:
                 f"item {step.item} is {distance / 1e3:.0f} km from home; check its place and home"
             )
     up = degrees[:, 2] - np.where(amsl, ground, 0.0)
+    over_ground = np.array([s.frame == FRAME_ABOVE_GROUND for s in steps], dtype=np.bool_)
+    if terrain is not None and over_ground.any():
+        at_home = _ground(terrain, np.array(home[:1]), np.array(home[1:2]), 0)
+        for k in np.flatnonzero(over_ground & np.isfinite(degrees).all(axis=1)).tolist():
+            here = _ground(terrain, degrees[k : k + 1, 0], degrees[k : k + 1, 1], steps[k].item)
+            up[k] += float((here - at_home)[0])
     return np.column_stack([north, east, -up])
 
 
 def above_ground(steps: PlanSteps) -> bool:
-    """Return whether any height of the plan is above the ground, which the forecast takes as
-    level.
-    """
+    """Return whether any height of the plan is above the ground."""
     return any(step.frame == FRAME_ABOVE_GROUND and step.place for step in steps.steps)
 
 

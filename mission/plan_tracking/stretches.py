@@ -32,6 +32,7 @@ from thrustmargin.mission.forecast.plan_flight import (
 )
 from thrustmargin.mission.forecast.way import Course, Span, SpanKind, course, plan_legs
 from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan
+from thrustmargin.mission.pump_rule import pumped_by_airframe
 from thrustmargin.mission.steps import plan_steps, pump_output
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
@@ -57,7 +58,8 @@ class PlanToFly:
         Raise PlanError if the plan flies nowhere.
         """
         limits = flight_limits(parameters, px4=plan.firmware == FIRMWARE_PX4)
-        legs = plan_legs(plan, plan_steps(plan, pump_output(parameters)), limits)
+        steps = plan_steps(plan, pump_output(parameters))
+        legs = plan_legs(plan, pumped_by_airframe(plan, steps, model.airframe), limits)
         return cls(course=course(legs, limits), model=model, home=plan.home)
 
     def fly(self, given: PlanConditions) -> tuple[PlanFlight, FlightAnalysis]:

@@ -24,10 +24,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.model.airframe_claim import RESTS_ON, AirframeClaim
+from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, ThrustUse, analyse
 from thrustmargin.models.model.flight_day import flight_day
-from thrustmargin.models.model.inferred.utilisation_error import INTERVAL, guessed_variance
+from thrustmargin.models.model.inferred.utilisation_error import (
+    INTERVAL,
+    guessed_variance,
+    largest_thrust_variance,
+)
 from thrustmargin.models.model.rotor_faults import faults_in_model
 from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe
 from thrustmargin.models.physics.airframe import Airframe
@@ -112,7 +116,8 @@ def largest_fills(
         fill = largest_fill(
             airframe, ceiling(airframe, density, voltage), criterion="yaw uncontrolled"
         )
-        error = np.sqrt(guessed_variance(airframe, *RESTS_ON) + density_error**2)
+        of_mass = guessed_variance(airframe, "empty_mass")
+        error = np.sqrt(of_mass + largest_thrust_variance(airframe) + density_error**2)
         mass = airframe.empty_mass + fill
         rows[1] = [mass * np.exp(k * INTERVAL * error) - airframe.empty_mass for k in (0, -1, 1)]
     rows[2] = airframe.max_takeoff_mass - airframe.empty_mass
@@ -210,6 +215,7 @@ class NextFill:
     start_kg: float = NAN  # what was on board at the start
     liquid_density: float = NAN  # kg/L
     beyond_gauge_kg: float = 0.0  # load by hover thrust beyond gauge or statement
+    ceiling_guessed: bool = False  # the largest rotor speed: a climb at full throttle measures it
 
     @property
     def level(self) -> FillLevel:
@@ -257,6 +263,7 @@ def before_take_off(
         reason=fills.reason[condition],
         nothing_fits=no_fill_reason(craft),
         liquid_density=craft.liquid_density,
+        ceiling_guessed=craft.quantities["max_rotor_speed_rpm"].guessed,
         day=day,
     )
     return unsound_fill(made) if faults_in_model(model) else made
@@ -316,6 +323,7 @@ def next_fill(
         start_kg=float(np.median(loads)) if loads.size else NAN,
         liquid_density=craft.liquid_density,
         beyond_gauge_kg=analysis.beyond_gauge_kg,
+        ceiling_guessed=craft.quantities["max_rotor_speed_rpm"].guessed,
     )
     limits = ((empty + middles[k]) * free / free[lowest] - empty for k in (by_use, lost))
     return made, *limits

@@ -6,10 +6,12 @@ A table is a parsed TOML file: `quantities` of `{ value, unit, source, guessed }
 Read an airframe, the description of one aircraft, from a TOML file.
 
 A file contains tables of quantities `{ value = 21.1, unit = "kg", source = "..." }`, with `guessed
-= true` where nobody measured or printed the value. `extends = "other"` takes every value of another
+= true` where nobody measured or printed the value. A guess may have a `thrust_error`: the standard
+error that it leaves in thrust, as a share of it. `extends = "other"` takes every value of another
 airframe and replaces those given; other is a shipped name, or the path of a .toml file relative to
 this one. `tank_source` may name the message that reports the tank level, for example
-"BATTERY_STATUS 1"; without it the best source is used. Without `[[rotors]]` they are made from a
+"BATTERY_STATUS 1"; without it the best source is used. `pump_on` may say where the pump is on in a
+plan that does not switch it: "always" or "lines". Without `[[rotors]]` they are made from a
 known `layout` (`motor_layouts`) and the quantity `arm`. Rotor order is the autopilot's motor order;
 positions are `_frd` from the centre of gravity. `spin` is +1 for a rotor that turns
 counter-clockwise seen from above, -1 for clockwise.
@@ -22,7 +24,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from importlib import resources
-from math import inf, isfinite
+from math import inf, isfinite, nan
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -70,8 +72,10 @@ _LIQUIDS = (0.5, 3.0)  # kg/L, of sprayed liquids
 _MILLILITRES = 10.0
 _GRAVITY = 9.80665  # m/s^2
 _LARGEST = 1e30  # of any number in a file
-_KEYS = ("name", "title", "layout", "tank_source", "extends", "quantities", "rotors")
-_QUANTITY_KEYS = ("value", "unit", "source", "guessed", "note")
+_KEYS = ("name", "title", "layout", "tank_source", "pump_on", "extends", "quantities", "rotors")
+_QUANTITY_KEYS = ("value", "unit", "source", "guessed", "thrust_error", "note")
+#: Where the pump is on in a plan that does not switch it; "": not known.
+PUMP_RULES = ("always", "lines")
 _ROTOR_KEYS = ("name", "position_frd", "spin", "effectiveness")
 
 
@@ -101,6 +105,8 @@ def table_problems(table: dict[str, Any]) -> list[str]:
     """List all problems of a complete table, each with its correction; empty without one."""
     problems = _unknown(table, _KEYS, "key")
     problems += [f"{key} must be text" for key in ("title", "layout") if not _is_text(table, key)]
+    if table.get("pump_on", "") not in ("", *PUMP_RULES):
+        problems.append(f"pump_on is {table['pump_on']!r:.40}; write {' or '.join(PUMP_RULES)}")
     given = table.get("quantities", {})
     for name, unit in (QUANTITIES | OPTIONAL_QUANTITIES).items():
         if name in given or name in QUANTITIES:
@@ -123,6 +129,9 @@ def _quantity_problems(name: str, unit: str, entry: Any) -> list[str]:
         problems.append(f"{name} is {value!r}; it must be a number above 0")
     if not isinstance(entry.get("guessed", False), bool):
         problems.append(f"{name}: guessed is {entry['guessed']!r}; write true or false")
+    error = entry.get("thrust_error", 0.1)
+    if not _is_number(error) or not 0.0 < error < 1.0:
+        problems.append(f"{name}: thrust_error is {error!r:.40}; write a share, such as 0.1")
     return problems
 
 
@@ -274,6 +283,7 @@ class Quantity:
     unit: str
     source: str
     guessed: bool = False  # nobody measured or printed it; results that depend on it say so
+    thrust_error: float = nan  # of a guess: standard error of ln thrust; NaN: not known
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -307,6 +317,7 @@ class Airframe:
     rotor_names: tuple[str, ...]
     quantities: MappingProxyType[str, Quantity] = field(repr=False)
     tank_source: str = "auto"  # which message its tank level comes from, as readers name sources
+    pump_on: str = ""  # rule for plans that do not switch the pump: always, lines; "": not known
 
     def __repr__(self) -> str:
         return (
@@ -417,7 +428,8 @@ def _extend(base: dict[str, Any], table: dict[str, Any]) -> dict[str, Any]:
 def quantity_table(quantity: Quantity) -> dict[str, Any]:
     """Return a quantity as in its file; `guessed` is there only if true."""
     table = {"value": quantity.value, "unit": quantity.unit, "source": quantity.source}
-    return table | ({"guessed": True} if quantity.guessed else {})
+    known = {} if np.isnan(quantity.thrust_error) else {"thrust_error": quantity.thrust_error}
+    return table | ({"guessed": True} if quantity.guessed else {}) | known
 
 
 def airframe_table(airframe: Airframe) -> dict[str, Any]:
@@ -427,6 +439,7 @@ def airframe_table(airframe: Airframe) -> dict[str, Any]:
         "title": airframe.title,
         "layout": airframe.layout,
         "tank_source": airframe.tank_source,
+        **({"pump_on": airframe.pump_on} if airframe.pump_on else {}),
         "quantities": {name: quantity_table(q) for name, q in airframe.quantities.items()},
         "rotors": [
             {
@@ -462,6 +475,7 @@ def airframe_from_table(table: dict[str, Any], where: str) -> Airframe:
             unit,
             str(given[name]["source"]),
             given[name].get("guessed", False),
+            float(given[name].get("thrust_error", nan)),
         )
         for name, unit in (QUANTITIES | OPTIONAL_QUANTITIES).items()
         if name in given
@@ -476,6 +490,7 @@ def airframe_from_table(table: dict[str, Any], where: str) -> Airframe:
         rotor_names=tuple(r["name"] for r in rotors),
         quantities=MappingProxyType(quantities),
         tank_source=str(table.get("tank_source", "auto")),
+        pump_on=str(table.get("pump_on", "")),
         **{name: quantities[name].value for name in QUANTITIES},
     )
 

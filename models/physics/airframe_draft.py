@@ -140,7 +140,8 @@ def airframe_toml(airframe: Airframe, heading: str = "") -> str:
     top."""
     table = airframe_table(airframe)
     lines = [f"# {line}".rstrip() for line in heading.splitlines()]
-    lines += [f"{key} = {_toml(table[key])}" for key in ("name", "title", "layout", "tank_source")]
+    keys = ("name", "title", "layout", "tank_source", "pump_on")
+    lines += [f"{key} = {_toml(table[key])}" for key in keys if key in table]
     lines += ["", "[quantities]"]
     lines += [f"{name} = {_toml(quantity)}" for name, quantity in table["quantities"].items()]
     for rotor in table["rotors"]:

@@ -215,7 +215,7 @@ def test_latitude_and_longitude_zero_is_no_place():
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("", "is not a QGroundControl plan"),
+        ("", "north.plan is empty; save"),
         ("<plan/>", "save the mission again from QGroundControl as .plan"),
         ("QGC WPL 110\n0\t1\t0\t16", "north.plan line 2 has 4 columns; an item has 12"),
         ("QGC WPL 100\n", "north.plan is of version '100'; QGC WPL 110 is understood"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from math import log
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 NO_INTERVAL = "interval not known"
 #: Two figures of full thrust that are further apart are no rounding and no battery's voltage.
 SAME_THRUST = 0.1
+SIGMAS_95 = 1.96  # standard errors on either side of a 95 % interval
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,17 +154,49 @@ def hover_quantities(logs: Sequence[Path], craft: Airframe, reading: ReadingOpti
             )
         else:
             against = "rotor speeds" if measured else "the weight"
+            source = f"extrapolated to full output from motor outputs and {against} of {names}, "
+            source += interval(top)
+            if fit is not None and not craft.quantities["nameplate_max_thrust"].guessed:
+                standard = fit.coefficient.value * SEA_LEVEL_DENSITY / fit.reference_density
+                sheet = (craft.nameplate_max_thrust / standard) ** 0.5
+                top = with_data_sheet(top, sheet)
+                source += f"; with {sheet:.0f} by the maker's thrust {interval(top)}"
             made["max_rotor_speed_rpm"] = Quantity(
-                round(top.value, 0),
-                "rpm",
-                f"extrapolated to full output from motor outputs and {against} of {names}, "
-                f"{interval(top)}",
-                True,
+                round(top.value, 0), "rpm", source, True, round(_thrust_error(top), 3)
             )
             made["ceiling_voltage"] = Quantity(round(volts, 2), "V", words)
             if fit is not None:
                 notes += (_use_words(craft, fit, top),)
     return Fitted(quantities=made, notes=notes)
+
+
+def with_data_sheet(top: Estimate, sheet_rpm: float) -> Estimate:
+    """Combine an extrapolated largest rotor speed with that of the maker's largest thrust.
+
+    Each counts by the inverse of its variance. The maker's thrust is off by GUESS, and so is the
+    square of the voltage that it was measured at, which data sheets seldom state. Where the two
+    differ by more than their errors, the interval is widened by that ratio.
+    """
+    import numpy as np
+
+    from thrustmargin.models.model.inferred.utilisation_error import GUESS, VOLTAGE_ERROR
+    from thrustmargin.models.scores import Estimate
+
+    errors = np.array([_thrust_error(top), np.hypot(GUESS, 2.0 * VOLTAGE_ERROR)])
+    logs = 2.0 * np.log([top.value, sheet_rpm])
+    weights = errors**-2.0 / np.sum(errors**-2.0)
+    apart = abs(float(logs[1] - logs[0])) / float(np.hypot(*errors))
+    error = float(np.sum(errors**-2.0)) ** -0.5 * max(apart, 1.0)
+    middle = float(weights @ logs)
+    low, value, high = (
+        float(np.exp(0.5 * (middle + k * SIGMAS_95 * error))) for k in (-1.0, 0.0, 1.0)
+    )
+    return Estimate(value=value, low=low, high=high)
+
+
+def _thrust_error(top: Estimate) -> float:
+    """Return the standard error of ln thrust of a rotor speed with its 95 % interval."""
+    return log(top.high / top.low) / SIGMAS_95
 
 
 def _use_words(craft: Airframe, fit: HoverFit, top: Estimate) -> str:
@@ -190,7 +224,7 @@ def ceiling_notes(craft: Airframe) -> tuple[str, ...]:
         return ()
     return (
         f"full thrust of a rotor: {craft.nameplate_max_thrust:.1f} N by its maker, {used:.1f} N by "
-        "thrust curve and largest rotor speed of the flights; margins use the latter, and a bench "
+        "thrust curve and largest rotor speed of this file; margins use the latter, and a bench "
         "table (--bench) or a climb at full throttle would settle it",
     )
 

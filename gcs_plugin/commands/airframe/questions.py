@@ -112,6 +112,14 @@ def _fetched(url: str, vehicle: int | None, timeout: float) -> VehicleParameters
 
 
 LARGEST = 1e6  # of any number that an owner states, in its unit
+#: Question -> the unit that may stand behind its answer.
+_UNITS = {
+    "mass": "kg",
+    "load": "kg",
+    "wheelbase": "m",
+    "max_thrust_kgf": "kgf",
+    "tank_litres": "l",
+}
 #: A power set that does not ship: its propeller and thrust are stated.
 OTHER = "other"
 #: option -> quantity, unit of the file, and what the stated number is multiplied by.
@@ -279,16 +287,26 @@ def require_all(
     owner, missing = answers.owner, open_fields(answers, reported, asks_load=asks_load)
     if missing:
         count = reported.rotor_count if "layout" in missing else 0
-        hint = f" (the vehicle reports {count} rotors)" if count else ""
+        names = ", ".join(layouts_offered(reported))
+        hint = f" (the vehicle reports {count} rotors: {names})" if count else ""
         listed = "; ".join(f"{option} ({words})" for option, words in option_words(missing))
         raise UsageError(
             f"{source}{hint}: add {listed}; or run it in a terminal without them, and it asks"
         )
     layout = owner.layout or reported.layout
     if reported.rotors is None and layout not in motor_layouts():
-        raise UsageError(f"no layout {layout!r}; known are {', '.join(motor_layouts())}")
+        raise UsageError(f"no layout {layout!r}; known are {', '.join(layouts_offered(reported))}")
     if owner.arm is not None and owner.wheelbase is not None:
         raise UsageError("--arm and --wheelbase say the same; give one of them")
+
+
+def layouts_offered(reported: ReportedAirframe) -> list[str]:
+    """List the layouts with as many motors as the vehicle reports; all where it reports none."""
+    from thrustmargin.models.physics.motor_layouts import motor_layouts
+
+    layouts = motor_layouts()
+    fitting = [n for n, one in layouts.items() if one.rotor_count == reported.rotor_count]
+    return fitting or list(layouts)
 
 
 def asked(answers: Answers, reported: ReportedAirframe, *, asks_load: bool) -> Answers:
@@ -304,6 +322,10 @@ def asked(answers: Answers, reported: ReportedAirframe, *, asks_load: bool) -> A
 def _answered(name: str, answers: Answers, reported: ReportedAirframe) -> Answers:
     question = QUESTIONS[name]
     words = question.words + (", or other" if name == "power_set" else "")
+    if name == "layout" and reported.rotor_count:
+        words = (
+            f"layout of the {reported.rotor_count} motors: {', '.join(layouts_offered(reported))}"
+        )
     while True:
         try:
             answer = input(f"{words}: ").strip()
@@ -325,13 +347,15 @@ def _with(name: str, answer: str, answers: Answers, reported: ReportedAirframe) 
     if name == "cells":
         value = int(answer)
     elif name not in ("layout", "power_set", "propeller"):
-        value = float(answer.replace(",", "."))
+        unit = _UNITS.get(name, "")
+        amount = re.sub(rf"\s*{unit}$", "", answer, flags=re.IGNORECASE)
+        value = float(amount.replace(",", "."))
     if name == "load":
         if not (isinstance(value, float) and isfinite(value) and value >= 0.0):
             raise ValueError(f"{answer} is no mass on board; give kg, 0 or more")
         return replace(answers, load=value)
     if name == "layout" and answer not in motor_layouts():
-        raise ValueError(f"no layout {answer!r}; known are {', '.join(motor_layouts())}")
+        raise ValueError(f"no layout {answer!r}; known are {', '.join(layouts_offered(reported))}")
     owner = replace(answers.owner, **{name: value})
     stated(owner, reported)
     return replace(answers, owner=owner)

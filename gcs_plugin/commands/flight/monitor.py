@@ -158,6 +158,7 @@ def monitor(
     from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
     from thrustmargin.gcs_plugin.view.page.guard import page_token
     from thrustmargin.gcs_plugin.wording.live_words import FETCH, NO_SAMPLES, RATES
+    from thrustmargin.models.errors import install_line
 
     began = time.monotonic()
     check_utilisation(max_utilisation)
@@ -206,7 +207,8 @@ def monitor(
     chosen = inputs.rotor_model()
     check_source(chosen.airframe.tank_source)
     if not tabulates():
-        Terminal(stderr=True, soft_wrap=True).print(f"note: {NO_SAMPLES}", markup=False)
+        note = NO_SAMPLES.format(line=install_line("fleet"))
+        Terminal(stderr=True, soft_wrap=True).print(f"note: {note}", markup=False)
     live = LiveMonitor(chosen, settings, accept=accept, refused_why=why)
     unprinted: list[OSError] = []
     printer: EventPrinter | None = None

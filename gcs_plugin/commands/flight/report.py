@@ -24,6 +24,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     OutputFile,
     check_outputs,
     check_utilisation,
+    json_apart,
     require_logs,
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
@@ -103,18 +104,19 @@ def report(
     )
     inputs = with_recorded(inputs, console)
     check_utilisation(inputs.limit)
+    out, json = json_apart(out, json)
     if out is not None and pdf is None and out.suffix.lower() == ".pdf":
         out, pdf = None, out
     if out is None and json is None and pdf is None:
         out = Path("report.html")
     outputs = [
-        OutputFile("--json", json, endings=(".json",)),
+        OutputFile("--json", json, endings=(".json",), content="numbers"),
         OutputFile("--pdf", pdf, endings=(".pdf",)),
     ]
     if out is not None:
         outputs += [
             OutputFile("--out", out, endings=(".html", ".htm")),
-            OutputFile("--out", out.with_suffix(".json")),
+            OutputFile("--out", out.with_suffix(".json"), content="numbers"),
             OutputFile("--out", out.with_suffix(".csv")),
         ]
     check_outputs(outputs, inputs=[*inputs.files, plan, assumed])

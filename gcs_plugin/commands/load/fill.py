@@ -16,6 +16,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_outputs,
     check_range,
     check_utilisation,
+    json_apart,
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.reports.shared.page_shell import grid
@@ -84,6 +85,7 @@ def fill(
     from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
     from thrustmargin.gcs_plugin.reports.fill import fill_table as made
 
+    out, json = json_apart(out, json)
     inputs = Inputs(model=model, airframe=airframe, max_utilisation=max_utilisation, known=known)
     if not inputs.given:
         raise UsageError("no aircraft given; name one with --aircraft, --airframe or --model")

@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import tyro
 from tyro.conf import Positional, UseAppendAction
 
@@ -23,8 +24,9 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_port,
     check_range,
     check_utilisation,
+    json_apart,
 )
-from thrustmargin.gcs_plugin.commands.shared.plan_source import pump_of
+from thrustmargin.gcs_plugin.commands.shared.plan_source import pump_of, pump_rule_of
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import DataError, LogError
@@ -32,12 +34,16 @@ from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
     from thrustmargin.mission.forecast.plan_forecast import PlanForecast
+    from thrustmargin.mission.plan_items import MissionPlan
+    from thrustmargin.mission.steps import PumpOutput
+    from thrustmargin.models.flight import FlightTrack
     from thrustmargin.models.model.model_misfit import Caveat
     from thrustmargin.models.model.rotor_faults import FaultHistory
     from thrustmargin.models.model.rotor_model import RotorModel
     from thrustmargin.models.physics.day import Day
 
 PLANS = (".plan", ".mission", ".waypoints", ".txt")
+AT_HOME = 30.0  # m from a plan's home within which a lift-off was there
 
 
 def forecast(
@@ -59,6 +65,7 @@ def forecast(
     rate: float | None = None,
     swath: float | None = None,
     pump: str | None = None,
+    dem: Path | None = None,
     voltage: float | None = None,
     capacity: float | None = None,
     resistance: float | None = None,
@@ -102,7 +109,11 @@ def forecast(
         flow: L/min with the pump on, at the speed of the line.
         rate: L/ha, instead of --flow; needs --swath.
         swath: m between lines, for --rate and hectares.
-        pump: What switches the pump: sprayer (DO_SPRAYER), servo:NUMBER:ON:OFF, or relay:NUMBER.
+        pump: What switches the pump in the plan: sprayer (DO_SPRAYER), servo:NUMBER:ON:OFF, or
+            relay:NUMBER. Where the plan does not switch it: always (on from the first place to the
+            last) or lines (on along parallel lines).
+        dem: Heights of the ground (.asc in degrees, or .hgt), which heights above the ground then
+            follow; without it the ground is level.
         voltage: V of the battery at rest; without it that before the flight of the log, else a
             full one.
         capacity: Ah of the battery; without it that of the parameters.
@@ -122,6 +133,7 @@ def forecast(
         refuse: With --lua: the script refuses to arm instead of warning.
     """
     from thrustmargin.gcs_plugin.commands.shared.plan_source import read_plan
+    from thrustmargin.mission.terrain import read_terrain
 
     check_utilisation(max_utilisation)
     check_port(port)
@@ -147,6 +159,9 @@ def forecast(
         check_range(name, value, low, high, unit)
     if rate is not None and (swath is None or flow is not None):
         raise UsageError("--rate needs --swath, and goes without --flow")
+    for path in out:
+        kept, json = json_apart(path, json)
+        out = out if kept else tuple(one for one in out if one != path)
     if refuse and lua is None:
         raise UsageError("--refuse is how the script of --lua behaves; give --lua FILE as well")
     outputs = [
@@ -156,10 +171,15 @@ def forecast(
         ),
         *(OutputFile("--out", path, endings=(".html", ".htm", ".pdf")) for path in out),
     ]
-    check_outputs(outputs, inputs=[plan, model, airframe, parameters, day])
+    check_outputs(outputs, inputs=[plan, model, airframe, parameters, day, dem])
     if sorties is not None and not sorties.is_dir():
         raise DataError(f"no folder {sorties}; make it, or give another --sorties")
     found = read_plan(plan)  # a plan that is none is refused before the rest is loaded
+    ground = None if dem is None else read_terrain(dem)
+    from thrustmargin.gcs_plugin.commands.load.pump_question import (
+        asked_pump_rule,
+        never_switched,
+    )
     from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
     from thrustmargin.mission.forecast import plan_forecast
     from thrustmargin.mission.forecast.battery import stated_capacity
@@ -169,8 +189,10 @@ def forecast(
     rotor_model = inputs.rotor_model()
     craft = rotor_model.airframe
     liquid = craft.liquid_density
+    output = pump_of(pump) if pump is not None and pump_rule_of(pump) is None else None
     kg = _fill_kg(fill, liquid, craft.tank_capacity_kg)
     before = _before(plan, rotor_model, given=inputs.given)
+    found = _at_lift_off(found, before)
     if before.beyond_gauge_kg > 0.0:
         from thrustmargin.models.model.rotor_model import heavier_model
 
@@ -189,6 +211,9 @@ def forecast(
     windward = _or_nan(wind_from)
     if wind_from is None and holds_for.wind.source is DaySource.LOG:
         windward = before.wind_from_deg
+    rule = pump_rule_of(pump)
+    if rule is None and json != STDOUT and never_switched(found, output, known, craft):
+        rule = asked_pump_rule(airframe)
     made = plan_forecast.forecast(
         found,
         rotor_model,
@@ -201,7 +226,9 @@ def forecast(
             known=holds_for,
         ),
         parameters=known,
-        pump=None if pump is None else pump_of(pump),
+        pump=output,
+        pump_rule=rule,
+        terrain=ground,
         limit=inputs.limit,
         faults=before.faults,
         other_order=before.other_order,
@@ -242,7 +269,7 @@ def forecast(
         with whole_file(path) as draft:
             draft.write_bytes(made_of if isinstance(made_of, bytes) else made_of.encode())
         console.print(f"wrote {path}")
-    for path in [] if sorties is None else _write_sorties(made, plan, sorties, pump):
+    for path in [] if sorties is None else _write_sorties(made, plan, sorties, output):
         console.print(f"wrote {path}")
     if view:
         from thrustmargin.gcs_plugin.view.replay_view import planned_view, run_replay
@@ -251,12 +278,14 @@ def forecast(
     return 1 if before.unlike else 0
 
 
-def _write_sorties(made: PlanForecast, plan: Path, folder: Path, pump: str | None) -> list[Path]:
+def _write_sorties(
+    made: PlanForecast, plan: Path, folder: Path, pump: PumpOutput | None
+) -> list[Path]:
     """Write one .plan for each sortie, none of which replaces the plan that was read."""
     from thrustmargin.mission.forecast.plan_forecast import sortie_plans
     from thrustmargin.mission.plan import write_plan
 
-    made_plans = sortie_plans(made, pump=None if pump is None else pump_of(pump))
+    made_plans = sortie_plans(made, pump=pump)
     paths = [
         folder / f"{plan.stem}-sortie-{number}.plan" for number in range(1, len(made_plans) + 1)
     ]
@@ -275,6 +304,8 @@ def _show(made: PlanForecast, console: Terminal) -> None:
         console.print(line)
     console.print(words.verdict(made), style="bold")
     console.print(words.weakest_words(made.weakest))
+    for line in words.place_words(made):
+        console.print(line)
     console.print(words.fill_words(made))
     console.print(words.survivable_words(made))
     for line in (*words.sortie_words(made), words.way_back_words(made)):
@@ -289,10 +320,14 @@ def _or_nan(value: float | None) -> float:
 
 
 def _fill_kg(words: str, liquid: float, capacity_kg: float) -> float:
-    found = re.fullmatch(r"\s*(\d{1,4}(?:\.\d+)?)\s*(kg|l)?\s*", words, re.IGNORECASE)
+    found = re.fullmatch(r"\s*(\d{1,4}(?:[.,]\d+)?)\s*(kg|l)?\s*", words, re.IGNORECASE)
     if not found:
         raise UsageError(f"--fill {words!r:.40} is no amount; give kg as 16, or litres as 16L")
-    kg = float(found[1]) * (liquid if (found[2] or "").lower() == "l" else 1.0)
+    kg = float(found[1].replace(",", ".")) * (liquid if (found[2] or "").lower() == "l" else 1.0)
+    if kg > 0.0 and capacity_kg <= 0.0:
+        raise UsageError(
+            f"--fill {words}: the airframe has no tank; give --fill 0, or tank_volume_l in its file"
+        )
     if kg > capacity_kg + 1e-6:
         raise UsageError(f"--fill {words} is more than the tank holds ({capacity_kg:g} kg)")
     return kg
@@ -311,6 +346,8 @@ class _FlightBefore:
     day: Day | None = None  # its air and its battery before it took off, and its wind
     wind_from_deg: float = math.nan  # where that wind came from
     beyond_gauge_kg: float = 0.0  # that hover thrust showed beyond the reported load
+    #: Where it lifted off: degrees, degrees, m AMSL; None where the log does not say.
+    lift_off: tuple[float, float, float] | None = None
 
 
 def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
@@ -339,4 +376,28 @@ def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
         day=replace(day_before_take_off(answer.whole), wind=wind),
         wind_from_deg=from_deg,
         beyond_gauge_kg=advice.fill.beyond_gauge_kg,
+        lift_off=_lift_off(log.track),
     )
+
+
+def _lift_off(track: FlightTrack) -> tuple[float, float, float] | None:
+    """Return the place of the first row in flight with a known position; None without one."""
+    known = track.flying & np.isfinite(track.position_ned).all(axis=1)
+    if track.origin is None or not known.any():
+        return None
+    latitude, longitude, altitude = track.origin.geodetic(track.position_ned[np.argmax(known)])
+    return (float(latitude), float(longitude), float(altitude))
+
+
+def _at_lift_off(plan: MissionPlan, before: _FlightBefore) -> MissionPlan:
+    """Return the plan with the height of the last lift-off as home's, if that was at its home."""
+    import pymap3d
+
+    from thrustmargin.mission.plan_items import with_home_height
+
+    if before.lift_off is None:
+        return plan
+    latitude, longitude, altitude = before.lift_off
+    east, north, _ = pymap3d.geodetic2enu(latitude, longitude, 0.0, *plan.home[:2], 0.0)
+    at_home = math.hypot(float(east), float(north)) <= AT_HOME
+    return with_home_height(plan, altitude) if at_home else plan

@@ -178,7 +178,9 @@ def chosen_model(model: Path | None, airframe: str | None) -> RotorModel:
     if airframe is None:
         return shipped
     wanted = load_airframe(airframe)
-    return shipped if _same_numbers(wanted, shipped.airframe) else physics_model(wanted)
+    if _same_numbers(wanted, shipped.airframe):
+        return replace(shipped, airframe=replace(shipped.airframe, pump_on=wanted.pump_on))
+    return physics_model(wanted)
 
 
 def _same_numbers(one: Airframe, other: Airframe) -> bool:
@@ -223,12 +225,15 @@ def _model_of(file: Path, airframe: str | None) -> RotorModel:
     from thrustmargin.models.physics.airframe import load_airframe
 
     chosen = load_model(file)
-    wanted = chosen.airframe.name if airframe is None else load_airframe(airframe).name
-    if wanted != chosen.airframe.name:
+    if airframe is None:
+        return chosen
+    wanted = load_airframe(airframe)
+    if wanted.name != chosen.airframe.name:
         raise DataError(
-            f"{file.name} is a model of {chosen.airframe.name}, not of {wanted}; give one"
+            f"{file.name} is a model of {chosen.airframe.name}, not of {wanted.name}; give one"
         )
-    return chosen
+    pump_on = wanted.pump_on or chosen.airframe.pump_on
+    return replace(chosen, airframe=replace(chosen.airframe, pump_on=pump_on))
 
 
 def listed(unused: Sequence[UnusedLog]) -> str:

@@ -122,6 +122,7 @@ class OutputFile:
     path: Path | None
     endings: tuple[str, ...] = ()  # that its name may have; () is any
     keep: bool = False  # what stands there already is not replaced
+    content: str = ""  # outputs of one path may be one file if this is the same, and not empty
 
 
 def check_outputs(outputs: Iterable[OutputFile], *, inputs: Iterable[Path | str | None]) -> None:
@@ -131,7 +132,7 @@ def check_outputs(outputs: Iterable[OutputFile], *, inputs: Iterable[Path | str 
     shipped files are ignored. Raises UsageError when a name is wrong by itself.
     """
     inputs = [Path(read) for read in inputs if read is not None]
-    taken: set[str] = set()
+    taken: dict[str, OutputFile] = {}
     for output in outputs:
         path = output.path
         if path is None or path == STDOUT:
@@ -150,13 +151,23 @@ def check_outputs(outputs: Iterable[OutputFile], *, inputs: Iterable[Path | str 
                 )
         # Many disks do not distinguish capitals.
         name = str(path.resolve()).casefold()
-        if name in taken:
+        other = taken.setdefault(name, output)
+        if other is not output and not (output.content and output.content == other.content):
             raise UsageError(f"{path} is asked for twice; give another {output.option}")
-        taken.add(name)
         if output.keep and path.exists():
             raise DataError(
                 f"{path} is already there; give another {output.option}, or --force to replace it"
             )
+
+
+def json_apart(out: Path | None, json: Path | None) -> tuple[Path | None, Path | None]:
+    """Return --out and --json, an --out that ends in .json as the --json that it asks for.
+
+    It stays, and is refused by its ending, where --json names another file.
+    """
+    if out is None or out.suffix.lower() != ".json" or json not in (None, out):
+        return out, json
+    return None, out
 
 
 def _same_file(first: Path, second: Path) -> bool:

@@ -27,6 +27,7 @@ from thrustmargin.models.whole_file import regular
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.telemetry.recording import Recording
     from thrustmargin.mission.forecast.plan_flight import PlanConditions
+    from thrustmargin.mission.pump_rule import PumpRule
     from thrustmargin.mission.steps import PumpOutput
 
 _ENDINGS = (".plan", ".mission", ".waypoints")
@@ -101,6 +102,8 @@ def read_plan(path: str | Path, *, vehicle: int | None = None) -> MissionPlan:
     try:
         with regular(path).open("rb") as file:
             head = file.read(4096).lstrip(b"\xef\xbb\xbf \t\r\n")
+    except FileNotFoundError as error:
+        raise PlanError(f"no file {path}; check its name and folder") from error
     except OSError as error:
         raise PlanError(f"{path} cannot be read: {error.strerror}") from error
     if path.suffix.lower() in _FIELDS:
@@ -213,6 +216,13 @@ def plan_of_waypoints(
     )
 
 
+def pump_rule_of(words: str | None) -> PumpRule | None:
+    """Return the rule `always` or `lines` for plans that do not switch the pump; None for other
+    words.
+    """
+    return words if words in ("always", "lines") else None
+
+
 def pump_of(words: str) -> PumpOutput:
     """Parse `sprayer`, `servo:9:1900:1100` or `relay:0` into the pump's output. Raises UsageError
     for other text.
@@ -229,5 +239,5 @@ def pump_of(words: str) -> PumpOutput:
             return PumpOutput(servo=output, on_us=float(on), off_us=float(off))
     raise UsageError(
         f"--pump {words!r:.40} is none of sprayer, servo:NUMBER:ON:OFF (such as "
-        "servo:9:1900:1100) and relay:NUMBER"
+        "servo:9:1900:1100), relay:NUMBER, always and lines"
     )

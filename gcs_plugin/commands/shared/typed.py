@@ -5,12 +5,13 @@ This file imports no library at its head: the help must be there at once.
 
 from __future__ import annotations
 
+import inspect
 import re
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import is_dataclass, replace
 from pathlib import Path
 from types import NoneType
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 if TYPE_CHECKING:
     from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
@@ -27,12 +28,13 @@ _SHARE = "--max-utilisation"
 
 
 def as_read(argv: Sequence[str]) -> list[str]:
-    """Return the words with `demo` replaced by the bundled file, and a limit in percent as a share.
+    """Return the words with `demo` replaced by the bundled file, a limit in percent as a share, and
+    amounts without their unit.
 
     Where the working folder has a file or folder named demo, `demo` stays and means that one.
     """
     words: list[str] = []
-    for word in _renamed(argv):
+    for word in _without_units(_renamed(argv)):
         before = words[-1] if words else ""
         if word == "%" and words[-2:-1] == [_SHARE]:
             words[-1] = _share(f"{before} %")
@@ -69,6 +71,67 @@ def _share(word: str) -> str:
     if found is None:
         return word
     return f"{found[1] or ''}{float(found[2].replace(',', '.')) / 100.0:.6g}"
+
+
+#: Option -> the units in which its amount may be typed. Those of liquid take both, and convert.
+_UNITS = {
+    **dict.fromkeys(("--load", "--load-end", "--tank-start-kg"), ("kg",)),
+    **dict.fromkeys(("--mass", "--max-takeoff-kg"), ("kg",)),
+    "--tank-litres": ("l",),
+    "--fill": ("kg", "l"),
+}
+
+
+def _without_units(words: Sequence[str]) -> list[str]:
+    """Return the words with `6 kg` and `6kg` as 6 behind an option in kg, likewise litres.
+
+    The unit stays behind an option that takes both, joined to its number. Another unit than the
+    option's stays too, and is refused by it.
+    """
+    made: list[str] = []
+    for word in words:
+        before = made[-2] if len(made) > 1 else ""
+        if before in _UNITS and word.lower() in _UNITS[before] and _AMOUNT.fullmatch(made[-1]):
+            made[-1] = f"{made[-1]}{word}"
+        else:
+            made.append(word)
+    for place, word in enumerate(made):
+        option, given, value = word.partition("=")
+        if not given:
+            option, value = made[place - 1] if place else "", word
+        units = _UNITS.get(option, ())
+        found = _AMOUNT_IN_UNIT.fullmatch(value)
+        if found is not None and len(units) == 1 and found[2].lower() in units:
+            number = found[1].replace(",", ".")
+            made[place] = f"{option}={number}" if given else number
+    return made
+
+
+_AMOUNT = re.compile(r"\d+(?:[.,]\d+)?")
+_AMOUNT_IN_UNIT = re.compile(rf"\s*({_AMOUNT.pattern})\s*([a-zA-Z]+)\s*")
+
+
+def hide_none(target: Any) -> None:
+    """Annotate a command, and dataclasses among its parameters, so that help has no `(default:
+    None)`.
+    """
+    import tyro
+
+    nothing = tyro.conf.arg(help_behavior_hint="")
+    hints = get_type_hints(target, include_extras=True)
+    for name, about in inspect.signature(target).parameters.items():
+        for inner in _inner_types(hints.get(name)):
+            if isinstance(inner, type) and is_dataclass(inner):
+                hide_none(inner)
+        if about.default is None and name in hints:
+            hints[name] = Annotated[hints[name], nothing]
+    target.__annotations__ = hints
+
+
+def _inner_types(hint: Any) -> Iterator[Any]:
+    yield hint
+    for inner in get_args(hint):
+        yield from _inner_types(inner)
 
 
 def plain_optionals() -> ConstructorRegistry:

@@ -129,7 +129,7 @@ def record(
         weather_source: Where the stated weather comes from.
         zone: Zone of local times, such as Europe/Berlin; without it that of this computer.
         rule: us (14 CFR 137.71), eu (2023/564), uk (plan before aerial spraying), nsw (within 48
-            hours); may be given again; all without it.
+            hours); may be given again; without it none is checked.
         model: Rotor speed model file of this aircraft; without it, and without an airframe, the one
             that ships is used for a flight that is recognised as one of topxgun-f16-sitl.
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the
@@ -151,11 +151,13 @@ def record(
     )
     from thrustmargin.gcs_plugin.office.record.record_files import makes_shapefiles, write_record
     from thrustmargin.gcs_plugin.office.record.record_words import (
+        NO_RULE,
         NO_SHAPEFILE,
         liquid_words,
         missing_words,
     )
     from thrustmargin.mission.field_file import read_field
+    from thrustmargin.models.errors import install_line
 
     if swath is not None and not 0.1 <= swath <= 100.0:
         raise UsageError(f"--swath {swath:g} m is not between 0.1 and 100 m")
@@ -186,7 +188,8 @@ def record(
         of_file = EntrySource.FILE
         fields["field"] = Entry(value=outline.name, source=of_file, detail="option --field")
     fields |= given
-    rules = [one for name, one in job_rules().items() if not rule or name in rule]
+    # Without a rule none applies: what other countries ask for is no gap of this record.
+    rules = [one for name, one in job_rules().items() if name in rule]
     if sys.stdin.isatty():
         for name in required_fields(rules):
             if name in fields or not (answer := _ask(name)):
@@ -210,12 +213,14 @@ def record(
         screen.print(f"liquid {words}")
     for words in missing_words(data["rules"]):
         screen.print(f"missing: {words}")
+    if not rules:
+        screen.print(NO_RULE)
     for one in left_out:
         screen.print(f"left out: {one.name}: {one.reason}")
     for log in unread:
         console.print(f"not read: {log.name}: {log.reason}")
     if done is not None and done.ground is not None and not makes_shapefiles():
-        screen.print(NO_SHAPEFILE)
+        screen.print(NO_SHAPEFILE.format(line=install_line("field")))
     screen.print(f"wrote {', '.join(path.name for path in written)} in {out}")
     return 1 if unread else 0
 

@@ -16,6 +16,7 @@ from thrustmargin.gcs_plugin.office.record.applied import Applied, Pass, cut_at_
 from thrustmargin.gcs_plugin.office.record.job_record import JobRecord
 from thrustmargin.gcs_plugin.office.record.record_words import (
     LEFT_OUT,
+    NO_RULE,
     TITLES,
     liquid_words,
     missing_words,
@@ -97,6 +98,7 @@ def html_text(record: JobRecord) -> str:
     amounts = liquid_words(data["liquid"]["estimates"], data["liquid"]["differences"])
     liquid = "".join(f"<li>{escape(words)}</li>" for words in amounts)
     missing = "".join(f"<li>{escape(words)}</li>" for words in missing_words(data["rules"]))
+    open_items = f"<h2>What rules ask for and nothing says</h2><ul>{missing}</ul>"
     left = "".join(f"<li>{escape(f'{one.name}: {one.reason}')}</li>" for one in record.left_out)
     left = left and f"<h2>{LEFT_OUT}</h2><ul>{left}</ul>"
     return (
@@ -104,7 +106,7 @@ def html_text(record: JobRecord) -> str:
         f"<p>made {escape(record.made_utc)}, of {escape(', '.join(record.logs))}</p>"
         f"{left}<h2>Fields</h2><table><tr><th>field</th><th>value</th><th>from</th></tr>"
         f"{rows}</table><h2>Liquid</h2><ul>{liquid}</ul>"
-        f"<h2>What rules ask for and nothing says</h2><ul>{missing}</ul>"
+        f"{open_items if data['rules'] else f'<p>{NO_RULE}</p>'}"
     )
 
 

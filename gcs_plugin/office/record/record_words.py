@@ -55,9 +55,10 @@ TITLES: Mapping[str, str] = {
 }
 
 
+NO_RULE = "No rule was named with --rule, so none was checked."
 NO_SHAPEFILE = (
-    "no shapefile: pyshp is not installed; run: pip install 'thrustmargin[field]'. The GeoJSON has "
-    "the same ground"
+    "no shapefile, for pyshp is not installed; the GeoJSON has the same ground. To have it run: "
+    "{line}"
 )
 
 

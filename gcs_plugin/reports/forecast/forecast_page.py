@@ -80,8 +80,17 @@ def json_text(made: PlanForecast) -> str:
             "peak_interval": weakest and weakest.interval,
         },
         "weakest": weakest and {"what": weakest.kind, **asdict(weakest)},
+        "places": made.places,
         "fill_kg": safe_kg(NextFill(kg=made.largest_fill_kg)),
         "rotor_loss_survivable_below_kg": made.survivable_below_kg,
+        "field": {
+            "needed_kg": made.needed_kg,
+            "lines_m": sum(s.lines for s in made.needs.sorties),
+            "area_m2": made.swath * sum(s.lines for s in made.needs.sorties),
+            "sorties": len(sorties) or None,
+            "refills": len(sorties) - 1 if sorties else None,
+            "sorties_at_largest_fill": made.sorties_at_largest or None,
+        },
         "sorties": [
             {
                 "items": [s.first_item, s.last_item],
@@ -273,6 +282,7 @@ def _page(made: PlanForecast, name: str, figures: Mapping[str, Markup]) -> str:
         "first": (
             words.fill_words(made),
             words.weakest_words(made.weakest),
+            *words.place_words(made),
             words.survivable_words(made),
         ),
         "needs": [s.strip() for s in (*words.sortie_words(made), words.way_back_words(made))],

@@ -6,7 +6,9 @@
 
 s_N and s_m are standard errors of rotor speed and mass, 0 if measured (for a mass by hover thrust,
 only the part that the largest thrust does not share); s_c of the ceiling, if its rotor speed or
-voltage is guessed or the battery's is unknown; s_g of a guessed mass or thrust curve. Air density
+voltage is guessed or the battery's is unknown; s_g of a guessed mass or thrust curve. Where the
+largest thrust is a data sheet's and curve and speed are guessed to match it, only the data sheet's
+error counts for the two. Air density
 affects redundancy only: by speed it cancels, and the network predicts in the air of its training.
 
 s_o is the thrust that motor outputs show beyond the rotor speeds, or beyond the reported load where
@@ -31,41 +33,80 @@ INTERVAL = 1.645
 #: Share of thrust by which a guessed quantity may be off: makers' thrusts of one power class, and
 #: hover masses of one frame size, differ by this standard deviation.
 GUESS = 0.1
+#: Share by which the largest thrust may differ from the maker's by rounding of the file's numbers.
+DERIVED = 0.02
 #: Share by which a battery of unknown voltage may be off its nominal one: 3.4 to 4.2 V a cell.
 VOLTAGE_ERROR = 0.05
 
 
 def guessed_variance(airframe: Airframe, *names: str) -> float:
     """Return the variance of ln thrust due to the quantities `names`, where the airframe guesses
-    them."""
+    them.
+
+    A guess counts with its own `thrust_error`, or with GUESS if the file states none.
+    """
+    total = 0.0
+    for quantity in (airframe.quantities[name] for name in names):
+        own = quantity.thrust_error if quantity.thrust_error > 0.0 else GUESS
+        total += own**2 if quantity.guessed else 0.0
+    return total
+
+
+def from_data_sheet(airframe: Airframe) -> bool:
+    """Return whether the largest thrust a N_max² is the one that the maker states.
+
+    The largest rotor speed is then a guess that follows from it and from a guessed curve: errors of
+    the two cancel in the largest thrust, and only that of the data sheet stays.
+    """
     quantities = airframe.quantities
-    return GUESS**2 * sum(quantities[name].guessed for name in names)
+    reached = airframe.thrust_coefficient * airframe.max_rotor_speed_rpm**2
+    return (
+        quantities["thrust_coefficient"].guessed
+        and quantities["max_rotor_speed_rpm"].guessed
+        and not quantities["nameplate_max_thrust"].guessed
+        and abs(reached / airframe.nameplate_max_thrust - 1.0) <= DERIVED
+    )
+
+
+def largest_thrust_variance(airframe: Airframe) -> float:
+    """Return the variance of ln a N_max², the largest thrust at the ceiling's voltage."""
+    if from_data_sheet(airframe):
+        return guessed_variance(airframe, "max_rotor_speed_rpm", "ceiling_voltage")
+    names = ("thrust_coefficient", "max_rotor_speed_rpm", "ceiling_voltage")
+    return guessed_variance(airframe, *names)
 
 
 def ceiling_variance(airframe: Airframe, voltage: Floats) -> Floats:
-    """Return the variance (T,) of ln of the largest thrust at battery voltage `voltage` (T,) V,
-    NaN if unknown."""
+    """Return the variance (T,) of ln N_max² at battery voltage `voltage` (T,) V, NaN if unknown."""
     guesses = guessed_variance(airframe, "max_rotor_speed_rpm", "ceiling_voltage")
+    if from_data_sheet(airframe):  # N_max² = T_max/a has the error of both
+        guesses += guessed_variance(airframe, "thrust_coefficient")
+    return guesses + _voltage_variance(airframe, voltage)
+
+
+def _voltage_variance(airframe: Airframe, voltage: Floats) -> Floats:
+    """Return the variance (T,) of ln of the largest thrust due to an unknown battery voltage."""
     unknown = 2.0 * airframe.ceiling_voltage_exponent * VOLTAGE_ERROR
-    return guesses + np.where(voltage > 0.0, 0.0, unknown**2)
+    return np.where(voltage > 0.0, 0.0, unknown**2)
 
 
 def load_error(track: FlightTrack, airframe: Airframe) -> Floats:
     """Return the standard error (T,) of ln(weight over largest thrust), for redundancy and
     prediction."""
-    guesses = guessed_variance(airframe, "empty_mass", "thrust_coefficient")
+    guesses = guessed_variance(airframe, "empty_mass") + largest_thrust_variance(airframe)
+    guesses += _voltage_variance(airframe, track.voltage)
     if "tank_kg" not in track.standard_errors:
         guesses += 0.0 * airframe.empty_mass  # NaN for an unknown aircraft
-        return np.sqrt(guesses + ceiling_variance(airframe, track.voltage))
+        return np.sqrt(guesses)
     tank = np.nan_to_num(track.standard_errors["tank_kg"])
     load = np.nan_to_num(track.tank_kg)
     variance = tank**2
     if track.source("tank_kg").meaning is Meaning.HOVER_THRUST:
         # A load that hover thrust shows is off as the curve is, and so is the largest thrust.
         variance = np.maximum(variance - shared_error(track, airframe, load) ** 2, 0.0)
-        guesses = 0.0
+        guesses = ceiling_variance(airframe, track.voltage)
     share = np.sqrt(variance) / (airframe.empty_mass + load)
-    return np.sqrt(share**2 + guesses + ceiling_variance(airframe, track.voltage))
+    return np.sqrt(share**2 + guesses)
 
 
 def beyond_load(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence | None) -> float:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from tests.mission.plans_made import TWO_LINES, plan_of
+from thrustmargin.gcs_plugin.wording.fill_words import amount
 from thrustmargin.gcs_plugin.wording.forecast_words import (
     ASSUMED,
     assumed_words,
@@ -94,7 +95,13 @@ def test_the_other_lines_say_what_they_know():
     assert survivable_words(light) == "A lost rotor is survivable all along, spinning."
     assert "survivable from" in survivable_words(heavy)
     assert sortie_words(light)[0].startswith("Flight ")
-    _, refills, first, second = sortie_words(made(fill_kg=1.5))
+    twice = made(fill_kg=1.5)
+    _, field, refills, first, second = sortie_words(twice)
+    assert field == (
+        "The field takes 2.2 L: 2 sorties with 1.5 kg (1.5 L), once to refill. "
+        f"One with the largest, {amount(twice.largest_fill_kg, 1.0)}."
+    )
+    assert sortie_words(light)[1] == "The field takes 2.2 L: one sortie, no refill."
     assert refills.startswith("2 sorties, ")
     assert refills.endswith("refill after item 5.")
     assert first.startswith("  sortie 1: items 1 to 5, 1.1 L, ")

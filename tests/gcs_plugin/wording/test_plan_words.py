@@ -28,7 +28,8 @@ def test_an_item_is_named_with_its_number_its_command_and_what_it_touches():
 
 def test_a_fault_lists_its_first_items():
     assert fault_words("pump never on", ()) == (
-        "the pump is never switched on; add DO_SPRAYER at the start of a line"
+        "the plan never switches the pump on; say where it is on with --pump always or --pump "
+        "lines, or add DO_SPRAYER"
     )
     assert fault_words("pump on in turns", [4]).startswith("item 4: the pump stays on in turns; ")
     high = fault_words("far above home", [2, 4], 505.3)

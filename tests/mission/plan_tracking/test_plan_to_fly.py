@@ -1,6 +1,7 @@
 """A plan beside its flight is flown as before take-off, and so is the rest of one in flight."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -63,3 +64,13 @@ def test_the_air_and_the_rest_voltage_that_a_log_shows_are_taken():
     # Without a capacity the voltage is held, and that at rest is more than that under load.
     held = conditions_before_take_off({}, MODEL.airframe, **known)
     assert math.isnan(held.battery.voltage)
+
+
+def test_a_plan_that_does_not_switch_the_pump_is_compared_by_the_airframes_rule():
+    dry = plan_of(*(row for row in TWO_LINES if row[0] != 216))
+    ruled = replace(MODEL, airframe=replace(MODEL.airframe, pump_on="lines"))
+    flown = [
+        {t.leg.item for t in PlanToFly.of(plan, {}, model).course.legs if t.leg.pump}
+        for plan, model in ((dry, MODEL), (dry, ruled), (PLAN, ruled))
+    ]
+    assert flown == [set(), {4, 6}, {5, 9}]  # the last by its own orders

@@ -9,9 +9,10 @@ import pytest
 
 from tests.gcs_plugin.logs.csv_files import write_csv
 from thrustmargin.gcs_plugin.cli import run
-from thrustmargin.gcs_plugin.commands.airframe.fitted import ceiling_notes
+from thrustmargin.gcs_plugin.commands.airframe.fitted import ceiling_notes, with_data_sheet
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.scores import Estimate
 
 ROOT = Path(__file__).resolve().parents[4]
 SLOW = [str(ROOT / f"sitl_logs/campaign/v2_m{kg}_q1.5.tlog") for kg in (4, 10, 16)]
@@ -87,6 +88,27 @@ def test_a_climb_at_full_throttle_settles_the_ceiling(made, tmp_path):
     assert 2800.0 < low < 2950.0
     assert 3050.0 < high < 3200.0
     assert "full thrust is extrapolated" not in printed
+
+
+def test_the_makers_thrust_counts_beside_an_extrapolated_ceiling():
+    """Two estimates of one speed: the nearer to both by its certainty, and surer than either."""
+    seen = Estimate(value=5638.0, low=4866.0, high=6531.0)  # 15 % of thrust
+    both = with_data_sheet(seen, 6000.0)
+    assert 5638.0 < both.value < 6000.0
+    assert np.log(both.high / both.low) < np.log(seen.high / seen.low)
+    # As far apart as this one of them is wrong: the interval reaches to both.
+    apart = with_data_sheet(seen, 8500.0)
+    assert np.log(apart.high / apart.low) > np.log(both.high / both.low)
+    sure = with_data_sheet(Estimate(value=5638.0, low=5600.0, high=5676.0), 6000.0)
+    assert sure.value == pytest.approx(5638.0, rel=0.005)
+
+
+def test_an_extrapolated_ceiling_has_its_own_error_in_the_file(made):
+    craft, _ = made("--hover", *SLOW, *F16)
+    ceiling = craft.quantities["max_rotor_speed_rpm"]
+    assert ceiling.guessed
+    assert "by the maker's thrust" in ceiling.source
+    assert 0.05 < ceiling.thrust_error < 0.2
 
 
 def test_a_bench_table_gives_curve_and_ceiling_without_a_power_set(made, tmp_path):

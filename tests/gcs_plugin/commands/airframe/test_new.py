@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.cli import run
+from thrustmargin.gcs_plugin.commands.airframe.questions import layouts_offered
+from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import ReportedAirframe
 from thrustmargin.models.physics.airframe import load_airframe
 
 HEXA = """FRAME_CLASS,2
@@ -98,7 +100,7 @@ def test_somebody_at_a_terminal_is_asked_and_offered_no_default(tmp_path):
     source.write_text(HEXA)
     own, terminal = os.openpty()
     # Mass, a slip of the finger, motor to motor, no answer, another power set, its figures, tank.
-    os.write(own, b"6.2\nfour\n0.9\n\nother\n15x5.5\n3.33\n2\n")
+    os.write(own, b"6.2 kg\nfour\n0.9m\n\nother\n15x5.5\n3,33 kgf\n2 l\n")
     run_it = "from thrustmargin.gcs_plugin.cli import main; main()"
     line = [sys.executable, "-c", run_it, "airframe", "new", "--from", str(source)]
     done = subprocess.run(
@@ -146,6 +148,13 @@ def test_a_wrong_option_is_named_with_what_to_write(made, options, words):
     craft, code, printed = made(HEXA, *OWNER, *options)
     assert (craft, code) == (None, 2)
     assert words in printed.err
+
+
+def test_only_layouts_of_the_motors_found_are_offered():
+    hexa = ReportedAirframe(rotor_count=6)
+    assert {"hexa-x", "hexa-plus", "y6"} < set(layouts_offered(hexa))
+    assert not [name for name in layouts_offered(hexa) if name.startswith(("quad", "octo"))]
+    assert set(layouts_offered(ReportedAirframe())) > {"quad-x", "hexa-x", "octo-x"}
 
 
 def test_the_makers_thrust_and_speed_give_the_curve(made):

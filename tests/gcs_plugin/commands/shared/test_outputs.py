@@ -1,5 +1,6 @@
 """No output of a command may land on something that it reads, by whatever name."""
 
+import json
 import os
 from pathlib import Path
 
@@ -73,3 +74,25 @@ def test_a_folder_a_pipe_or_a_device_is_no_place_for_a_result(tmp_path, capsys):
     for name in ("folder.json", "pipe.json", "/dev/null"):
         assert run(["inspect", "x.tlog", "--json", str(tmp_path / name)]) == 1
         assert "not a file; give another --json" in capsys.readouterr().err
+
+
+def test_an_out_that_ends_in_json_is_the_json(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    fill = ["fill", "--airframe", "topxgun-f16"]
+    assert run([*fill, "--out", "x.json", "--json", "x.json"]) == 0
+    assert json.loads(Path("x.json").read_text("utf-8"))["schema"].startswith("thrustmargin.fill/")
+    assert capsys.readouterr().out.count("wrote x.json") == 1
+    assert run([*fill, "--out", "y.json"]) == 0
+    assert Path("y.json").read_bytes() == Path("x.json").read_bytes()
+    assert run([*fill, "--out", "y.json", "--json", "z.json"]) == 2
+    assert "cannot write y.json; end its name in .html or .htm" in capsys.readouterr().err
+
+
+def test_the_json_beside_a_page_may_be_asked_for_by_its_name(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run(["report", "demo", "--out", "x.html", "--json", "x.json"]) == 0
+    assert json.loads(Path("x.json").read_text("utf-8"))["flights"]
+    capsys.readouterr()
+    words = ["export", "demo", "--mcap", "x.mcap", "--layout", "a.json", "--grafana", "a.json"]
+    assert run(words) == 2  # two contents in one file
+    assert "a.json is asked for twice" in capsys.readouterr().err

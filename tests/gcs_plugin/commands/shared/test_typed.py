@@ -16,6 +16,15 @@ BUNDLED = ROOT / "sitl_logs" / "campaign" / "v4_m16_q2.5.tlog"
 @pytest.mark.parametrize(
     ("line", "read"),
     [
+        ("report a --load 6 kg --load-end 1,5kg", "report a --load 6 --load-end 1.5"),
+        ("report a --load=6kg", "report a --load=6"),
+        (
+            "airframe new --mass 21.5KG --tank-litres 16 l",
+            "airframe new --mass 21.5 --tank-litres 16",
+        ),
+        ("forecast a --fill 6 l --wind 2", "forecast a --fill 6l --wind 2"),
+        ("report a --load 6 lb", "report a --load 6 lb"),
+        ("report a --load kg", "report a --load kg"),
         ("report a.tlog --max-utilisation 50%", "report a.tlog --max-utilisation 0.5"),
         ("report a.tlog --max-utilisation 47.5 %", "report a.tlog --max-utilisation 0.475"),
         ("fill --max-utilisation=60%", "fill --max-utilisation=0.6"),
@@ -35,6 +44,15 @@ BUNDLED = ROOT / "sitl_logs" / "campaign" / "v4_m16_q2.5.tlog"
 def test_a_word_is_read_as_it_is_meant(line, read, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert as_read(line.split(" ")) == read.split(" ")
+
+
+@pytest.mark.parametrize("command", ["forecast", "monitor", "airframe new", "record", "train"])
+def test_help_names_no_default_that_is_none(command, capsys):
+    with pytest.raises(SystemExit, match="0"):
+        run([*command.split(), "--help"])
+    out = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert "default:" in out  # others are there
+    assert "(default: None)" not in out
 
 
 def test_a_limit_in_one_word_may_have_a_space():

@@ -216,6 +216,16 @@ def test_a_dose_typed_without_a_unit_is_asked_for_again(tmp_path, monkeypatch):
     assert fields["product_quantity"]["value"] == pytest.approx(made)
 
 
+def test_without_a_rule_no_country_is_missing_anything(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("sys.stdin", Terminal(""))  # whoever asks finds no answer
+    assert run(["record", str(LOG), "--out", str(tmp_path)]) == 0
+    out = capsys.readouterr().out
+    assert "No rule was named with --rule, so none was checked." in out
+    assert "missing:" not in out
+    assert json.loads((tmp_path / "record.json").read_text("utf-8"))["rules"] == []
+    assert "missing" not in (tmp_path / "record.csv").read_text("utf-8")
+
+
 def test_maps_of_an_earlier_record_do_not_stay_beside_a_new_one(tmp_path, monkeypatch):
     words = ["record", str(LOG), "--out", str(tmp_path), "--rule", "us"]
     assert run(words) == 0

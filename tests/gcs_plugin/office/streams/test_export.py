@@ -41,5 +41,5 @@ def test_a_log_that_cannot_be_read_leaves_no_file(capsys, tmp_path):
 def test_a_missing_library_is_named_with_what_installs_it(monkeypatch):
     monkeypatch.setattr(errors, "find_spec", {"numpy": True}.get)
     errors.require("export", "numpy")
-    with pytest.raises(InstallError, match=r"needs mcap.* pip install 'thrustmargin\[streams\]'"):
+    with pytest.raises(InstallError, match=r"needs mcap.* pip install .*\[streams\]"):
         errors.require("export --mcap", "mcap")

@@ -1,0 +1,99 @@
+"""Ask once where the pump is on in a plan that does not switch it, and remember the answer.
+
+The answer is kept in the airframe file as `pump_on`. A script is never asked: there the answer of
+the forecast names the option.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.whole_file import whole_file
+
+if TYPE_CHECKING:
+    from thrustmargin.mission.plan_items import MissionPlan
+    from thrustmargin.mission.pump_rule import PumpRule
+    from thrustmargin.mission.steps import PumpOutput
+    from thrustmargin.models.physics.airframe import Airframe
+
+QUESTION = (
+    "The plan never switches the pump. Where is it on: always (from the first place to the last), "
+    "lines (along the parallel lines), or off? "
+)
+
+
+def never_switched(
+    plan: MissionPlan,
+    output: PumpOutput | None,
+    parameters: Mapping[str, float],
+    craft: Airframe,
+) -> bool:
+    """Return whether nothing says where the pump is on: not the plan, not the airframe file.
+
+    Also return False without a tank, and where an order of the plan may be the pump's: its line
+    already names the remedy.
+    """
+    from thrustmargin.mission.pump_rule import airframe_rule, orders_pump
+    from thrustmargin.mission.steps import plan_steps, pump_output
+
+    if not craft.tank_volume_l or airframe_rule(craft) is not None:
+        return False
+    steps = plan_steps(plan, output or pump_output(parameters))
+    open_ones = any(n.why == "an output that may be the pump" for n in steps.not_understood)
+    return orders_pump(steps) is None and not open_ones
+
+
+def asked_pump_rule(airframe: str | None) -> PumpRule | None:
+    """Ask for the rule at a terminal and write it into the airframe file, if one was given.
+
+    Return None for "off", without a terminal, and at the end of the input.
+    """
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        return None
+    console = Terminal(soft_wrap=True)
+    answers: dict[str, PumpRule | None] = {"always": "always", "lines": "lines", "off": None}
+    while True:
+        try:
+            answer = input(QUESTION).strip().lower()
+        except EOFError:
+            return None
+        if answer in answers:
+            break
+        console.print(f"{answer!r:.40} is none of {', '.join(answers)}; try again")
+    rule = answers[answer]
+    if rule is not None and airframe is not None and airframe.endswith(".toml"):
+        remember_pump_rule(Path(airframe), rule)
+        console.print(f'remembered in {airframe}: pump_on = "{rule}"')
+    elif rule is not None:
+        console.print(f"not remembered, for no airframe file was given; next time: --pump {rule}")
+    return rule
+
+
+def remember_pump_rule(path: Path, rule: PumpRule) -> None:
+    """Write `pump_on` into an airframe file and keep all else of it, comments too.
+
+    Raise DataError if the file cannot be written.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+        line = f'pump_on = "{rule}"'
+        if "pump_on" in tomllib.loads(text):
+            text = re.sub(r"^\s*pump_on\s*=[^\n]*$", line, text, count=1, flags=re.MULTILINE)
+        else:
+            # Keys of the top come before any table, so at the first line that is no comment.
+            lines = text.splitlines(keepends=True)
+            bare = (k for k, one in enumerate(lines) if one.strip() and not one.startswith("#"))
+            first = next(bare, len(lines))
+            text = "".join([*lines[:first], f"{line}\n", *lines[first:]])
+        assert tomllib.loads(text)["pump_on"] == rule
+        with whole_file(path) as draft:
+            draft.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise DataError(f"cannot write {path}: {error.strerror or error}") from error
