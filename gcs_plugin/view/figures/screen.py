@@ -68,8 +68,10 @@ class FillAdvice:
         if known is None or known[0] is not model or abs(density / known[1] - 1.0) > CHANGE:
             self._known = (model, density)
             volts = model.airframe.nominal_voltage
-            at = {"airspeed": AIRSPEED, "max_utilisation": self._limit}
-            self._fill = before_take_off(largest_fills(model, density, volts, **at), model)
+            fills = largest_fills(
+                model, density, volts, airspeed=AIRSPEED, max_utilisation=self._limit
+            )
+            self._fill = before_take_off(fills, model)
         return self._fill
 
     def text(self, fill: NextFill, analysis: FlightAnalysis) -> str:
