@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from thrustmargin.mission.forecast.battery import CELL, EFFICIENCY
+from thrustmargin.mission.forecast.battery import EFFICIENCY, usable_energy, usable_error
 from thrustmargin.mission.forecast.fill_along import (
     LegForecast,
     Weakest,
@@ -62,6 +62,7 @@ from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_misfit import Caveat
 from thrustmargin.models.model.rotor_faults import FaultHistory
 from thrustmargin.models.model.rotor_model import Basis, RotorModel, identified_airframe
+from thrustmargin.models.physics.power import UNMEASURED_POWER_ERROR, power_factors
 
 STILL = (0.0, 0.0, 0.0)
 #: Directions that a wind without one is tried from.
@@ -87,8 +88,10 @@ class PlanForecast:
     weakest: Weakest | None  # None: nothing is predicted
     largest_fill_kg: float  # that keeps the limit all along; NaN unknown
     survivable_below_kg: float  # in the tank, with which one lost rotor is survived all along
+    #: Sorties by the upper end of the interval of energy: what must not run out.
     needs: Needs
-    way_back: WayBack
+    expected_needs: Needs  # by the middle of it
+    way_back: WayBack  # by its upper end too
     swath: float  # m; NaN unknown
     flight_s: float  # of the whole plan, also where only the first part was flown in detail
     findings: tuple[PlanFinding, ...]
@@ -101,13 +104,43 @@ class PlanForecast:
         """Return the level of the answer; a battery used up on the way comes before any other.
 
         UNKNOWN where the aircraft's last flight contradicts the airframe. UNKNOWN instead of UNDER
-        where that flight contradicts the model.
+        where that flight contradicts the model. NEAR instead of UNDER where the battery may be used
+        up on the way.
         """
-        if self.needs.short_of == "battery" or np.isnan(self.flight.track.voltage).any():
+        short = self.expected_needs.short_of == "battery"
+        if short or np.isnan(self.flight.track.voltage).any():
             return FlightLevel.BATTERY
         level = self.advised.advice.level
         groundless = Caveat.MODEL in self.caveats and level is FlightLevel.UNDER
-        return FlightLevel.UNKNOWN if groundless or "unlike" in self.assumed else level
+        if groundless or "unlike" in self.assumed:
+            return FlightLevel.UNKNOWN
+        return FlightLevel.NEAR if self.battery_unsure and level is FlightLevel.UNDER else level
+
+    @property
+    def battery_unsure(self) -> bool:
+        """Return whether the battery may be used up on the way, by the 90 % interval of energy."""
+        flight = self.flight
+        if not np.isfinite(flight.voltage_high).any():
+            return False  # nothing is known of its charge
+        short = self.needs.short_of == "battery"
+        return short or bool(np.isnan(flight.voltage_low).any())
+
+    @property
+    def energy_wh(self) -> tuple[float, float, float]:
+        """Return the energy of all sorties, Wh, with the ends of its 90 % interval."""
+        total = sum(one.energy_wh for one in self.needs.sorties)
+        less, more = power_factors(self.flight.power_error)
+        return total, less * total, more * total
+
+    @property
+    def landing_voltage(self) -> tuple[float, float, float]:
+        """Return the voltage under load at the end, V, with the ends of its 90 % interval; NaN
+        unknown or used up.
+        """
+        flight = self.flight
+        ends = flight.track.voltage, flight.voltage_low, flight.voltage_high
+        middle, low, high = (float(values[-1]) for values in ends)
+        return middle, low, high
 
     @property
     def too_heavy(self) -> bool:
@@ -193,17 +226,20 @@ def forecast(
         limits = once.course.limits
         assumed["nose gives way"] = (f"{math.degrees(limits.yaw_acceleration):.0f}",)
     ends = [steps.steps[k].item for k in line_ends(plan, steps)]
-    cells = round(craft.nominal_voltage / CELL) if craft.nominal_voltage > 0.0 else 0
-    usable = (1.0 - CHARGE_KEPT) * given.battery.capacity_ah * cells * CELL
+    usable = usable_energy(given.battery, craft, CHARGE_KEPT)
     taken = leg_ends(once, timed, given, limits, model)
-    needed = needs(taken, ends, fill_kg=given.fill_kg, usable_wh=usable)
+    unsure = usable_error(given.battery, craft, CHARGE_KEPT)
+    sure = usable * power_factors(math.hypot(once.power_error, unsure))[0]
+    expected, needed = (
+        needs(taken, ends, fill_kg=given.fill_kg, usable_wh=wh) for wh in (usable, sure)
+    )
     parts = parts_flown(
         timed,
         len(legs),
         taken,
         needed.refill_after if refilled else (),
         mass=craft.empty_mass + given.fill_kg,
-        usable_wh=usable,
+        usable_wh=usable_energy(replace(given.battery, voltage=math.nan), craft, CHARGE_KEPT),
         windy=given.wind_ned != STILL,
         longest_s=UNLIKE_S,
     )
@@ -230,7 +266,9 @@ def forecast(
         assumed["straight splines"] = ()
     if "turns" in kinds:
         assumed["circles as waits"] = ()
-    assumed["efficiency"] = (f"{100.0 * EFFICIENCY:.0f}",)
+    if model.power is None:
+        less, more = (f"{100.0 * abs(f - 1.0):.0f}" for f in power_factors(UNMEASURED_POWER_ERROR))
+        assumed["efficiency"] = (f"{100.0 * EFFICIENCY:.0f}", less, more)
     if limits.sprays_by_speed and given.flow > 0.0:
         assumed["pump by speed"] = ()
     if model.forward_flight is None:
@@ -255,7 +293,15 @@ def forecast(
         ),
         survivable_below_kg=survivable_below(advised.analysis),
         needs=needed,
-        way_back=way_back(flight, flight.battery_wh, back, usable, charge_kept=CHARGE_KEPT),
+        expected_needs=expected,
+        way_back=way_back(
+            flight,
+            flight.battery_wh,
+            back,
+            usable,
+            charge_kept=CHARGE_KEPT,
+            error=math.hypot(flight.power_error, unsure),
+        ),
         swath=day.swath,
         flight_s=float(taken.time_s[-1]),
         findings=check_plan(plan, steps, sprays=sprays),

@@ -52,6 +52,7 @@ from thrustmargin.models.network.validity import Interval, TrainingDomain
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.forward_flight import ForwardFlight, thrust_ratio
 from thrustmargin.models.physics.margin import rotor_thrust, weight
+from thrustmargin.models.physics.power import PowerLaw
 from thrustmargin.models.physics.thrust import speed_from_thrust
 
 
@@ -72,6 +73,7 @@ class RotorModel:
     good_flights: GoodFlights | None = None
     thermometer: Thermometer | None = None  # for logs that do not state where their thermometer is
     state: ModeState | None = None  # of an aircraft that is followed, before the flight predicted
+    power: PowerLaw | None = None  # as measured in flights; None: by formula alone
     placed: tuple[Placed, ...] = field(init=False, repr=False)  # the effects, ready to compose
 
     def __post_init__(self) -> None:

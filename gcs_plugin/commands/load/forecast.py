@@ -32,12 +32,15 @@ from thrustmargin.models.errors import DataError, LogError
 from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
     from thrustmargin.mission.forecast.battery import FlightBattery
     from thrustmargin.mission.forecast.plan_forecast import PlanForecast
     from thrustmargin.models.model.model_misfit import Caveat
     from thrustmargin.models.model.rotor_faults import FaultHistory
     from thrustmargin.models.model.rotor_model import RotorModel
     from thrustmargin.models.physics.airframe import Airframe
+    from thrustmargin.models.physics.known_battery import KnownBattery
+    from thrustmargin.models.physics.power import FlightPower
 
 PLANS = (".plan", ".mission", ".waypoints", ".txt")
 ZERO_CELSIUS = 273.15
@@ -151,6 +154,7 @@ def forecast(
     found = read_plan(plan)  # a plan that is none is refused before the rest is loaded
     from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
     from thrustmargin.mission.forecast import plan_forecast
+    from thrustmargin.models.physics.power import power_law
 
     inputs = Inputs(model=model, airframe=airframe, max_utilisation=max_utilisation, known=whose)
     rotor_model = inputs.rotor_model()
@@ -162,12 +166,15 @@ def forecast(
         from thrustmargin.models.model.rotor_model import heavier_model
 
         rotor_model = heavier_model(rotor_model, before.beyond_gauge_kg)
+    if before.power is not None:
+        rotor_model = replace(rotor_model, power=power_law([before.power], rotor_model.power))
     known = before.parameters
     if parameters is not None:
         from thrustmargin.gcs_plugin.logs.parameter_file import read_parameters
 
         known = read_parameters(parameters)
-    battery = _battery(known, voltage, capacity, resistance, craft)
+    earlier = _known_battery(inputs)
+    battery = _battery(known, voltage, capacity, resistance, craft, earlier)
     made = plan_forecast.forecast(
         found,
         rotor_model,
@@ -190,6 +197,9 @@ def forecast(
         other_order=before.other_order,
     )
     made = replace(made, caveats=before.caveats)
+    if voltage is None and math.isfinite(earlier.rest_voltage):
+        usual = {"earlier battery": (f"{earlier.rest_voltage:.1f}",)}
+        made = replace(made, assumed={**usual, **made.assumed})
     if before.beyond_gauge_kg > 0.0:
         hidden = {"hidden mass": (f"{before.beyond_gauge_kg:.1f}",)}
         made = replace(made, assumed={**hidden, **made.assumed})
@@ -263,7 +273,8 @@ def _show(made: PlanForecast, console: Terminal) -> None:
     console.print(words.weakest_words(made.weakest))
     console.print(words.fill_words(made))
     console.print(words.survivable_words(made))
-    for line in (*words.sortie_words(made), words.way_back_words(made)):
+    energy = (*words.sortie_words(made), *words.power_words(made), words.way_back_words(made))
+    for line in energy:
         console.print(line)
     console.print(f"{say('Assumed')}:")
     for line in words.assumed_words(made):
@@ -295,20 +306,24 @@ class _FlightBefore:
     unlike: tuple[str, ...] | None = None
     caveats: tuple[Caveat, ...] = ()
     beyond_gauge_kg: float = 0.0  # that hover thrust showed beyond the reported load
+    power: FlightPower | None = None  # by its current; None where it has none
 
 
 def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
     if plan.suffix.lower() in PLANS:
         return _FlightBefore()
     from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
+    from thrustmargin.gcs_plugin.commands.shared.known import flight_key
     from thrustmargin.gcs_plugin.logs.log_answer import answer_log
     from thrustmargin.models.model.analysis import analyse
+    from thrustmargin.models.model.flight_power import flight_power
 
     try:
         log, claim = read_flights(plan, model, given=given)[-1]
     except LogError:
         return _FlightBefore()  # it still holds its mission; the defaults are listed
-    advice = answer_log(log, analyse(log.track, model, claim=claim), 0.5).made.advice
+    analysis = analyse(log.track, model, claim=claim)
+    advice = answer_log(log, analysis, 0.5).made.advice
     other_order = not advice.rotor_names  # which rotor it was is not known
     which = tuple(range(advice.rotor_count)) if other_order else ()
     found = tuple(replace(e.fault, rotors=which or e.fault.rotors) for e in advice.faults)
@@ -319,6 +334,7 @@ def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
         unlike=(claim.unlike,) if claim.unlike else claim.withheld,
         caveats=advice.caveats,
         beyond_gauge_kg=advice.fill.beyond_gauge_kg,
+        power=None if advice.withheld or advice.faults else flight_power(analysis, flight_key(log)),
     )
 
 
@@ -328,16 +344,30 @@ def _battery(
     capacity: float | None,
     resistance: float | None,
     craft: Airframe,
+    earlier: KnownBattery,
 ) -> FlightBattery:
-    """Return the battery by the options, else by the parameters. Raises UsageError for an
-    impossible voltage.
+    """Return the battery by the options, else by the parameters and by earlier flights of the
+    aircraft. Raises UsageError for an impossible voltage.
     """
     from thrustmargin.mission.forecast.battery import FlightBattery, stated_capacity
 
     if voltage is not None:
         check_voltage(voltage, craft)
     return FlightBattery(
-        voltage=_or_nan(voltage),
+        voltage=earlier.rest_voltage if voltage is None else voltage,
+        voltage_error=earlier.rest_voltage_error if voltage is None else 0.0,
         capacity_ah=stated_capacity(known) if capacity is None else capacity,
-        resistance=_or_nan(resistance) / 1e3,
+        resistance=earlier.resistance if resistance is None else resistance / 1e3,
+        resistance_error=earlier.resistance_error if resistance is None else 0.0,
     )
+
+
+def _known_battery(inputs: Inputs) -> KnownBattery:
+    """Return the battery of the known aircraft that is named; all unknown without one."""
+    from thrustmargin.models.physics.known_battery import KnownBattery
+
+    if inputs.known.aircraft is None or inputs.by_file:
+        return KnownBattery()
+    from thrustmargin.gcs_plugin.store.hangar import open_hangar
+
+    return open_hangar(inputs.known.hangar).load(inputs.known.aircraft).battery_before()

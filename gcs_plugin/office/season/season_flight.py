@@ -51,6 +51,7 @@ from thrustmargin.models.model.analysis import (
 from thrustmargin.models.model.inferred.speed_basis import measured_only
 from thrustmargin.models.model.model_file import model_digest
 from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.physics.resistance import battery_resistance
 from thrustmargin.models.physics.smoothing import known_mean, known_median, known_most
 
 
@@ -293,40 +294,3 @@ QUALITY_COLUMNS = (
     *("bytes_skipped", "damaged_places", "frames_missing"),
     *("silences", "longest_silence_s", "clock_jumps"),
 )
-#: Seconds over which voltage and current are means: a flight has that many independent ones.
-_MEAN_S, _LEAST_MEANS = 5.0, 12
-
-
-def battery_resistance(
-    time_s: np.ndarray, voltage: np.ndarray, current: np.ndarray, flying: np.ndarray
-) -> tuple[float, float]:
-    """Ohm, and its standard error, by which the voltage (T,) falls with the current (T,).
-
-    Least squares of 5 s means from the rest before take-off on, with the drain (charge drawn, to
-    the second power) removed. In flight alone current falls as the tank empties and the battery
-    drains: from such means it would come out several times too large. NaN where the log has no
-    current, no rest before it flies, or too little flight.
-    """
-    nothing = float("nan"), float("nan")
-    known = np.isfinite(voltage) & np.isfinite(current)
-    known &= flying | (np.cumsum(flying) == 0)
-    if not (known & flying).any():
-        return nothing
-    time_s, aloft = time_s[known], flying[known].astype(np.float64)
-    bins = np.unique((time_s - time_s[0]) // _MEAN_S, return_inverse=True)[1]
-    count = np.bincount(bins)
-    volts, amperes, aloft = (
-        np.bincount(bins, weights=x) / count for x in (voltage[known], current[known], aloft)
-    )
-    if np.count_nonzero(aloft) < _LEAST_MEANS or aloft.all():
-        return nothing
-    charge = amperes * count
-    drawn = (np.cumsum(charge) - charge / 2.0) / max(float(np.abs(charge).sum()), 1e-9)
-    design = np.column_stack([np.ones_like(volts), drawn, drawn**2, -amperes])
-    solved, _, rank, _ = np.linalg.lstsq(design, volts, rcond=1e-9)
-    if rank < 4:
-        return nothing
-    left = volts - design @ solved
-    spread = float(left @ left) / (volts.size - 4)
-    error = float(np.sqrt(spread * np.linalg.inv(design.T @ design)[3, 3]))
-    return float(solved[3]), error

@@ -25,12 +25,12 @@ from tests.models.identification.season.made_seasons import (
     with_change,
 )
 from thrustmargin.gcs_plugin.office.season.part_history import resistance
-from thrustmargin.gcs_plugin.office.season.season_flight import battery_resistance
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.season.change_points import SeasonEntry
 from thrustmargin.models.identification.season.flight_sums import season_sums
 from thrustmargin.models.identification.season.season_changes import season_changes
 from thrustmargin.models.model.model_file import shipped_model
+from thrustmargin.models.physics.resistance import battery_resistance
 
 FLIGHTS, FIRST, LEARNT = 100, 60, 30
 RATES, AGEING = (0.0005, 0.001, 0.002, 0.005), (0.005, 0.01, 0.02)

@@ -17,7 +17,6 @@ from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.office.season.ingest import find_logs
 from thrustmargin.gcs_plugin.office.season.season_flight import (
     IngestSettings,
-    battery_resistance,
     season_flights,
 )
 from thrustmargin.gcs_plugin.store.ingest_run import content_of
@@ -25,6 +24,7 @@ from thrustmargin.gcs_plugin.store.schema import FLIGHTS
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, read_flights, read_sums
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.identification.season.flight_sums import from_arrays
+from thrustmargin.models.physics.resistance import battery_resistance
 
 FLIGHT = ROOT / "sitl_logs/campaign/v4_m16_q2.5.tlog"
 OTHER = ROOT / "sitl_logs/formats/v4_m10_q2.5.BIN"

@@ -1,0 +1,50 @@
+"""Summarise the battery of an aircraft from its earlier flights: voltage at rest, resistance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from statistics import median
+
+#: Standard error of a resistance, as a share, from which on a flight says too little of it.
+UNSURE = 0.3
+#: Standard deviation of ln resistance between flights before any is seen, and the flights that this
+#: counts as. A battery's resistance rises in the cold, as it empties and with its age.
+OHM_SCATTER, PRIOR_FLIGHTS = 0.15, 3.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KnownBattery:
+    """The battery of an aircraft as its earlier flights had it; NaN where none says it."""
+
+    rest_voltage: float = math.nan  # V before take-off
+    rest_voltage_error: float = 0.0  # standard deviation between flights, V
+    resistance: float = math.nan  # ohm of the whole pack
+    resistance_error: float = 0.0  # standard error for a further flight, ohm
+    flights: int = 0  # that say anything of it
+
+
+def known_battery(
+    rest_voltages: Sequence[float], resistances: Sequence[tuple[float, float]]
+) -> KnownBattery:
+    """Return the battery of earlier flights: V at rest of each, and ohm with its standard error.
+
+    The voltage is the median, and its error the scatter between flights: a battery is not always
+    full. The resistance is the geometric mean over the flights that know it better than UNSURE, and
+    its error that of one flight more. NaN counts as unknown.
+    """
+    volts = [value for value in rest_voltages if value > 0.0]
+    known = [math.log(ohm) for ohm, error in resistances if ohm > 0.0 and error < UNSURE * ohm]
+    made = KnownBattery(flights=max(len(volts), len(known)))
+    if volts:
+        middle = median(volts)
+        spread = math.sqrt(sum((value - middle) ** 2 for value in volts) / max(len(volts) - 1, 1))
+        made = replace(made, rest_voltage=middle, rest_voltage_error=spread)
+    if known:
+        mean, count = sum(known) / len(known), len(known)
+        squares = PRIOR_FLIGHTS * OHM_SCATTER**2 + sum((value - mean) ** 2 for value in known)
+        scatter = math.sqrt(squares / (PRIOR_FLIGHTS + count - 1) * (1.0 + 1.0 / count))
+        ohm = math.exp(mean)
+        made = replace(made, resistance=ohm, resistance_error=scatter * ohm)
+    return made
