@@ -84,7 +84,7 @@ STRETCHES: Mapping[str, str] = {
 _SHORT: Mapping[str, str] = {
     "tank": "one line alone takes more than the tank holds: fill more, or shorten the lines",
     "battery": "one line alone takes more than the battery gives: shorten the lines",
-    "battery unsure": "one line alone may take more than the battery gives: shorten the lines",
+    "unsure": "one line alone may take more than the battery gives: shorten the lines",
 }
 LEAST_SHARE = 0.005  # of utilisation, worth a word
 
@@ -211,7 +211,7 @@ def sortie_words(made: PlanForecast) -> tuple[str, ...]:
     if made.needs.short_of:
         short = made.needs.short_of
         if short == "battery" and made.expected_needs.short_of != "battery":
-            short = "battery unsure"
+            short = "unsure"
         found.append(f"{say('No split is possible')}: {say(_SHORT[short])}.")
     elif len(sorties) > 1:
         places = [str(s.last_item) for s in sorties[:-1]]
