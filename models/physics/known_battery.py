@@ -7,11 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from statistics import median
 
+from thrustmargin.models.physics.between_flights import error_of_further
+
 #: Standard error of a resistance, as a share, from which on a flight says too little of it.
 UNSURE = 0.3
-#: Standard deviation of ln resistance between flights before any is seen, and the flights that this
-#: counts as. A battery's resistance rises in the cold, as it empties and with its age.
-OHM_SCATTER, PRIOR_FLIGHTS = 0.15, 3.0
+#: Standard deviation of ln resistance between flights before any is seen. A battery's resistance
+#: rises in the cold, as it empties and with its age.
+OHM_SCATTER = 0.15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,9 +44,7 @@ def known_battery(
         spread = math.sqrt(sum((value - middle) ** 2 for value in volts) / max(len(volts) - 1, 1))
         made = replace(made, rest_voltage=middle, rest_voltage_error=spread)
     if known:
-        mean, count = sum(known) / len(known), len(known)
-        squares = PRIOR_FLIGHTS * OHM_SCATTER**2 + sum((value - mean) ** 2 for value in known)
-        scatter = math.sqrt(squares / (PRIOR_FLIGHTS + count - 1) * (1.0 + 1.0 / count))
-        ohm = math.exp(mean)
-        made = replace(made, resistance=ohm, resistance_error=scatter * ohm)
+        mean = sum(known) / len(known)
+        error = error_of_further(known, mean, prior=OHM_SCATTER)
+        made = replace(made, resistance=math.exp(mean), resistance_error=error * math.exp(mean))
     return made

@@ -16,12 +16,11 @@ from dataclasses import dataclass
 from statistics import NormalDist, fmean
 
 from thrustmargin.models.errors import ModelError
+from thrustmargin.models.physics.between_flights import error_of_further
 
 #: Standard deviation of ln k between flights before any is seen. Source: five flights of two days
 #: of a heavy quad, Quiver PT1 (github.com/Arrow-air/project-quiver): 2.1 %.
 POWER_SCATTER = 0.03
-#: Flights that the scatter above counts as.
-PRIOR_FLIGHTS = 3.0
 #: Standard error of ln P by a formula that no current has confirmed: its 90 % interval is 34 % less
 #: to 51 % more. Source: of the same aircraft the formula gives 26 to 33 % too little.
 UNMEASURED_POWER_ERROR = 0.25
@@ -71,10 +70,9 @@ class PowerLaw:
         It is the scatter between flights, drawn towards POWER_SCATTER where they are few, and the
         error of the mean of as many values as there are days.
         """
-        squares = sum((math.log(one.coefficient) - self._mean) ** 2 for one in self.flights)
-        of_prior = PRIOR_FLIGHTS * POWER_SCATTER**2
-        scatter = (of_prior + squares) / (PRIOR_FLIGHTS + len(self.flights) - 1)
-        return math.sqrt(scatter * (1.0 + 1.0 / self.days))
+        values = [math.log(one.coefficient) for one in self.flights]
+        prior, days = POWER_SCATTER, self.days
+        return error_of_further(values, self._mean, prior=prior, independent=days)
 
     @property
     def _mean(self) -> float:
