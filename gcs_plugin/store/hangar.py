@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from thrustmargin.gcs_plugin.store.aircraft_marks import Marks, Recognition, recognise
+from thrustmargin.mission.forecast.experience import Experience, FlownMission, experience
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.json_values import from_json_values, to_json_values
 from thrustmargin.models.model.mode_walk import (
@@ -91,6 +92,7 @@ class AircraftFlight:
     battery_ohm: float = NAN  # of the whole pack
     battery_ohm_error: float = NAN  # standard error
     charge_used_ah: float = NAN  # in flight
+    mission: FlownMission | None = None  # beside its forecast by the state before the flight
     coverage: float = NAN  # share of speeds inside the interval of the state before the flight
     bias: float = NAN  # mean of ln measured over predicted speed
     faults: tuple[str, ...] = ()  # kind and rotor, as "propeller 3"
@@ -194,6 +196,13 @@ class KnownAircraft:
                 for row in self.flights_before(start_unix_s)
             ]
         )
+
+    def experience_before(self, start_unix_s: float = math.inf) -> Experience | None:
+        """Return how missions before a Unix time differed from their forecasts; None where too few
+        were flown.
+        """
+        rows = self.flights_before(start_unix_s)
+        return experience([row.mission for row in rows if row.mission is not None])
 
     def battery_before(self, start_unix_s: float = math.inf) -> KnownBattery:
         """Return the battery as the flights before a Unix time had it."""

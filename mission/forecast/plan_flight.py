@@ -33,7 +33,12 @@ from thrustmargin.mission.forecast.limits import FlightLimits
 from thrustmargin.mission.forecast.way import CONE, RETURN_WAIT_S, Course
 from thrustmargin.models.flight import Bools, FlightTrack, Floats, Origin, body_axes
 from thrustmargin.models.model.airframe_claim import AirframeClaim
-from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe, predict
+from thrustmargin.models.model.rotor_model import (
+    RotorModel,
+    identified_airframe,
+    in_air,
+    predict,
+)
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import (
     G0,
@@ -257,6 +262,7 @@ def fly_plan(
     )
     track = replace(track, sources=dict.fromkeys(_MADE, FORECAST) | {"tank_kg": FILLED})
     density = np.full(time_s.size, given.density)
+    track = in_air(track, model, density)
     prediction = predict(model, track, density)
     speed = prediction.rotor_speed_rpm
     power, unsure = electric_power(model, prediction), power_error(model, prediction)
@@ -450,7 +456,7 @@ def _power(model: RotorModel, density: Floats, tank_kg: Floats, airspeed: Floats
         tank_kg=asked[:, 1],
         airspeed=asked[:, 2],
     )
-    made = predict(model, steady, asked[:, 0])
+    made = predict(model, in_air(steady, model, asked[:, 0]), asked[:, 0])
     return electric_power(model, made)[of.ravel()]
 
 

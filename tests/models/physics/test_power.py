@@ -61,7 +61,10 @@ def test_a_law_of_nothing_is_refused(wrong: tuple[FlightPower, ...]):
 def test_the_battery_of_earlier_flights_is_their_middle():
     known = known_battery([58.0, math.nan, 54.0, 56.0], [(0.02, 0.001), (0.5, 0.4), (0.045, 0.001)])
     assert (known.rest_voltage, known.flights) == (56.0, 3)
-    assert known.rest_voltage_error == pytest.approx(2.0)
+    # Three flights of 3 % of 56 V, and 2 V above and below: over 5, and a third more for the mean.
+    assert known.rest_voltage_error == pytest.approx(
+        math.sqrt((3 * 1.68**2 + 8.0) / 5.0 * 4.0 / 3.0)
+    )
     # The second one, 0.5 ohm give or take 0.4, says nothing; the root of 0.02 times 0.045 is 0.03.
     assert known.resistance == pytest.approx(0.03)
     assert known.resistance_error > 0.3 * 0.03  # they differ by a factor of two
