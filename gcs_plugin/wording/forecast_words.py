@@ -260,6 +260,24 @@ def power_words(made: PlanForecast) -> tuple[str, ...]:
     return (f"{text[:1].upper()}{text[1:]}.",) if text else ()
 
 
+def as_flown_words(made: PlanForecast) -> tuple[str, ...]:
+    """Return the line of time and utilisation as earlier missions were flown; empty without."""
+    known = made.as_flown
+    if known is None:
+        return ()
+    return (
+        say(
+            "By how {missions} earlier missions differed from their forecasts: {long} ({low} to "
+            "{high}), {peak} of a rotor's thrust at most.",
+            missions=known.missions,
+            long=duration(known.seconds[0]),
+            low=duration(known.seconds[1]),
+            high=duration(known.seconds[2]),
+            peak=percent_within(*known.peak),
+        ),
+    )
+
+
 def landing_volts(ends: tuple[float, float, float]) -> str:
     """Return a voltage with its interval, V; a lower end of NaN is a battery that may be used
     up."""

@@ -101,6 +101,16 @@ def _correction(differences: Sequence[float], prior: float) -> Correction:
 Interval = tuple[float, float, float]  # value, lower end, upper end
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AsFlown:
+    """A forecast corrected by earlier missions, each value with its widened 90 % interval."""
+
+    missions: int
+    seconds: Interval
+    typical: Interval  # utilisation that lasts
+    peak: Interval  # utilisation
+
+
 def corrected_factor(value: float, by: Correction, error: float = 0.0) -> Interval:
     """Return a positive value with its 90 % interval after a correction of its ln.
 

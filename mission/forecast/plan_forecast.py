@@ -15,6 +15,13 @@ from functools import partial
 import numpy as np
 
 from thrustmargin.mission.forecast.battery import EFFICIENCY, usable_energy, usable_error
+from thrustmargin.mission.forecast.experience import (
+    NO_CORRECTION,
+    AsFlown,
+    Experience,
+    corrected_factor,
+    corrected_use,
+)
 from thrustmargin.mission.forecast.fill_along import (
     LegForecast,
     Weakest,
@@ -98,6 +105,7 @@ class PlanForecast:
     not_understood: tuple[NotUnderstood, ...]
     assumed: Mapping[Assumption, tuple[str, ...]] = field(default_factory=dict)
     caveats: tuple[Caveat, ...] = ()  # of the last flight of the aircraft, whose log the plan is in
+    experience: Experience | None = None  # how earlier missions differed from their forecasts
 
     @property
     def level(self) -> FlightLevel:
@@ -127,10 +135,30 @@ class PlanForecast:
 
     @property
     def energy_wh(self) -> tuple[float, float, float]:
-        """Return the energy of all sorties, Wh, with the ends of its 90 % interval."""
+        """Return the energy of all sorties, Wh, with the ends of its 90 % interval, corrected by
+        the experience of earlier missions.
+        """
         total = sum(one.energy_wh for one in self.needs.sorties)
-        less, more = power_factors(self.flight.power_error)
-        return total, less * total, more * total
+        by = self.experience.energy if self.experience else NO_CORRECTION
+        return corrected_factor(total, by, self.flight.power_error)
+
+    @property
+    def as_flown(self) -> AsFlown | None:
+        """Return time and utilisation corrected by the experience of earlier missions; None
+        without.
+        """
+        shown = self.experience
+        if shown is None:
+            return None
+        use = self.advised.advice.use
+        low, high = self.weakest.interval if self.weakest else (math.nan, math.nan)
+        typical = use.lasting_most, use.lasting_low, use.lasting_high
+        return AsFlown(
+            missions=shown.missions,
+            seconds=corrected_factor(self.flight_s, shown.seconds),
+            typical=corrected_use(*typical, shown.leg_use),
+            peak=corrected_use(use.peak, low, high, shown.peak_use),
+        )
 
     @property
     def landing_voltage(self) -> tuple[float, float, float]:
@@ -169,6 +197,7 @@ def forecast(
     refilled: bool = True,
     faults: FaultHistory | None = None,
     other_order: bool = False,
+    experience: Experience | None = None,
 ) -> PlanForecast:
     """Forecast `plan` for an aircraft of `model`.
 
@@ -178,8 +207,8 @@ def forecast(
     of a rotor's largest thrust allowed for lasting use. With `refilled` False the plan is flown on
     with an empty tank. `faults` are those of the last flight of this aircraft and not known to be
     repaired; None: those stored in the model. `other_order`: the motors of that flight were not in
-    the order of the airframe. Raise PlanError if the plan flies nowhere, or if a leg lasts longer
-    than any battery.
+    the order of the airframe. `experience` of earlier missions corrects energy and time. Raise
+    PlanError if the plan flies nowhere, or if a leg lasts longer than any battery.
 
         >>> plan = read_plan("sitl_logs/campaign/v4_m16_q2.5.tlog")
         >>> forecast(plan, load_model(), 6.0).level.value
@@ -228,10 +257,13 @@ def forecast(
     ends = [steps.steps[k].item for k in line_ends(plan, steps)]
     usable = usable_energy(given.battery, craft, CHARGE_KEPT)
     taken = leg_ends(once, timed, given, limits, model)
-    unsure = usable_error(given.battery, craft, CHARGE_KEPT)
-    sure = usable * power_factors(math.hypot(once.power_error, unsure))[0]
+    known_bias = experience.energy if experience else NO_CORRECTION
+    unsure = math.hypot(usable_error(given.battery, craft, CHARGE_KEPT), known_bias.error)
+    # What a sortie takes is compared before its correction, so the correction is in what is usable.
+    middle = usable / math.exp(known_bias.by)
+    sure = middle * power_factors(math.hypot(once.power_error, unsure))[0]
     expected, needed = (
-        needs(taken, ends, fill_kg=given.fill_kg, usable_wh=wh) for wh in (usable, sure)
+        needs(taken, ends, fill_kg=given.fill_kg, usable_wh=wh) for wh in (middle, sure)
     )
     parts = parts_flown(
         timed,
@@ -296,8 +328,8 @@ def forecast(
         expected_needs=expected,
         way_back=way_back(
             flight,
-            flight.battery_wh,
-            back,
+            math.exp(known_bias.by) * flight.battery_wh,
+            math.exp(known_bias.by) * back,
             usable,
             charge_kept=CHARGE_KEPT,
             error=math.hypot(flight.power_error, unsure),
@@ -307,6 +339,7 @@ def forecast(
         findings=check_plan(plan, steps, sprays=sprays),
         not_understood=steps.not_understood,
         assumed=assumed,
+        experience=experience,
     )
 
 

@@ -9,7 +9,9 @@ import numpy as np
 
 from thrustmargin.mission.forecast.battery import FlightBattery
 from thrustmargin.mission.forecast.experience import FlownMission, SaidFlown
-from thrustmargin.mission.plan_items import MissionPlan
+from thrustmargin.mission.forecast.limits import flight_limits
+from thrustmargin.mission.forecast.way import course, plan_legs, timed_legs
+from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan
 from thrustmargin.mission.plan_tracking.blame import shown_day
 from thrustmargin.mission.plan_tracking.stretches import (
     PlanToFly,
@@ -19,10 +21,13 @@ from thrustmargin.mission.plan_tracking.stretches import (
     flown_way,
     stretch_ends,
 )
+from thrustmargin.mission.steps import plan_steps, pump_output
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.smoothing import known_mean
 
+#: Times that a flight may take less than its forecast, and s that it may be late.
+LONGER, LATE_S = 1.5, 30.0
 FEWEST_STRETCHES = 3  # flown as planned, below which a flight says nothing of the plan
 
 
@@ -39,8 +44,15 @@ def flown_mission(
     fewer than FEWEST_STRETCHES were flown as planned. Raises PlanError where the plan flies
     nowhere.
     """
-    to_fly = PlanToFly.of(plan, parameters, model)
     way, found = flown_way(analysis, plan.home), shown_day(analysis)
+    if not way.time_s.size:
+        return None
+    limits = flight_limits(parameters, px4=plan.firmware == FIRMWARE_PX4)
+    legs = plan_legs(plan, plan_steps(plan, pump_output(parameters)), limits)
+    # Of a plan for many batteries only the part is forecast that one flight can have flown.
+    longest_s = LONGER * float(way.time_s[-1] - way.time_s[0]) + LATE_S
+    count = max(sum(timed.end_s <= longest_s for timed in timed_legs(legs)), 1)
+    to_fly = PlanToFly(course=course(legs[:count], limits), model=model, home=plan.home)
     given = conditions_before_take_off(
         parameters, model.airframe, fill_kg=found.fill_kg, altitude=plan.home[2]
     )
@@ -61,7 +73,7 @@ def flown_mission(
     watts = (track.voltage * track.current)[rows]
     return FlownMission(
         stretches=len(made.stretches),
-        complete=made.left_at is None,
+        complete=made.left_at is None and count == len(legs),
         seconds=SaidFlown(float(flight.track.time_s[last]), float(over - begun)),
         energy_wh=SaidFlown(
             float(flight.energy_wh[last]), known_mean(watts) * float(over - begun) / 3600.0

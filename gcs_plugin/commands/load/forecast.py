@@ -33,6 +33,7 @@ from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
+    from thrustmargin.gcs_plugin.store.hangar import KnownAircraft
     from thrustmargin.mission.forecast.battery import FlightBattery
     from thrustmargin.mission.forecast.plan_forecast import PlanForecast
     from thrustmargin.models.model.model_misfit import Caveat
@@ -154,6 +155,7 @@ def forecast(
     found = read_plan(plan)  # a plan that is none is refused before the rest is loaded
     from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
     from thrustmargin.mission.forecast import plan_forecast
+    from thrustmargin.models.physics.known_battery import KnownBattery
     from thrustmargin.models.physics.power import power_law
 
     inputs = Inputs(model=model, airframe=airframe, max_utilisation=max_utilisation, known=whose)
@@ -173,7 +175,8 @@ def forecast(
         from thrustmargin.gcs_plugin.logs.parameter_file import read_parameters
 
         known = read_parameters(parameters)
-    earlier = _known_battery(inputs)
+    aircraft = _known_aircraft(inputs)
+    earlier = KnownBattery() if aircraft is None else aircraft.battery_before()
     battery = _battery(known, voltage, capacity, resistance, craft, earlier)
     made = plan_forecast.forecast(
         found,
@@ -195,6 +198,7 @@ def forecast(
         limit=inputs.limit,
         faults=before.faults,
         other_order=before.other_order,
+        experience=None if aircraft is None else aircraft.experience_before(),
     )
     made = replace(made, caveats=before.caveats)
     if voltage is None and math.isfinite(earlier.rest_voltage):
@@ -273,8 +277,12 @@ def _show(made: PlanForecast, console: Terminal) -> None:
     console.print(words.weakest_words(made.weakest))
     console.print(words.fill_words(made))
     console.print(words.survivable_words(made))
-    energy = (*words.sortie_words(made), *words.power_words(made), words.way_back_words(made))
-    for line in energy:
+    for line in (
+        *words.sortie_words(made),
+        *words.power_words(made),
+        *words.as_flown_words(made),
+        words.way_back_words(made),
+    ):
         console.print(line)
     console.print(f"{say('Assumed')}:")
     for line in words.assumed_words(made):
@@ -362,12 +370,10 @@ def _battery(
     )
 
 
-def _known_battery(inputs: Inputs) -> KnownBattery:
-    """Return the battery of the known aircraft that is named; all unknown without one."""
-    from thrustmargin.models.physics.known_battery import KnownBattery
-
+def _known_aircraft(inputs: Inputs) -> KnownAircraft | None:
+    """Return the known aircraft that is named; None without one."""
     if inputs.known.aircraft is None or inputs.by_file:
-        return KnownBattery()
+        return None
     from thrustmargin.gcs_plugin.store.hangar import open_hangar
 
-    return open_hangar(inputs.known.hangar).load(inputs.known.aircraft).battery_before()
+    return open_hangar(inputs.known.hangar).load(inputs.known.aircraft)

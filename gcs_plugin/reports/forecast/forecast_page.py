@@ -73,6 +73,7 @@ def json_text(made: PlanForecast) -> str:
         "landing_voltage": made.landing_voltage[0],
         "landing_voltage_interval": made.landing_voltage[1:],
         "power": _power(made),
+        "as_flown": made.as_flown,
         "utilisation": {
             "typical": use.lasting_most,
             "peak": use.peak,
@@ -302,6 +303,7 @@ def _page(made: PlanForecast, name: str, figures: Mapping[str, Markup]) -> str:
         "needs": [
             *(line.strip() for line in words.sortie_words(made)),
             *words.power_words(made),
+            *words.as_flown_words(made),
             words.way_back_words(made),
         ],
         "all_legs": made.legs,
