@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from thrustmargin.gcs_plugin.store.aircraft_marks import Marks, Recognition, recognise
+from thrustmargin.mission.forecast.experience import Experience, FlownMission, experience
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.json_values import from_json_values, to_json_values
 from thrustmargin.models.model.mode_walk import (
@@ -32,11 +33,14 @@ from thrustmargin.models.model.mode_walk import (
     WalkSizes,
     WalkStep,
     fit_steps,
+    local_day,
     state_before,
     walk,
 )
 from thrustmargin.models.model.model_file import load_model
 from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.physics.known_battery import KnownBattery, known_battery
+from thrustmargin.models.physics.power import FlightPower, PowerLaw, power_law
 from thrustmargin.models.whole_file import regular, whole_file
 
 SCHEMA = "thrustmargin.aircraft/1"
@@ -45,6 +49,8 @@ EVENT_SCHEMA = "thrustmargin.aircraft-event/1"
 VARIABLE = "THRUSTMARGIN_HANGAR"
 _NAME = re.compile(r"[A-Za-z0-9][\w.-]{0,79}")
 NAN = math.nan
+#: Flights by whose current and battery a further one is forecast: parts and batteries age.
+RECENT = 20
 Kind = TypeVar("Kind")
 
 
@@ -58,6 +64,10 @@ class NotTaught(StrEnum):
     LOAD = "the load is not the one reported"
     READINGS = "rotor speeds that are not trusted"
     TOO_SHORT = "too little flight with rotor speeds and load"
+
+
+#: Reasons for which the readings of a flight say nothing of the sound aircraft's power.
+UNTRUSTED = (NotTaught.FAULT, NotTaught.LOST, NotTaught.NO_VERDICT, NotTaught.READINGS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,6 +89,10 @@ class AircraftFlight:
     rest_voltage: float = NAN  # V before take-off
     mean_power: float = NAN  # W in flight, voltage times current
     power_coefficient: float = NAN  # W/rpm³ in air of the model's reference density
+    battery_ohm: float = NAN  # of the whole pack
+    battery_ohm_error: float = NAN  # standard error
+    charge_used_ah: float = NAN  # in flight
+    mission: FlownMission | None = None  # beside its forecast by the state before the flight
     coverage: float = NAN  # share of speeds inside the interval of the state before the flight
     bias: float = NAN  # mean of ln measured over predicted speed
     faults: tuple[str, ...] = ()  # kind and rotor, as "propeller 3"
@@ -157,6 +171,47 @@ class KnownAircraft:
         """Return the number of days of the sound flights."""
         return len({row.offsets.day for row in self.sound_flights if row.offsets is not None})
 
+    def flights_before(self, start_unix_s: float) -> tuple[AircraftFlight, ...]:
+        """Return the last RECENT flights before a Unix time whose readings are trusted.
+
+        Those are the flights without a bad part, lost control or rotor speeds that are not trusted.
+        Power and battery do not depend on the load, so a flight of another load counts.
+        """
+        rows = [
+            row
+            for row in self.flights
+            if row.start_unix_s < start_unix_s and row.not_taught not in UNTRUSTED
+        ]
+        return tuple(rows[-RECENT:])
+
+    def power_before(self, start_unix_s: float = math.inf) -> PowerLaw | None:
+        """Return the power law by the flights before a Unix time; None where none has a current."""
+        return power_law(
+            [
+                FlightPower(
+                    flight=row.flight,
+                    day=local_day(row.start_unix_s, row.longitude_deg),
+                    coefficient=row.power_coefficient,
+                )
+                for row in self.flights_before(start_unix_s)
+            ]
+        )
+
+    def experience_before(self, start_unix_s: float = math.inf) -> Experience | None:
+        """Return how missions before a Unix time differed from their forecasts; None where too few
+        were flown.
+        """
+        rows = self.flights_before(start_unix_s)
+        return experience([row.mission for row in rows if row.mission is not None])
+
+    def battery_before(self, start_unix_s: float = math.inf) -> KnownBattery:
+        """Return the battery as the flights before a Unix time had it."""
+        rows = self.flights_before(start_unix_s)
+        return known_battery(
+            [row.rest_voltage for row in rows],
+            [(row.battery_ohm, row.battery_ohm_error) for row in rows],
+        )
+
     def steps(self, before_unix_s: float = math.inf) -> WalkSizes:
         """Return the sizes of the walk's steps by the lessons before a time."""
         lessons = [one for one in self.lessons if one.start_unix_s < before_unix_s]
@@ -181,10 +236,10 @@ class KnownAircraft:
         return load_model(self.model_file)
 
     def model_before(self, start_unix_s: float, longitude_deg: float = NAN) -> RotorModel:
-        """Load the model with the state in which a flight that starts at a Unix time is
-        predicted; without a state where the model has no interval to widen.
+        """Load the model with the state and the power law by which a flight that starts at a Unix
+        time is predicted; without a state where the model has no interval to widen.
         """
-        model = self.model()
+        model = replace(self.model(), power=self.power_before(start_unix_s))
         if model.interval is None:
             return model
         if not math.isfinite(longitude_deg) and self.flights:

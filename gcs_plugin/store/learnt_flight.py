@@ -13,12 +13,15 @@ from thrustmargin.models.model.advice import Advice, FlightLevel, advise
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse, analysis_for_verdict
 from thrustmargin.models.model.flight_offsets import flight_offsets
+from thrustmargin.models.model.flight_power import power_coefficient
 from thrustmargin.models.model.mode_walk import FlightOffsets, WalkStep, walk
 from thrustmargin.models.model.model_misfit import Caveat
-from thrustmargin.models.model.rotor_model import RotorModel, without_state
+from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.physics.resistance import battery_resistance
 from thrustmargin.models.physics.smoothing import known_median
 
 NAN = float("nan")
+LEAST_KNOWN = 0.9  # share of a flight with a current, from which on its charge is known
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,6 +70,7 @@ def learnt_flight(
     step = None
     if offsets is not None and reason is None and model.interval is not None:
         step = step_of(aircraft, offsets)
+    ohm, ohm_error = battery_resistance(track.time_s, track.voltage, track.current, track.flying)
     row = AircraftFlight(
         flight=flight,
         log_name=log.name,
@@ -83,6 +87,9 @@ def learnt_flight(
         rest_voltage=rest_voltage(analysis),
         mean_power=_mean_power(analysis),
         power_coefficient=power_coefficient(analysis),
+        battery_ohm=ohm,
+        battery_ohm_error=ohm_error,
+        charge_used_ah=_charge_used(analysis),
         coverage=coverage(analysis),
         bias=advice.misfit.bias,
         faults=tuple(f"{one.fault.kind} {one.fault.rotor + 1}" for one in advice.faults),
@@ -154,21 +161,17 @@ def _mean_power(analysis: FlightAnalysis) -> float:
     return float(np.nanmean(power)) if np.isfinite(power).any() else NAN
 
 
-def power_coefficient(analysis: FlightAnalysis) -> float:
-    """Return k, W/rpm³, of electric power = k rho / rho_ref sum of N³ over the rotors.
-
-    By least squares over rows in flight with all rotor speeds measured; rho_ref is the model's
-    reference density. NaN with fewer than 100 rows. Source: torque and thrust of a rotor are
-    proportional to rho N², so its power to rho N³ (Leishman, Helicopter Aerodynamics, 2.3).
+def _charge_used(analysis: FlightAnalysis) -> float:
+    """Return the charge used in flight, Ah, by the current; NaN where less than nine tenths of the
+    flight has one.
     """
-    track, model = analysis.track, without_state(analysis.model)
-    cubes = np.sum(track.measured("rotor_speed_rpm") ** 3, axis=1)
-    cubes = cubes * analysis.density / model.reference_density
-    power = track.voltage * track.current
-    rows = track.flying & np.isfinite(cubes) & np.isfinite(power) & (power > 0.0)
-    if np.count_nonzero(rows) < 100:
+    track = analysis.track
+    seconds = np.where(track.flying, np.gradient(track.time_s), 0.0)
+    known = np.isfinite(track.current)
+    flown_s = float(seconds.sum())
+    if not flown_s > 0.0 or seconds[known].sum() < LEAST_KNOWN * flown_s:
         return NAN
-    return float(cubes[rows] @ power[rows] / (cubes[rows] @ cubes[rows]))
+    return float(np.nansum(track.current * seconds)) / 3600.0
 
 
 def _first_known(values: Floats) -> float:

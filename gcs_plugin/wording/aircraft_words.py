@@ -6,8 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.wording.language import number, say
+from thrustmargin.gcs_plugin.wording.language import number, percent, say
+from thrustmargin.mission.forecast.experience import FlownMission
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.physics.known_battery import KnownBattery
+from thrustmargin.models.physics.power import NORMAL, PowerLaw, power_factors
 
 
 def known_words(name: str, flights: int, days: int) -> str:
@@ -19,6 +22,39 @@ def known_words(name: str, flights: int, days: int) -> str:
         return say(words, name=name, flights=flights)
     words = "aircraft {name}, known from {flights} flights on {days} days"
     return say(words, name=name, flights=flights, days=days)
+
+
+def mission_words(mission: FlownMission) -> str:
+    """Return a mission as its forecast said it and as it was flown."""
+    parts = []
+    for words, pair, factor, unit in (
+        ("{said} s, flown {flown}", mission.seconds, 1.0, ""),
+        ("{said} Wh, flown {flown}", mission.energy_wh, 1.0, ""),
+        ("{said} of thrust on legs, flown {flown}", mission.leg_use, 100.0, "%"),
+        ("{said} at most, flown {flown}", mission.peak_use, 100.0, "%"),
+    ):
+        said, flown = (number(factor * value, unit, 0) for value in (pair.said, pair.flown))
+        parts.append(say(words, said=said, flown=flown))
+    text = say("its forecast said {parts}", parts="; ".join(parts))
+    return text if mission.complete else f"{text} ({say('the plan was left before its end')})"
+
+
+def power_and_battery_words(law: PowerLaw | None, battery: KnownBattery) -> tuple[str, ...]:
+    """Return what the flights of an aircraft show of its power and its battery; empty without."""
+    parts = []
+    if law is not None:
+        reach = percent(power_factors(law.error)[1] - 1.0)
+        words = "power known from {flights} flights, ± {reach}"
+        parts.append(say(words, flights=len(law.flights), reach=reach))
+    if battery.resistance > 0.0:
+        ohm = number(1e3 * battery.resistance, "mOhm", 0)
+        reach = percent(NORMAL * battery.resistance_error / battery.resistance)
+        parts.append(say("battery {ohm} ± {reach}", ohm=ohm, reach=reach))
+    if battery.rest_voltage > 0.0:
+        parts.append(
+            say("{volts} at rest before take-off", volts=number(battery.rest_voltage, "V"))
+        )
+    return ("; ".join(parts),) if parts else ()
 
 
 def changed_words(by_rpm: Floats, modes: Sequence[int], columns: Floats) -> str:

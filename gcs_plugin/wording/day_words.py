@@ -25,6 +25,7 @@ SOURCES: Mapping[DaySource, str] = {
     DaySource.LINK: "by the vehicle",
     DaySource.PLAN: "by the plan",
     DaySource.REMEMBERED: "as given at {time}",
+    DaySource.EARLIER: "by its earlier flights",
     DaySource.DEFAULT: "assumed",
     DaySource.STANDARD: "of the standard atmosphere",
 }

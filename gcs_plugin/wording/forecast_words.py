@@ -12,10 +12,12 @@ from thrustmargin.gcs_plugin.wording.fill_words import UNSOUND, amount, with_day
 from thrustmargin.gcs_plugin.wording.language import (
     area,
     duration,
+    joined,
     number,
     percent,
     percent_within,
     say,
+    within,
 )
 from thrustmargin.gcs_plugin.wording.plan_words import fault_words, not_understood_words
 from thrustmargin.mission.forecast.fill_along import Weakest
@@ -23,6 +25,7 @@ from thrustmargin.mission.forecast.legs import Sortie
 from thrustmargin.mission.forecast.plan_forecast import PlanForecast
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.model_misfit import Caveat
+from thrustmargin.models.physics.power import power_factors
 
 NO_VERDICT = "NO VERDICT: the model predicts nothing for this aircraft in these conditions"
 UNLIKE = "NO VERDICT: the flight in this log does not fit the airframe"
@@ -42,6 +45,7 @@ ASSUMED: Mapping[str, str] = {
     "unlike": "the aircraft is {0}; its last flight speaks against that: {1}",
     "limits": "defaults of the autopilot for {0}: give its parameters with --parameters",
     "full battery": "battery full, {0} V at rest: give --voltage",
+    "earlier battery": "battery at {0} V at rest, usual before its earlier flights: give --voltage",
     "no capacity": "battery held at {0} V, its capacity is not known: give --capacity",
     "resistance": "battery resistance usual for lithium polymer packs: give --resistance",
     "no wind": "no wind: give --wind",
@@ -56,7 +60,8 @@ ASSUMED: Mapping[str, str] = {
     "pump lines stated": "pump: on along {0} parallel lines, {1} m apart, as --pump says",
     "straight splines": "splines as straight legs: the way flown is longer",
     "circles as waits": "circles as time at their middle: no bank and no drag of the circle",
-    "efficiency": "motors and speed controllers pass on {0} % of the battery's power",
+    "efficiency": "motors and speed controllers pass on {0} % of the battery's power: no flight "
+    "measured it, so it may be {1} % less or {2} % more",
     "level ground": "heights above the ground as above home: no terrain is known",
     "PX4 corners": "corners cut by ArduPilot's rule: that of PX4 is not modelled",
     "pump by speed": "the flow falls with the speed over ground in turns",
@@ -84,6 +89,7 @@ STRETCHES: Mapping[str, str] = {
 _SHORT: Mapping[str, str] = {
     "tank": "one line alone takes more than the tank holds: fill more, or shorten the lines",
     "battery": "one line alone takes more than the battery gives: shorten the lines",
+    "unsure": "one line alone may take more than the battery gives: shorten the lines",
 }
 LEAST_SHARE = 0.005  # of utilisation, worth a word
 
@@ -92,6 +98,7 @@ def verdict(made: PlanForecast) -> str:
     """Return the first line: whether it may take off with this fill, and the reason."""
     advice = made.advised.advice
     use, limit = advice.use, percent(advice.limit)
+    by_battery = made.battery_unsure and advice.level is FlightLevel.UNDER
     fill = ""
     if _has_tank(made):
         fill = say(" WITH {amount}", amount=amount(_fill(made), _liquid(made)))
@@ -124,6 +131,7 @@ def verdict(made: PlanForecast) -> str:
         return no + say("lasting use of thrust {lasting}, above the {limit} limit", **known)
     why = say("lasting use of thrust {lasting}, limit {limit}", **known)
     if level is FlightLevel.NEAR:
+        why = say("the battery may not last") if by_battery else why
         return f"{say('TOO CLOSE TO TELL{fill}', fill=fill)}{_as_far(made)}: {why}"
     if level is FlightLevel.UNDER:
         return f"{say('MAY TAKE OFF{fill}', fill=fill)}{_as_far(made)}: {why}"
@@ -234,9 +242,9 @@ def sortie_words(made: PlanForecast) -> tuple[str, ...]:
     """Return the lines about time, liquid and energy, and about the items after which to refill."""
     sorties, liquid = made.needs.sorties, _liquid(made)
     sprayed = sum(s.kg for s in sorties)
-    energy = sum(s.energy_wh for s in sorties)
+    energy = joined(within(*made.energy_wh, "Wh"))
     last = _fill(made) - (sorties[-1].kg if sorties else 0.0)
-    flown = {"long": duration(made.flight_s), "energy": number(energy, "Wh", 0)}
+    flown = {"long": duration(made.flight_s), "energy": energy}
     if not _has_tank(made):
         return (say("Flight {long}, {energy}.", **flown),)
     found = [
@@ -250,7 +258,10 @@ def sortie_words(made: PlanForecast) -> tuple[str, ...]:
     if sprayed > 0.0 and not made.needs.short_of:
         found.append(_field_words(made, sprayed / liquid))
     if made.needs.short_of:
-        found.append(f"{say('No split is possible')}: {say(_SHORT[made.needs.short_of])}.")
+        short = made.needs.short_of
+        if short == "battery" and made.expected_needs.short_of != "battery":
+            short = "unsure"
+        found.append(f"{say('No split is possible')}: {say(_SHORT[short])}.")
     elif len(sorties) > 1:
         places = [str(s.last_item) for s in sorties[:-1]]
         more = say(" and {count} more", count=len(places) - 8) if len(places) > 8 else ""
@@ -308,8 +319,60 @@ def _sortie(which: int, one: Sortie, liquid: float, swath: float) -> str:
     return f"{items}, {number(one.kg / liquid, 'L')}, {field}{long}, {energy}"
 
 
+def power_words(made: PlanForecast) -> tuple[str, ...]:
+    """Return the line of the voltage on landing and of the grounds of power; empty with neither."""
+    volts, law = made.landing_voltage, made.advised.analysis.model.power
+    parts = []
+    if math.isfinite(volts[2]):
+        parts.append(say("Lands at {volts}", volts=landing_volts(volts)))
+    if law is not None:
+        flights, reach = (
+            len(law.flights),
+            number(100.0 * (power_factors(law.error)[1] - 1.0), "%", 0),
+        )
+        one = "power as measured on one flight of this aircraft, ± {reach}"
+        several = "power as measured on {flights} flights of this aircraft, ± {reach}"
+        parts.append(say(one if flights == 1 else several, flights=flights, reach=reach))
+    text = "; ".join(parts)
+    return (f"{text[:1].upper()}{text[1:]}.",) if text else ()
+
+
+def as_flown_words(made: PlanForecast) -> tuple[str, ...]:
+    """Return the line of time and utilisation as earlier missions were flown; empty without."""
+    known = made.as_flown
+    if known is None:
+        return ()
+    return (
+        say(
+            "By how {missions} earlier missions differed from their forecasts: {long} ({low} to "
+            "{high}), {peak} of a rotor's thrust at most.",
+            missions=known.missions,
+            long=duration(known.seconds[0]),
+            low=duration(known.seconds[1]),
+            high=duration(known.seconds[2]),
+            peak=percent_within(*known.peak),
+        ),
+    )
+
+
+def landing_volts(ends: tuple[float, float, float]) -> str:
+    """Return a voltage with its interval, V; a lower end of NaN is a battery that may be used
+    up."""
+    middle, low, high = ends
+    if math.isfinite(low):
+        return joined(within(middle, low, high, "V"))
+    return say(
+        "{volts} (to {high}, and it may be used up before)",
+        volts=number(middle, "V"),
+        high=number(high, "V"),
+    )
+
+
 def way_back_words(made: PlanForecast) -> str:
-    """Return the point of no return by battery, or the smallest reserve if home stays in reach."""
+    """Return the point of no return by battery, or the smallest reserve if home stays in reach.
+
+    It is the earliest one of the interval; the expected one stands beside it.
+    """
     back = made.way_back
     if not math.isfinite(back.spare_wh):
         return say("Point of no return unknown: give --capacity.")
@@ -319,16 +382,21 @@ def way_back_words(made: PlanForecast) -> str:
         "away": number(back.distance, "m", 0),
     }
     if math.isfinite(back.time_s):
+        expected = say("home stays in reach")
+        if math.isfinite(back.expected_time_s):
+            expected = say("after {long}", long=duration(back.expected_time_s))
         return say(
-            "Point of no return after {long}, on the way to item {item}, {away} from home, with "
-            "{kept} of the battery kept.",
+            "Point of no return after {long} at the earliest (expected: {expected}), on the way to "
+            "item {item}, {away} from home, with {kept} of the battery kept.",
             long=duration(back.time_s),
+            expected=expected,
             **known,
         )
     return say(
-        "Home is in reach all along, with {kept} of the battery kept: least to spare {spare}, on "
-        "the way to item {item}, {away} from home.",
+        "Home is in reach all along, with {kept} of the battery kept: at least {spare} to spare "
+        "(expected: {expected}), on the way to item {item}, {away} from home.",
         spare=number(back.spare_wh, "Wh", 0),
+        expected=number(back.expected_spare_wh, "Wh", 0),
         **known,
     )
 

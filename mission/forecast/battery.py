@@ -1,6 +1,10 @@
 """Compute the voltage and energy of a battery along a flight.
 
-    V = n V_cell(charge) - n r I      I = P/V      P = sum of torque x rotor speed / efficiency
+    V = n V_cell(charge) - n r I      I = P/V      P = k rho / rho_ref sum of N³
+
+The coefficient k is that of the flights that measured it (`RotorModel.power`). Without any, P is
+the sum of torque x rotor speed over an efficiency. `electric_power` is the one function that
+computes power, and `power_error` the one that says how sure it is.
 
 The cells are lithium polymer. Without a capacity the voltage is constant, and the forecast lists
 that as an assumption.
@@ -10,13 +14,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.model.mode_walk import DAY_STEP, FLIGHT_STEP
+from thrustmargin.models.model.rotor_model import Prediction, RotorModel, identified_airframe
 from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.margin import rotor_thrust
+from thrustmargin.models.physics.power import NORMAL, UNMEASURED_POWER_ERROR, power_factors
 
 #: Charge of a cell -> V at rest, of lithium polymer.
 _CHARGE = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
@@ -25,9 +34,12 @@ CELL = 3.7  # V, nominal
 FULL = 4.2  # V a cell
 #: Ohm x Ah of a cell: usual for packs of sprayers (about 1.5 mOhm at 16 Ah).
 RESISTANCE = 0.025
+#: Standard error of ln of that. Source: a heavy quad, Quiver PT1, 2.2 times as much.
+RESISTANCE_ERROR = 0.5
 #: Of motor and speed controller together at work.
 EFFICIENCY = 0.85
 UNSET = 3300.0  # mAh of ArduPilot's BATT_CAPACITY where nobody has set it
+LEAST_USABLE = 1e-3  # share of the usable energy that counts as none
 LEAST = 0.05  # of a charge below which nothing is known
 
 
@@ -38,6 +50,8 @@ class FlightBattery:
     voltage: float = math.nan  # V at rest; with no capacity: V under load, held
     capacity_ah: float = math.nan
     resistance: float = math.nan  # ohm of the whole pack
+    voltage_error: float = 0.0  # standard error, V
+    resistance_error: float = 0.0  # standard error, ohm
 
     @property
     def falls(self) -> bool:
@@ -98,6 +112,44 @@ def climb_power(airframe: Airframe, thrust: Floats, density: Floats, climb: Floa
     return total * (half + np.sqrt(half**2 + induced**2) - induced) / EFFICIENCY
 
 
+def electric_power(model: RotorModel, prediction: Prediction) -> Floats:
+    """Compute the battery power (T,), W, of predicted rotor speeds.
+
+    By the coefficient that flights of the aircraft measured, else by `rotor_power`.
+    """
+    craft = identified_airframe(model)
+    power = rotor_power(craft, prediction.thrust, prediction.rotor_speed_rpm)
+    if model.power is None:
+        return power
+    return power * (model.power.coefficient / formula_coefficient(model))
+
+
+def formula_coefficient(model: RotorModel) -> float:
+    """Return k, W/rpm³ in air of the model's reference density, by the formula of `rotor_power`."""
+    craft = identified_airframe(model)
+    one = np.ones((1, craft.rotor_count))
+    density = np.array([model.reference_density])
+    return float(rotor_power(craft, rotor_thrust(craft, one, density), one)[0] / craft.rotor_count)
+
+
+def power_error(model: RotorModel, prediction: Prediction) -> float:
+    """Return the standard error of ln of the mean power of a predicted flight.
+
+    It is that of the coefficient, and three times that of the rotors' common speed. The latter is
+    taken from the interval of the prediction, as if all modes of the rotors were equally unsure.
+    Without an interval it is the change from day to day of a measured aircraft.
+    """
+    of_law = UNMEASURED_POWER_ERROR if model.power is None else model.power.error
+    reach = (prediction.upper_rpm - prediction.rotor_speed_rpm) / prediction.rotor_speed_rpm
+    known = np.isfinite(reach).all(axis=1)
+    of_speed = math.hypot(FLIGHT_STEP, DAY_STEP)
+    if known.any():
+        normal = NormalDist().inv_cdf((1.0 + prediction.coverage) / 2.0)
+        rotors = math.sqrt(float(np.mean(reach[known] ** 2))) / normal
+        of_speed = rotors / math.sqrt(model.airframe.rotor_count)
+    return math.hypot(of_law, 3.0 * of_speed)
+
+
 def discharge(
     battery: FlightBattery,
     airframe: Airframe,
@@ -119,13 +171,12 @@ def discharge(
         held = battery.voltage if battery.voltage > 0.0 else airframe.nominal_voltage
         return np.full(power.size, held), energy
     start = battery.voltage if battery.voltage > 0.0 else FULL * cells
-    full = float(np.interp(start / cells, _AT_REST, _CHARGE))
-    resistance = battery.resistance
-    if not resistance >= 0.0:
-        resistance = cells * RESISTANCE / battery.capacity_ah
+    full = charge_at_rest(start / cells)
+    resistance = pack_resistance(battery, cells)[0]
     # Charge goes with the current, which goes with the voltage: energy over nominal is near enough
     # to start from, and one turn more settles it.
     volts = np.full(power.size, start)
+    charge = np.full(power.size, full)
     for _ in range(3):
         before = np.asarray(before_wh) / (cells * CELL) * 3600.0
         drawn = used_since_change(np.cumsum(power / volts * seconds), changed, before) / 3600.0
@@ -134,3 +185,86 @@ def discharge(
         inside = np.maximum(rest**2 - 4.0 * resistance * power, 0.0)
         volts = 0.5 * (rest + np.sqrt(inside))
     return np.where(charge > LEAST, volts, np.nan), energy
+
+
+def charge_at_rest(cell_voltage: float) -> float:
+    """Return the charge, as a share, of a cell of `cell_voltage` V at rest."""
+    return float(np.interp(cell_voltage, _AT_REST, _CHARGE))
+
+
+def pack_resistance(battery: FlightBattery, cells: int) -> tuple[float, float]:
+    """Return the resistance of a pack, ohm, and its standard error, ohm.
+
+    Without a measured or stated one it is the usual one of the capacity, as unsure as
+    RESISTANCE_ERROR.
+    """
+    if battery.resistance >= 0.0:
+        return battery.resistance, battery.resistance_error
+    usual = cells * RESISTANCE / battery.capacity_ah
+    return usual, RESISTANCE_ERROR * usual
+
+
+def usable_energy(battery: FlightBattery, airframe: Airframe, kept: float) -> float:
+    """Return the energy, Wh, that a battery gives until the share `kept` of its charge is left.
+
+    It counts from the charge that its voltage at rest shows; NaN without capacity or cells.
+    """
+    cells = round(airframe.nominal_voltage / CELL) if airframe.nominal_voltage > 0.0 else 0
+    if not battery.falls or not cells:
+        return math.nan
+    charge = charge_at_rest(battery.voltage / cells) if battery.voltage > 0.0 else 1.0
+    return max(charge - kept, 0.0) * battery.capacity_ah * cells * CELL
+
+
+def usable_error(battery: FlightBattery, airframe: Airframe, kept: float) -> float:
+    """Return the standard error of ln of `usable_energy` by that of the voltage at rest."""
+    usable = usable_energy(battery, airframe, kept)
+    if not (battery.voltage_error > 0.0 and usable > 0.0):
+        return 0.0
+    emptier = replace(battery, voltage=battery.voltage - NORMAL * battery.voltage_error)
+    least = max(usable_energy(emptier, airframe, kept), LEAST_USABLE * usable)
+    return math.log(usable / least) / NORMAL
+
+
+def voltage_ends(
+    battery: FlightBattery,
+    airframe: Airframe,
+    power: Floats,
+    error: float,
+    seconds: Floats,
+    changed: NDArray[np.intp],
+    before_wh: Floats | float = 0.0,
+) -> tuple[Floats, Floats]:
+    """Compute the 90 % interval of the voltage under load (T,), V: the lower ends, the upper ends.
+
+    `error` is the standard error of ln power; the others are as in `discharge`. The errors of
+    power, voltage at rest and resistance add up in quadrature. NaN throughout without a capacity;
+    in the lower ends also where the charge may be used up.
+    """
+    cells = round(airframe.nominal_voltage / CELL) if airframe.nominal_voltage > 0.0 else 0
+    if not battery.falls or not cells:
+        unknown = np.full(power.size, np.nan)
+        return unknown, unknown
+    rest = battery.voltage if battery.voltage > 0.0 else FULL * cells
+    resistance, unsure = pack_resistance(battery, cells)
+    battery = replace(battery, voltage=rest, resistance=resistance)
+
+    def volts(one: FlightBattery, factor: float = 1.0) -> Floats:
+        return discharge(one, airframe, factor * power, seconds, changed, before_wh)[0]
+
+    middle, (less, more) = volts(battery), power_factors(error)
+    by_rest, by_ohm = NORMAL * battery.voltage_error, NORMAL * unsure
+    # Of a battery no emptier than empty and no fuller than full, and of no negative resistance.
+    fuller = min(rest + by_rest, max(FULL * cells, rest))
+    low = [
+        volts(battery, more),
+        volts(replace(battery, voltage=rest - by_rest)),
+        volts(replace(battery, resistance=resistance + by_ohm)),
+    ]
+    high = [
+        volts(battery, less),
+        volts(replace(battery, voltage=fuller)),
+        volts(replace(battery, resistance=max(resistance - by_ohm, 0.0))),
+    ]
+    down, up = (np.sqrt(np.sum(np.square(np.array(ends) - middle), axis=0)) for ends in (low, high))
+    return middle - down, middle + up

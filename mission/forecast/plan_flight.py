@@ -24,14 +24,21 @@ from thrustmargin.mission.forecast.battery import (
     FlightBattery,
     climb_power,
     discharge,
-    rotor_power,
+    electric_power,
+    power_error,
     used_since_change,
+    voltage_ends,
 )
 from thrustmargin.mission.forecast.limits import FlightLimits
 from thrustmargin.mission.forecast.way import CONE, RETURN_WAIT_S, Course
 from thrustmargin.models.flight import Bools, FlightTrack, Floats, Origin, body_axes
 from thrustmargin.models.model.airframe_claim import AirframeClaim
-from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe, predict
+from thrustmargin.models.model.rotor_model import (
+    RotorModel,
+    identified_airframe,
+    in_air,
+    predict,
+)
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.day import (
@@ -45,6 +52,7 @@ from thrustmargin.models.physics.day import (
 )
 from thrustmargin.models.physics.forward_flight import steady_slowing
 from thrustmargin.models.physics.margin import ceiling, utilisation
+from thrustmargin.models.physics.power import power_factors
 from thrustmargin.models.provenance import Provenance, SourceKind
 
 #: A plan is no flight: there is nothing in it that could speak against the airframe.
@@ -56,7 +64,7 @@ Assumption = Literal[
     "sea level", "no flow", "pump rate", "straight splines", "circles as waits",
     "efficiency", "level ground", "PX4 corners", "pump by speed",
     "no forward flight", "extrapolated", "nose gives way", "first part", "alike", "aircraft",
-    "unlike", "hidden mass", "pump always", "pump always stated", "pump lines",
+    "unlike", "hidden mass", "earlier battery", "pump always", "pump always stated", "pump lines",
     "pump lines stated",
 ]  # fmt: skip
 
@@ -140,7 +148,11 @@ def conditions(
         voltage=day.battery_voltage.value,
         capacity_ah=day.battery_capacity_ah.value,
         resistance=day.battery_resistance.value,
+        voltage_error=day.battery_voltage.error,
+        resistance_error=day.battery_resistance.error,
     )
+    if day.battery_voltage.source is DaySource.EARLIER:
+        assumed["earlier battery"] = (f"{battery.voltage:.1f}",)
     if not battery.falls:
         held = voltage_under_load(model, day, given.fill_kg, 0.0)
         battery = replace(battery, voltage=held)
@@ -218,6 +230,10 @@ class PlanFlight:
     energy_wh: Floats  # (T,) given so far, of all batteries
     sprayed_kg: Floats  # (T,) asked of the pump so far, of all tanks
     battery_wh: Floats  # (T,) given so far, of the present battery
+    power: Floats  # (T,) W
+    power_error: float  # standard error of ln of its mean
+    voltage_low: Floats  # (T,) V, lower end of the 90 % interval; NaN unknown or used up
+    voltage_high: Floats  # (T,) V, upper end; NaN unknown
 
 
 def fly_plan(
@@ -273,12 +289,14 @@ def fly_plan(
     )
     track = replace(track, sources=dict.fromkeys(_MADE, FORECAST) | {"tank_kg": FILLED})
     density = np.full(time_s.size, given.density)
+    track = in_air(track, model, density)
     prediction = predict(model, track, density)
     speed = prediction.rotor_speed_rpm
-    craft = identified_airframe(model)
-    power = rotor_power(craft, prediction.thrust, speed)
+    craft, of_battery = identified_airframe(model), (seconds, changed, before[:, 1])
+    power, unsure = electric_power(model, prediction), power_error(model, prediction)
     power = power + climb_power(craft, prediction.thrust, density, -velocity[:, 2])
-    volts, energy = discharge(given.battery, craft, power, seconds, changed, before[:, 1])
+    volts, energy = discharge(given.battery, craft, power, *of_battery)
+    low, high = voltage_ends(given.battery, craft, power, unsure, *of_battery)
     track = replace(track, voltage=volts)
     return PlanFlight(
         track=track,
@@ -288,6 +306,10 @@ def fly_plan(
         energy_wh=energy,
         sprayed_kg=sprayed[:-1],
         battery_wh=used_since_change(energy, changed, before[:, 1]),
+        power=power,
+        power_error=unsure,
+        voltage_low=low,
+        voltage_high=high,
     )
 
 
@@ -385,8 +407,10 @@ APART_S = 2.0  # between rows of steady flight, more than any effect looks aroun
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WayBack:
-    """The place from which home is out of reach; `time_s` is NaN where home is in reach
-    throughout.
+    """The place from which home may be out of reach, by the upper end of the interval of energy.
+
+    `time_s` is NaN where home is in reach throughout. Times and energies with `expected` are by the
+    middle of the interval, `latest` and `most` by its lower end of energy.
     """
 
     item: int  # flown to at that moment, else at the moment with least to spare
@@ -394,6 +418,10 @@ class WayBack:
     distance: float  # m from home at that moment
     charge_kept: float  # share of the battery that is the reserve
     spare_wh: float  # least energy that is left at home, beyond the reserve; NaN unknown
+    expected_time_s: float  # NaN where home is then expected to be in reach throughout
+    latest_time_s: float
+    expected_spare_wh: float
+    most_spare_wh: float
 
 
 def energy_back(
@@ -456,9 +484,8 @@ def _power(model: RotorModel, density: Floats, tank_kg: Floats, airspeed: Floats
         tank_kg=asked[:, 1],
         airspeed=asked[:, 2],
     )
-    made = predict(model, steady, asked[:, 0])
-    power = rotor_power(identified_airframe(model), made.thrust, made.rotor_speed_rpm)
-    return power[of.ravel()]
+    made = predict(model, in_air(steady, model, asked[:, 0]), asked[:, 0])
+    return electric_power(model, made)[of.ravel()]
 
 
 def way_back(
@@ -468,23 +495,38 @@ def way_back(
     usable_wh: float,
     *,
     charge_kept: float = 0.0,
+    error: float = 0.0,
 ) -> WayBack:
-    """Find the first row where a battery that gives `usable_wh` no longer reaches home.
+    """Find the first row where a battery that gives `usable_wh` may no longer reach home.
 
     `used_wh` (T,) Wh is the use of the present battery, `back_wh` (T,) the energy of the way home;
-    `charge_kept` is the share kept in reserve. Where home stays in reach, the place is the row with
-    least to spare.
+    `charge_kept` is the share kept in reserve, `error` the standard error of ln of all energy.
+    Where home stays in reach, the place is the row with least to spare.
     """
-    spare = usable_wh - used_wh - back_wh
-    known = np.where(np.isfinite(spare), spare, np.inf)
-    out = np.flatnonzero(known < 0.0)
-    row = int(out[0]) if out.size else int(np.argmin(known))
-    track = flight.track
-    least = float(np.min(known))
+    less, more = power_factors(error)
+    track, taken = flight.track, used_wh + back_wh
+
+    def first_out(factor: float) -> tuple[int, float, float]:
+        """Return the row, its time where home is out of reach there, and the least to spare."""
+        spare = usable_wh - factor * taken
+        known = np.where(np.isfinite(spare), spare, np.inf)
+        out = np.flatnonzero(known < 0.0)
+        row = int(out[0]) if out.size else int(np.argmin(known))
+        least = float(np.min(known))
+        time_s = float(track.time_s[row]) if out.size else math.nan
+        return row, time_s, least if math.isfinite(least) else math.nan
+
+    row, time_s, least = first_out(more)
+    _, expected_s, expected = first_out(1.0)
+    _, latest_s, most = first_out(less)
     return WayBack(
         item=flight.course.legs[flight.course.active[row]].leg.item,
-        time_s=float(track.time_s[row]) if out.size else math.nan,
+        time_s=time_s,
         distance=float(np.hypot(*track.position_ned[row, :2])),
         charge_kept=charge_kept,
-        spare_wh=least if math.isfinite(least) else math.nan,
+        spare_wh=least,
+        expected_time_s=expected_s,
+        latest_time_s=latest_s,
+        expected_spare_wh=expected,
+        most_spare_wh=most,
     )

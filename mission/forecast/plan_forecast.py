@@ -14,7 +14,14 @@ from functools import partial
 
 import numpy as np
 
-from thrustmargin.mission.forecast.battery import CELL, EFFICIENCY
+from thrustmargin.mission.forecast.battery import EFFICIENCY, usable_energy, usable_error
+from thrustmargin.mission.forecast.experience import (
+    NO_CORRECTION,
+    AsFlown,
+    Experience,
+    corrected_factor,
+    corrected_use,
+)
 from thrustmargin.mission.forecast.fill_along import (
     LegForecast,
     Weakest,
@@ -78,6 +85,7 @@ from thrustmargin.models.model.rotor_faults import FaultHistory
 from thrustmargin.models.model.rotor_model import Basis, RotorModel, identified_airframe
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.day import UNKNOWN_DAY, Day
+from thrustmargin.models.physics.power import UNMEASURED_POWER_ERROR, power_factors
 
 STILL = (0.0, 0.0, 0.0)
 #: Directions that a wind without one is tried from.
@@ -103,8 +111,10 @@ class PlanForecast:
     weakest: Weakest | None  # None: nothing is predicted
     largest_fill_kg: float  # that keeps the limit all along; NaN unknown
     survivable_below_kg: float  # in the tank, with which one lost rotor is survived all along
+    #: Sorties by the upper end of the interval of energy: what must not run out.
     needs: Needs
-    way_back: WayBack
+    expected_needs: Needs  # by the middle of it
+    way_back: WayBack  # by its upper end too
     swath: float  # m; NaN unknown
     flight_s: float  # of the whole plan, also where only the first part was flown in detail
     findings: tuple[PlanFinding, ...]
@@ -114,6 +124,7 @@ class PlanForecast:
     assumed: Mapping[Assumption, tuple[str, ...]] = field(default_factory=dict)
     day: Day = UNKNOWN_DAY  # that all of it holds for
     caveats: tuple[Caveat, ...] = ()  # of the last flight of the aircraft, whose log the plan is in
+    experience: Experience | None = None  # how earlier missions differed from their forecasts
 
     @property
     def level(self) -> FlightLevel:
@@ -121,16 +132,65 @@ class PlanForecast:
 
         NO_THRUST where the attitude to be flown is that of a fall. UNKNOWN where the aircraft's
         last flight contradicts the airframe. UNKNOWN instead of UNDER where that flight contradicts
-        the model.
+        the model. NEAR instead of UNDER where the battery may be used up on the way.
         """
-        if self.needs.short_of == "battery" or np.isnan(self.flight.track.voltage).any():
+        short = self.expected_needs.short_of == "battery"
+        if short or np.isnan(self.flight.track.voltage).any():
             return FlightLevel.BATTERY
         level = self.advised.advice.level
         if level is FlightLevel.LOST:
             # A simulated flight keeps its attitude: what tumbles has too little thrust for it.
             level = FlightLevel.NO_THRUST
         groundless = Caveat.MODEL in self.caveats and level is FlightLevel.UNDER
-        return FlightLevel.UNKNOWN if groundless or "unlike" in self.assumed else level
+        if groundless or "unlike" in self.assumed:
+            return FlightLevel.UNKNOWN
+        return FlightLevel.NEAR if self.battery_unsure and level is FlightLevel.UNDER else level
+
+    @property
+    def battery_unsure(self) -> bool:
+        """Return whether the battery may be used up on the way, by the 90 % interval of energy."""
+        flight = self.flight
+        if not np.isfinite(flight.voltage_high).any():
+            return False  # nothing is known of its charge
+        short = self.needs.short_of == "battery"
+        return short or bool(np.isnan(flight.voltage_low).any())
+
+    @property
+    def energy_wh(self) -> tuple[float, float, float]:
+        """Return the energy of all sorties, Wh, with the ends of its 90 % interval, corrected by
+        the experience of earlier missions.
+        """
+        total = sum(one.energy_wh for one in self.needs.sorties)
+        by = self.experience.energy if self.experience else NO_CORRECTION
+        return corrected_factor(total, by, self.flight.power_error)
+
+    @property
+    def as_flown(self) -> AsFlown | None:
+        """Return time and utilisation corrected by the experience of earlier missions; None
+        without.
+        """
+        shown = self.experience
+        if shown is None:
+            return None
+        use = self.advised.advice.use
+        low, high = self.weakest.interval if self.weakest else (math.nan, math.nan)
+        typical = use.lasting_most, use.lasting_low, use.lasting_high
+        return AsFlown(
+            missions=shown.missions,
+            seconds=corrected_factor(self.flight_s, shown.seconds),
+            typical=corrected_use(*typical, shown.leg_use),
+            peak=corrected_use(use.peak, low, high, shown.peak_use),
+        )
+
+    @property
+    def landing_voltage(self) -> tuple[float, float, float]:
+        """Return the voltage under load at the end, V, with the ends of its 90 % interval; NaN
+        unknown or used up.
+        """
+        flight = self.flight
+        ends = flight.track.voltage, flight.voltage_low, flight.voltage_high
+        middle, low, high = (float(values[-1]) for values in ends)
+        return middle, low, high
 
     @property
     def pump_never_on(self) -> bool:
@@ -178,6 +238,7 @@ def forecast(
     refilled: bool = True,
     faults: FaultHistory | None = None,
     other_order: bool = False,
+    experience: Experience | None = None,
 ) -> PlanForecast:
     """Forecast `plan` for an aircraft of `model`.
 
@@ -189,8 +250,9 @@ def forecast(
     heights above the ground are of; None: level ground. With `refilled` False the plan is
     flown on with an empty tank. `faults` are those of the last flight of this aircraft and not
     known to be repaired; None: those stored in the model. `other_order`: the motors of that flight
-    were not in the order of the airframe. Raise PlanError if the plan flies nowhere, if a leg lasts
-    longer than any battery, or if `pump_rule` is given for a plan that switches its pump.
+    were not in the order of the airframe. `experience` of earlier missions corrects energy and
+    time. Raise PlanError if the plan flies nowhere, if a leg lasts longer than any battery, or if
+    `pump_rule` is given for a plan that switches its pump.
 
         >>> plan = read_plan("sitl_logs/campaign/v4_m16_q2.5.tlog")
         >>> forecast(plan, load_model(), 4.0).level.value
@@ -242,17 +304,23 @@ def forecast(
         limits = once.course.limits
         assumed["nose gives way"] = (f"{math.degrees(limits.yaw_acceleration):.0f}",)
     ends = [steps.steps[k].item for k in line_ends(plan, steps)]
-    cells = round(craft.nominal_voltage / CELL) if craft.nominal_voltage > 0.0 else 0
-    usable = (1.0 - CHARGE_KEPT) * given.battery.capacity_ah * cells * CELL
+    usable = usable_energy(given.battery, craft, CHARGE_KEPT)
     taken = leg_ends(once, timed, given, limits, model)
-    needed = needs(taken, ends, fill_kg=given.fill_kg, usable_wh=usable)
+    known_bias = experience.energy if experience else NO_CORRECTION
+    unsure = math.hypot(usable_error(given.battery, craft, CHARGE_KEPT), known_bias.error)
+    # What a sortie takes is compared before its correction, so the correction is in what is usable.
+    middle = usable / math.exp(known_bias.by)
+    sure = middle * power_factors(math.hypot(once.power_error, unsure))[0]
+    expected, needed = (
+        needs(taken, ends, fill_kg=given.fill_kg, usable_wh=wh) for wh in (middle, sure)
+    )
     parts = parts_flown(
         timed,
         len(legs),
         taken,
         needed.refill_after if refilled else (),
         mass=craft.empty_mass + given.fill_kg,
-        usable_wh=usable,
+        usable_wh=usable_energy(replace(given.battery, voltage=math.nan), craft, CHARGE_KEPT),
         windy=given.wind_ned != STILL,
         longest_s=UNLIKE_S,
     )
@@ -280,7 +348,9 @@ def forecast(
         assumed["straight splines"] = ()
     if "turns" in kinds:
         assumed["circles as waits"] = ()
-    assumed["efficiency"] = (f"{100.0 * EFFICIENCY:.0f}",)
+    if model.power is None:
+        less, more = (f"{100.0 * abs(f - 1.0):.0f}" for f in power_factors(UNMEASURED_POWER_ERROR))
+        assumed["efficiency"] = (f"{100.0 * EFFICIENCY:.0f}", less, more)
     if limits.sprays_by_speed and given.flow > 0.0:
         assumed["pump by speed"] = ()
     if model.forward_flight is None:
@@ -318,13 +388,22 @@ def forecast(
         sorties_at_largest=sorties_with(largest) if largest > 0.0 else 0,
         survivable_below_kg=survivable_below(advised.analysis),
         needs=needed,
-        way_back=way_back(flight, flight.battery_wh, back, usable, charge_kept=CHARGE_KEPT),
+        expected_needs=expected,
+        way_back=way_back(
+            flight,
+            math.exp(known_bias.by) * flight.battery_wh,
+            math.exp(known_bias.by) * back,
+            usable,
+            charge_kept=CHARGE_KEPT,
+            error=math.hypot(flight.power_error, unsure),
+        ),
         swath=stated.swath,
         day=day,
         flight_s=float(taken.time_s[-1]),
         findings=check_plan(plan, ordered, sprays=sprays and not steps.pump_by_rule),
         not_understood=steps.not_understood,
         assumed=assumed,
+        experience=experience,
     )
 
 

@@ -33,7 +33,7 @@ from thrustmargin.models.model.inferred.utilisation_error import (
     largest_thrust_variance,
 )
 from thrustmargin.models.model.rotor_faults import faults_in_model
-from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe
+from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe, in_air
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.day import UNKNOWN_DAY, Day, DaySource
 from thrustmargin.models.physics.margin import ceiling, largest_fill
@@ -138,7 +138,8 @@ def steady_flight(
         airspeed=np.full(fills.size, airspeed),
         voltage=np.full(fills.size, voltage),
     )
-    return analyse(track, model, np.full(fills.size, density), claim=BEFORE)
+    air = np.full(fills.size, density)
+    return analyse(in_air(track, model, air), model, air, claim=BEFORE)
 
 
 def _fills_by_use(

@@ -85,8 +85,15 @@ class FlightOffsets:
     @property
     def day(self) -> int:
         """Return the number of the day at the flight's longitude, by mean solar time."""
-        east_s = 240.0 * self.longitude_deg if math.isfinite(self.longitude_deg) else 0.0
-        return math.floor((self.start_unix_s + east_s) / DAY_S)
+        return local_day(self.start_unix_s, self.longitude_deg)
+
+
+def local_day(unix_s: float, longitude_deg: float) -> int:
+    """Return the number of the day of a Unix time, s, at a longitude, by mean solar time; of
+    Greenwich where the longitude is NaN.
+    """
+    east_s = 240.0 * longitude_deg if math.isfinite(longitude_deg) else 0.0
+    return math.floor((unix_s + east_s) / DAY_S)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

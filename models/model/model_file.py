@@ -26,6 +26,7 @@ from thrustmargin.models.network.records import GoodFlights, TrainingRecord
 from thrustmargin.models.network.validity import Interval, TrainingDomain
 from thrustmargin.models.physics.airframe import airframe_from_table, airframe_table
 from thrustmargin.models.physics.forward_flight import ForwardFlight
+from thrustmargin.models.physics.power import PowerLaw
 from thrustmargin.models.whole_file import regular, whole_file
 
 #: schema name in the JSON of a model file
@@ -183,7 +184,11 @@ def _metadata(model: RotorModel) -> dict[str, Any]:
         "schema": SCHEMA,
         "airframe": airframe_table(model.airframe),
         **{key: to_json_values(getattr(model, field)) for key, field, _ in JSON_FIELDS},
-        **({} if model.state is None else {"state": to_json_values(model.state)}),
+        **{
+            key: to_json_values(known)
+            for key, known in (("state", model.state), ("power", model.power))
+            if known is not None
+        },
     }
 
 
@@ -193,7 +198,7 @@ def _model(data: Any, tensors: dict[str, np.ndarray]) -> RotorModel:
     schema = data.get("schema") if isinstance(data, dict) else None
     if schema != SCHEMA:
         raise ModelError(f"its schema is {schema!r}, this version reads {SCHEMA!r}")
-    later = ("forward_flight", "good_flights", "thermometer", "state")
+    later = ("forward_flight", "good_flights", "thermometer", "state", "power")
     data = {**dict.fromkeys(later), **data}
     missing = sorted({"airframe", *(key for key, _, _ in JSON_FIELDS)} - data.keys())
     if missing or not isinstance(data["airframe"], dict):
@@ -203,4 +208,5 @@ def _model(data: Any, tensors: dict[str, np.ndarray]) -> RotorModel:
         network=_network(tensors),
         **{field: from_json_values(kind, data[key], key) for key, field, kind in JSON_FIELDS},
         state=from_json_values(ModeState | None, data["state"], "state"),
+        power=from_json_values(PowerLaw | None, data["power"], "power"),
     )

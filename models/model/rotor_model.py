@@ -50,8 +50,10 @@ from thrustmargin.models.network.network import CHUNK_ROWS, RotorNetwork, ensemb
 from thrustmargin.models.network.records import GoodFlights, TrainingRecord
 from thrustmargin.models.network.validity import Interval, TrainingDomain
 from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.atmosphere import isa_air
 from thrustmargin.models.physics.forward_flight import ForwardFlight, thrust_ratio
 from thrustmargin.models.physics.margin import rotor_thrust, weight
+from thrustmargin.models.physics.power import PowerLaw
 from thrustmargin.models.physics.thrust import speed_from_thrust
 
 
@@ -72,6 +74,7 @@ class RotorModel:
     good_flights: GoodFlights | None = None
     thermometer: Thermometer | None = None  # for logs that do not state where their thermometer is
     state: ModeState | None = None  # of an aircraft that is followed, before the flight predicted
+    power: PowerLaw | None = None  # as measured in flights; None: by formula alone
     placed: tuple[Placed, ...] = field(init=False, repr=False)  # the effects, ready to compose
 
     def __post_init__(self) -> None:
@@ -334,6 +337,21 @@ def temperature_offset(model: RotorModel) -> float:
 def follows_density(model: RotorModel) -> bool:
     """Return whether an effect of the model makes rotor speed depend on air density."""
     return any(item.effect.temperature_offset is not None for item in model.placed)
+
+
+def in_air(track: FlightTrack, model: RotorModel, density: Floats) -> FlightTrack:
+    """Return a track that nobody has flown with pressure and thermometer of air of `density` (T,).
+
+    Effects of a model read the air from these channels. The reading of the thermometer is that by
+    which the model's own offset finds `density`.
+    """
+    pressure, temperature = isa_air(density)
+    return replace(
+        track,
+        pressure=pressure,
+        temperature=temperature - temperature_offset(model),
+        standard_errors={**track.standard_errors, "temperature": np.zeros(density.size)},
+    )
 
 
 class Basis(IntEnum):

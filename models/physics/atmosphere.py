@@ -71,6 +71,15 @@ def isa_density(altitude: ArrayLike, temperature_offset: float = 0.0) -> Floats:
     return air_density(isa_pressure(altitude), isa_temperature(altitude, temperature_offset))
 
 
+def isa_air(density: ArrayLike) -> tuple[Floats, Floats]:
+    """Return the pressure, Pa, and temperature, K, of the standard atmosphere where it has
+    `density`, kg/m³; ISO 2533 inverted."""
+    density = _floats(density)
+    ratio = (density / SEA_LEVEL_DENSITY) ** (1.0 / (_EXPONENT - 1.0))
+    temperature = SEA_LEVEL_TEMPERATURE * ratio
+    return density * GAS_CONSTANT * temperature, temperature
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Air:
     """The air of T rows of a flight, with its origin in words."""

@@ -11,6 +11,7 @@ Each value comes from the first of these that has it:
     link        the vehicle that is heard now
     plan        the plan that the command works on
     remembered  stated by the user for an earlier command of the day
+    earlier     what the known aircraft's earlier flights had
     default     nobody knows: one cautious set for all commands, `default_day`
 
 The default is hot air at sea level without wind. The battery is a full one where its capacity is
@@ -52,6 +53,7 @@ class DaySource(StrEnum):
     LINK = "link"
     PLAN = "plan"
     REMEMBERED = "remembered"
+    EARLIER = "earlier flights"  # of the known aircraft
     DEFAULT = "default"
     STANDARD = "standard"  # the standard atmosphere, in which a flight without thermometer is seen
 

@@ -91,12 +91,19 @@ def _counted(flights: int, days: int) -> str:
 
 def _show(known: KnownAircraft, console: Console) -> None:
     """Print the timeline of one aircraft: its flights and what was noted, by time."""
+    from thrustmargin.gcs_plugin.wording.aircraft_words import (
+        mission_words,
+        power_and_battery_words,
+    )
+
     steps = known.steps()
     console.print(escape(f"{known.name}: {_counted(len(known.flights), known.days)}"), style="bold")
     console.print(
         f"  rotor speeds move by {100 * steps.flight:.1f} % from flight to flight and "
         f"{100 * steps.day:.1f} % more from day to day"
     )
+    for line in power_and_battery_words(known.power_before(), known.battery_before()):
+        console.print(f"  {line}")
     where = known.flights[-1].longitude_deg if known.flights else float("nan")
     lines = [(event.unix_s, f"changed: {event.changed}") for event in known.events]
     for row in known.flights:
@@ -109,6 +116,9 @@ def _show(known: KnownAircraft, console: Console) -> None:
         odd = "; changed since the flights before it" if row.changed else ""
         words = f"{row.log_name}: {row.level}, {use}, {held}, {taught}{bad}{odd}"
         lines.append((row.start_unix_s, words))
+        if row.mission is not None:
+            said = f"{row.log_name}: {mission_words(row.mission)}"
+            lines.append((row.start_unix_s + 1e-3, said))
     for unix_s, words in sorted(lines):
         console.print(escape(f"  {_day(unix_s, where)} {words}"))
 

@@ -33,6 +33,8 @@ from thrustmargin.models.errors import DataError, LogError
 from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
+    from thrustmargin.gcs_plugin.store.hangar import KnownAircraft
     from thrustmargin.mission.forecast.plan_forecast import PlanForecast
     from thrustmargin.mission.plan_items import MissionPlan
     from thrustmargin.mission.steps import PumpOutput
@@ -41,6 +43,7 @@ if TYPE_CHECKING:
     from thrustmargin.models.model.rotor_faults import FaultHistory
     from thrustmargin.models.model.rotor_model import RotorModel
     from thrustmargin.models.physics.day import Day
+    from thrustmargin.models.physics.power import FlightPower
 
 PLANS = (".plan", ".mission", ".waypoints", ".txt")
 AT_HOME = 30.0  # m from a plan's home within which a lift-off was there
@@ -184,6 +187,8 @@ def forecast(
     from thrustmargin.mission.forecast import plan_forecast
     from thrustmargin.mission.forecast.battery import stated_capacity
     from thrustmargin.models.physics.day import Day, DaySource, DayValue
+    from thrustmargin.models.physics.known_battery import KnownBattery
+    from thrustmargin.models.physics.power import power_law
 
     inputs = Inputs(model=model, airframe=airframe, max_utilisation=max_utilisation, known=whose)
     rotor_model = inputs.rotor_model()
@@ -197,6 +202,8 @@ def forecast(
         from thrustmargin.models.model.rotor_model import heavier_model
 
         rotor_model = heavier_model(rotor_model, before.beyond_gauge_kg)
+    if before.power is not None:
+        rotor_model = replace(rotor_model, power=power_law([before.power], rotor_model.power))
     known = before.parameters
     if parameters is not None:
         from thrustmargin.gcs_plugin.logs.parameter_file import read_parameters
@@ -207,7 +214,15 @@ def forecast(
     by_parameters = Day(battery_capacity_ah=DayValue(stated_capacity(known), heard))
     by_plan = Day(height=DayValue(found.home[2], DaySource.PLAN))
     logged = () if before.day is None else (before.day,)
-    holds_for = day_of_command(craft, stated, console, *logged, by_parameters, by_plan)
+    aircraft = _known_aircraft(inputs)
+    earlier = KnownBattery() if aircraft is None else aircraft.battery_before()
+    flown = DaySource.EARLIER
+    by_flights = Day(
+        battery_voltage=DayValue(earlier.rest_voltage, flown, earlier.rest_voltage_error),
+        battery_resistance=DayValue(earlier.resistance, flown, earlier.resistance_error),
+    )
+    days = (*logged, by_parameters, by_plan, by_flights)
+    holds_for = day_of_command(craft, stated, console, *days)
     windward = _or_nan(wind_from)
     if wind_from is None and holds_for.wind.source is DaySource.LOG:
         windward = before.wind_from_deg
@@ -232,6 +247,7 @@ def forecast(
         limit=inputs.limit,
         faults=before.faults,
         other_order=before.other_order,
+        experience=None if aircraft is None else aircraft.experience_before(),
     )
     made = replace(made, caveats=before.caveats)
     if before.beyond_gauge_kg > 0.0:
@@ -308,7 +324,12 @@ def _show(made: PlanForecast, console: Terminal) -> None:
         console.print(line)
     console.print(words.fill_words(made))
     console.print(words.survivable_words(made))
-    for line in (*words.sortie_words(made), words.way_back_words(made)):
+    for line in (
+        *words.sortie_words(made),
+        *words.power_words(made),
+        *words.as_flown_words(made),
+        words.way_back_words(made),
+    ):
         console.print(line)
     console.print(f"{say('Assumed')}:")
     for line in words.assumed_words(made):
@@ -348,21 +369,25 @@ class _FlightBefore:
     beyond_gauge_kg: float = 0.0  # that hover thrust showed beyond the reported load
     #: Where it lifted off: degrees, degrees, m AMSL; None where the log does not say.
     lift_off: tuple[float, float, float] | None = None
+    power: FlightPower | None = None  # by its current; None where it has none
 
 
 def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
     if plan.suffix.lower() in PLANS:
         return _FlightBefore()
     from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
+    from thrustmargin.gcs_plugin.commands.shared.known import flight_key
     from thrustmargin.gcs_plugin.logs.log_answer import answer_log
     from thrustmargin.models.model.analysis import analyse
     from thrustmargin.models.model.flight_day import day_before_take_off, flight_wind
+    from thrustmargin.models.model.flight_power import flight_power
 
     try:
         log, claim = read_flights(plan, model, given=given)[-1]
     except LogError:
         return _FlightBefore()  # it still holds its mission; the defaults are listed
-    answer = answer_log(log, analyse(log.track, model, claim=claim), 0.5).made
+    analysis = analyse(log.track, model, claim=claim)
+    answer = answer_log(log, analysis, 0.5).made
     advice, (wind, from_deg) = answer.advice, flight_wind(answer.whole.track)
     other_order = not advice.rotor_names  # which rotor it was is not known
     which = tuple(range(advice.rotor_count)) if other_order else ()
@@ -377,6 +402,7 @@ def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
         wind_from_deg=from_deg,
         beyond_gauge_kg=advice.fill.beyond_gauge_kg,
         lift_off=_lift_off(log.track),
+        power=None if advice.withheld or advice.faults else flight_power(analysis, flight_key(log)),
     )
 
 
@@ -401,3 +427,12 @@ def _at_lift_off(plan: MissionPlan, before: _FlightBefore) -> MissionPlan:
     east, north, _ = pymap3d.geodetic2enu(latitude, longitude, 0.0, *plan.home[:2], 0.0)
     at_home = math.hypot(float(east), float(north)) <= AT_HOME
     return with_home_height(plan, altitude) if at_home else plan
+
+
+def _known_aircraft(inputs: Inputs) -> KnownAircraft | None:
+    """Return the known aircraft that is named; None without one."""
+    if inputs.known.aircraft is None or inputs.by_file:
+        return None
+    from thrustmargin.gcs_plugin.store.hangar import open_hangar
+
+    return open_hangar(inputs.known.hangar).load(inputs.known.aircraft)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.markup import escape
 
-from thrustmargin.models.errors import LogError, ThrustMarginError
+from thrustmargin.models.errors import LogError, PlanError, ThrustMarginError
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.store.aircraft_marks import Recognition
     from thrustmargin.gcs_plugin.store.hangar import AircraftFlight, Hangar, KnownAircraft
     from thrustmargin.gcs_plugin.store.learnt_flight import LearntFlight
+    from thrustmargin.mission.forecast.experience import FlownMission
     from thrustmargin.models.model.airframe_claim import AirframeClaim
     from thrustmargin.models.model.analysis import FlightAnalysis
     from thrustmargin.models.model.rotor_model import RotorModel
@@ -142,6 +143,7 @@ def learn_logs(
         flight = learnt_flight(
             log, claim, model, aircraft, flight=flight_key(log), limit=inputs.limit
         )
+        flight = replace(flight, row=replace(flight.row, mission=mission_of(log, flight, aircraft)))
         made.append((flight, log))
         if not math.isfinite(flight.row.start_unix_s):
             continue
@@ -150,6 +152,33 @@ def learn_logs(
         hangar.add_flight(aircraft.name, flight.row)
         aircraft = with_flight(aircraft, flight.row)
     return made, aircraft
+
+
+def mission_of(
+    log: FlightLog, flight: LearntFlight, aircraft: KnownAircraft
+) -> FlownMission | None:
+    """Return the mission of a log beside its forecast by what was known of the aircraft before the
+    flight; None where the log has no mission that it flew.
+    """
+    from thrustmargin.gcs_plugin.commands.shared.plan_source import plan_of_waypoints
+    from thrustmargin.mission.forecast.battery import FlightBattery
+    from thrustmargin.mission.plan_tracking.flown_mission import flown_mission
+
+    row = flight.row
+    if not log.waypoints or not math.isfinite(row.start_unix_s) or flight.advice.withheld:
+        return None
+    battery = aircraft.battery_before(row.start_unix_s)
+    at_rest = FlightBattery(
+        voltage=row.rest_voltage,
+        resistance=battery.resistance,
+        resistance_error=battery.resistance_error,
+    )
+    model = replace(flight.analysis.model, power=aircraft.power_before(row.start_unix_s))
+    try:
+        plan = plan_of_waypoints(log.waypoints, autopilot=log.autopilot, source=log.name)
+        return flown_mission(plan, log.parameters, model, flight.analysis, at_rest)
+    except PlanError:
+        return None  # a mission with items missing, or one that flies nowhere
 
 
 def with_flight(aircraft: KnownAircraft, row: AircraftFlight) -> KnownAircraft:

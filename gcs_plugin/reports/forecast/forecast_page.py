@@ -38,7 +38,7 @@ from thrustmargin.gcs_plugin.wording.forecast_words import (
     verdict,
 )
 from thrustmargin.gcs_plugin.wording.report_words import IN_USE
-from thrustmargin.mission.forecast.battery import CELL, RESISTANCE, rotor_power
+from thrustmargin.mission.forecast.battery import CELL, RESISTANCE, electric_power
 from thrustmargin.mission.forecast.fill_along import LegForecast, worst_use
 from thrustmargin.mission.forecast.plan_forecast import PlanForecast
 from thrustmargin.models.errors import DataError
@@ -48,6 +48,7 @@ from thrustmargin.models.model.fill_limits import NextFill, largest_fills, stead
 from thrustmargin.models.model.rotor_model import identified_airframe
 from thrustmargin.models.physics.atmosphere import air_density, isa_pressure
 from thrustmargin.models.physics.day import ZERO_CELSIUS, day_json
+from thrustmargin.models.physics.power import UNMEASURED_POWER_ERROR, power_factors
 
 if TYPE_CHECKING:
     from thrustmargin.mission.forecast.plan_flight import PlanConditions
@@ -73,7 +74,12 @@ def json_text(made: PlanForecast) -> str:
         "day": day_json(made.day),
         "flight_s": made.flight_s,
         "tank_end_kg": float(made.flight.track.tank_kg[-1]),
-        "energy_wh": sum(s.energy_wh for s in made.needs.sorties),
+        "energy_wh": made.energy_wh[0],
+        "energy_interval_wh": made.energy_wh[1:],
+        "landing_voltage": made.landing_voltage[0],
+        "landing_voltage_interval": made.landing_voltage[1:],
+        "power": _power(made),
+        "as_flown": made.as_flown,
         "utilisation": {
             "typical": use.lasting_most,
             "peak": use.peak,
@@ -110,6 +116,23 @@ def json_text(made: PlanForecast) -> str:
         "not_understood": made.not_understood,
     }
     return page_shell.json_text(content, digits=8)
+
+
+def _power(made: PlanForecast) -> dict[str, object]:
+    """Return the mean power of the flight, W, its 90 % interval, and on what it rests.
+
+    `basis` is "flights" where flights of the aircraft measured its current, else "formula".
+    """
+    flight, law = made.flight, made.advised.analysis.model.power
+    mean = float(np.nanmean(flight.power)) if np.isfinite(flight.power).any() else math.nan
+    return {
+        "mean_w": mean,
+        "interval_w": [factor * mean for factor in power_factors(flight.power_error)],
+        "basis": "formula" if law is None else "flights",
+        "flights": 0 if law is None else len(law.flights),
+        "days": 0 if law is None else law.days,
+        "coefficient_error": UNMEASURED_POWER_ERROR if law is None else law.error,
+    }
 
 
 def csv_text(made: PlanForecast) -> str:
@@ -193,8 +216,7 @@ def fill_card(made: PlanForecast) -> FillCard:
     found = []
     for airspeed in (0.0, fastest):
         thin = steady_flight(model, float(density.min()), craft.nominal_voltage, airspeed, cap)
-        flown_thin = thin.prediction
-        power = float(rotor_power(craft, flown_thin.thrust, flown_thin.rotor_speed_rpm)[0])
+        power = float(electric_power(model, thin.prediction)[0])
         loaded = 0.5 * (rest + np.sqrt(np.maximum(rest**2 - 4.0 * resistance * power, 0.0)))
         fills = largest_fills(model, density, loaded, airspeed=airspeed, max_utilisation=limit)
         found.append(fills.sure.reshape(rest.shape))
@@ -285,7 +307,12 @@ def _page(made: PlanForecast, name: str, figures: Mapping[str, Markup]) -> str:
             *words.place_words(made),
             words.survivable_words(made),
         ),
-        "needs": [s.strip() for s in (*words.sortie_words(made), words.way_back_words(made))],
+        "needs": [
+            *(line.strip() for line in words.sortie_words(made)),
+            *words.power_words(made),
+            *words.as_flown_words(made),
+            words.way_back_words(made),
+        ],
         "all_legs": made.legs,
         "shown": hardest(made.legs),
         "most": MOST,

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -36,8 +36,10 @@ from thrustmargin.mission.plan_tracking.stretches import (
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 from thrustmargin.models.model.flight_day import day_before_take_off
+from thrustmargin.models.model.flight_power import flight_power
 from thrustmargin.models.model.output_faults import MisreadSpeed
 from thrustmargin.models.model.rotor_faults import FaultEpisode
+from thrustmargin.models.physics.power import power_law
 from thrustmargin.models.physics.smoothing import known_mean
 
 #: Moments closer than this are one moment, s: about the length of a turn at a line end.
@@ -220,9 +222,13 @@ def plan_beside(
 ) -> JsonObject:
     """The stretches of `plan` as forecast and as flown, and which of what was `assumed` was off.
 
-    Raises PlanError when the plan flies nowhere.
+    The forecast draws the power that this flight measured. Raises PlanError when the plan flies
+    nowhere.
     """
+    measured = flight_power(analysis, log.name)
     model = analysis.model
+    if measured is not None:
+        model = replace(model, power=power_law([measured]))
     to_fly = PlanToFly.of(plan, log.parameters, model)
     way = flown_way(analysis, plan.home)
     found = shown_day(analysis)

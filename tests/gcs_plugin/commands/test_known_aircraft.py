@@ -105,3 +105,16 @@ def test_fill_and_replay_take_the_aircraft_by_its_name(hangar, capsys):
     assert "kg" in capsys.readouterr().out
     assert run(["fill", "--aircraft", "south", "--hangar", str(hangar.folder)]) == 1
     assert "no aircraft south" in capsys.readouterr().err
+
+
+def test_a_flown_mission_is_kept_beside_its_forecast_and_shown(hangar, capsys):
+    reported(hangar, str(LOG), "--aircraft", "north")
+    (row,) = hangar.load("north").flights
+    assert row.mission is not None
+    assert row.mission.seconds.flown == pytest.approx(row.mission.seconds.said, rel=0.1)
+    assert row.mission.leg_use.flown == pytest.approx(row.mission.leg_use.said, abs=0.05)
+    capsys.readouterr()
+    assert run(["aircraft", "north", "--hangar", str(hangar.folder)]) == 0
+    said = capsys.readouterr().out
+    assert f"{LOG.name}: its forecast said" in said
+    assert "at rest before take-off" in said

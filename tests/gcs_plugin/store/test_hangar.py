@@ -1,6 +1,7 @@
 """The folder of known aircraft: whole after a crash, with two writers, and a full disk."""
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -160,3 +161,39 @@ def test_a_row_holds_numbers_and_kinds_alone(hangar: Hangar):
     kept = json.loads(text)
     assert kept["not_taught"] == "the load is not the one reported"
     assert kept["offsets"]["offset"] == [0.0, 0.0, 0.0, 0.0]
+
+
+def test_power_and_battery_are_those_of_the_trusted_flights_before(hangar: Hangar):
+    for name, day, watts, ohm, why in (
+        ("a", 3.2, 1.0e-8, 0.02, None),
+        ("b", 4.2, 4.0e-8, 0.02, NotTaught.LOAD),
+        ("bad", 4.5, 9.0e-8, 0.09, NotTaught.FAULT),
+        ("later", 9.2, 9.0e-8, 0.09, None),
+    ):
+        hangar.add_flight(
+            "north",
+            row(name, day, power_coefficient=watts, battery_ohm=ohm, battery_ohm_error=0.001,
+                rest_voltage=50.0 + day, not_taught=why),
+        )  # fmt: skip
+    known = hangar.load("north")
+    law = known.power_before(5.0 * DAY)
+    assert law is not None
+    assert [one.flight for one in law.flights] == ["a", "b"]
+    assert law.coefficient == pytest.approx(2.0e-8)
+    battery = known.battery_before(5.0 * DAY)
+    assert battery.rest_voltage == pytest.approx(53.7)
+    assert battery.resistance == pytest.approx(0.02)
+    assert known.power_before(2.0 * DAY) is None  # the flight it was trained on has no current
+
+
+def test_a_row_of_an_older_version_is_read(hangar: Hangar):
+    hangar.add_flight("north", row("a", 3.2))
+    path = hangar.folder / "aircraft/north/flights/a.json"
+    kept = json.loads(path.read_text())
+    for later in ("battery_ohm", "battery_ohm_error", "charge_used_ah"):
+        del kept[later]
+    path.write_text(json.dumps(kept))
+    known = hangar.load("north")
+    assert known.flights[-1].flight == "a"
+    assert math.isnan(known.flights[-1].battery_ohm)
+    assert math.isnan(known.battery_before().resistance)

@@ -9,16 +9,20 @@ from tests.mission.plans_made import TWO_LINES, plan_of
 from thrustmargin.gcs_plugin.wording.fill_words import amount
 from thrustmargin.gcs_plugin.wording.forecast_words import (
     ASSUMED,
+    as_flown_words,
     assumed_words,
     fill_words,
     plan_faults,
+    power_words,
     sortie_words,
     survivable_words,
     verdict,
+    way_back_words,
     weakest_words,
 )
 from thrustmargin.gcs_plugin.wording.language import VARIABLE
 from thrustmargin.mission.forecast.battery import FlightBattery
+from thrustmargin.mission.forecast.experience import Correction, Experience
 from thrustmargin.mission.forecast.plan_forecast import TakeOff, forecast
 from thrustmargin.mission.plan_items import PlanItem, plan_from_items
 from thrustmargin.models.effects.compose import EffectRecord, Identified
@@ -26,6 +30,7 @@ from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.fill_limits import before_take_off, largest_fills
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.model_misfit import Caveat
+from thrustmargin.models.physics.power import FlightPower, PowerLaw
 
 MODEL = shipped_model()
 CARGO = replace(MODEL, network=None, airframe=replace(MODEL.airframe, tank_volume_l=0.0))
@@ -180,3 +185,57 @@ def test_the_fill_of_a_plan_names_its_day():
         fill_words(plan)
     )
     assert plan.given.battery.voltage == 57.0
+
+
+def with_power(flights: int, **day):
+    """The forecast of an aircraft whose current was measured on so many flights of a day."""
+    measured = PowerLaw(
+        flights=tuple(FlightPower(flight=str(k), day=1, coefficient=8.7e-8) for k in range(flights))
+    )
+    given = {"fill_kg": 6.0, "flow": 0.04, "battery": FlightBattery(capacity_ah=16.0)} | day
+    return forecast(plan_of(*TWO_LINES), replace(MODEL, power=measured), TakeOff(**given))
+
+
+def test_power_is_said_with_what_it_rests_on():
+    (bare,) = power_words(made())
+    assert bare.startswith("Lands at ")
+    assert "power" not in bare
+    unsure = "no flight measured it, so it may be 34 % less or 51 % more"
+    assert any(words.endswith(unsure) for words in assumed_words(made()))
+    (one,) = power_words(with_power(1))
+    assert one.startswith("Lands at 56.8 V (56.0 to 57.5); ")
+    assert one.endswith("power as measured on one flight of this aircraft, ± 7 %.")
+    (five,) = power_words(with_power(5))
+    assert five.endswith("power as measured on 5 flights of this aircraft, ± 5 %.")
+    assert not any("no flight measured" in words for words in assumed_words(with_power(1)))
+    held = FlightBattery()
+    assert power_words(made(battery=held)) == ()
+    (alone,) = power_words(with_power(5, battery=held))
+    assert alone == "Power as measured on 5 flights of this aircraft, ± 5 %."
+
+
+def test_power_is_said_in_german(monkeypatch):
+    monkeypatch.setenv(VARIABLE, "de")
+    (words,) = power_words(with_power(5))
+    assert words.startswith("Landet mit ")
+    assert words.endswith("Leistung wie auf 5 Flügen dieses Fluggeräts gemessen, ± 5 %.")
+
+
+def test_the_way_home_is_said_by_its_cautious_end_beside_what_is_expected():
+    plan = made()
+    words = way_back_words(plan)
+    assert f"at least {plan.way_back.spare_wh:.0f} Wh to spare" in words
+    assert f"(expected: {plan.way_back.expected_spare_wh:.0f} Wh)" in words
+    needed = sum(one.energy_wh for one in plan.needs.sorties)
+    tight = FlightBattery(capacity_ah=1.1 * needed / 51.8 / 0.75, resistance=0.02)
+    close = made(battery=tight)
+    assert "at the earliest (expected: home stays in reach)" in way_back_words(close)
+    assert verdict(close) == "TOO CLOSE TO TELL WITH 6.0 kg (6.0 L): the battery may not last"
+    assert sortie_words(close)[-1].startswith("No split is possible: one line alone may take more")
+
+
+def test_earlier_missions_are_said_from_the_third_on():
+    assert as_flown_words(made()) == ()
+    shown = Experience(missions=4, seconds=Correction(math.log(0.9), 0.0))
+    (words,) = as_flown_words(replace(made(), experience=shown))
+    assert words.startswith("By how 4 earlier missions differed from their forecasts: ")

@@ -8,13 +8,14 @@ import pytest
 
 from tests.mission.plans_made import TWO_LINES, plan_of
 from thrustmargin.mission.forecast.limits import flight_limits
-from thrustmargin.mission.forecast.plan_flight import PlanConditions, Used, fly_plan
+from thrustmargin.mission.forecast.plan_flight import PlanConditions, Used, energy_home, fly_plan
 from thrustmargin.mission.forecast.way import course, plan_legs, way_leg
 from thrustmargin.mission.steps import plan_steps
+from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.model.fill_limits import steady_flight
 from thrustmargin.models.model.model_file import shipped_model
-from thrustmargin.models.model.rotor_model import predict
+from thrustmargin.models.model.rotor_model import physics_model, predict
 
 LIMITS = flight_limits({"ATC_ACCEL_Y_MAX": 2500.0, "ATC_RATE_Y_MAX": 45.0, "WP_ACC": 1.5})
 MODEL = shipped_model()
@@ -139,3 +140,32 @@ def test_a_way_that_bends_by_15_degrees_turns(bend_deg: float, turns: int):
     legs = [way_leg(LIMITS, 1, *ends), way_leg(LIMITS, 2, corner, beyond, stops=True)]
     found = course([leg for leg in legs if leg is not None], LIMITS).spans
     assert [s.kind for s in found].count("turn") == turns
+
+
+@pytest.mark.parametrize("offset", [0.0, 12.0])
+def test_a_model_that_follows_air_is_flown_in_the_air_of_the_day(offset: float):
+    """At one thrust N² rho is constant, on the way, on the way home and in steady flight."""
+    known = [Identified(value=v, unit=u, ci95=(v, v)) for v, u in ((offset, "K"), (1.0, "1"))]
+    parameters = dict(zip(("temperature_offset", "torque_share"), known, strict=True))
+    record = EffectRecord(name="air_density", rotor=None, parameters=parameters)
+    model = replace(physics_model(MODEL.airframe), effects=(record,))
+    thick, thin = model.reference_density, 0.81 * model.reference_density
+    plan = plan_of(*TWO_LINES)
+    way = course(plan_legs(plan, plan_steps(plan), LIMITS), LIMITS)
+
+    def speed(density: float) -> float:
+        made = fly_plan("a plan", way, model, replace(GIVEN, density=density))
+        return float(np.mean(made.rotor_speed_rpm))
+
+    assert speed(thin) == pytest.approx(speed(thick) / 0.9, rel=1e-3)
+    still = (0.0, 0.0, 0.0)
+    place, fill = np.array([[0.0, 100.0, -10.0]]), np.array([8.0])
+    home = [
+        energy_home(place, fill, np.array([rho]), LIMITS, model, still)[0] for rho in (thin, thick)
+    ]
+    assert home[0] == pytest.approx(home[1] / 0.9, rel=1e-3)  # rho N³
+    steady = [
+        steady_flight(model, rho, math.nan, 0.0, fill).prediction.rotor_speed_rpm[0, 0]
+        for rho in (thin, thick)
+    ]
+    assert steady[0] == pytest.approx(steady[1] / 0.9, rel=1e-3)

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from tests.mission.plans_made import HOME, TWO_LINES, plan_of, spot
-from thrustmargin.mission.forecast.battery import FlightBattery
+from thrustmargin.mission.forecast.battery import FlightBattery, formula_coefficient
 from thrustmargin.mission.forecast.plan_forecast import TakeOff, forecast
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.model_file import shipped_model
+from thrustmargin.models.physics.power import FlightPower, PowerLaw
 
 MODEL = shipped_model()
 PARAMETERS = {"ATC_ACCEL_Y_MAX": 2500.0, "ATC_RATE_Y_MAX": 45.0, "WP_ACC": 1.5}
@@ -80,6 +81,33 @@ def test_a_tank_that_does_not_last_is_refilled_at_a_line_end():
 def test_a_battery_that_does_not_last_is_no_answer_but_that():
     made = outlook(day=replace(DAY, battery=FlightBattery(capacity_ah=1.0)))
     assert made.level is FlightLevel.BATTERY
+
+
+def test_a_battery_that_may_not_last_is_too_close():
+    """Between what the formula says of its power and half as much again."""
+    needed = sum(s.energy_wh for s in outlook().needs.sorties)
+    assert outlook().level is FlightLevel.UNDER
+    tight = FlightBattery(capacity_ah=1.1 * needed / 51.8 / 0.75, resistance=0.02)
+    made = outlook(day=replace(DAY, battery=tight))
+    assert made.expected_needs.short_of == ""
+    assert len(made.expected_needs.sorties) == 1
+    assert len(made.needs.sorties) == 2  # a refill before it may run out
+    assert made.needs.short_of == "battery"
+    assert made.battery_unsure
+    assert made.level is FlightLevel.NEAR
+    enough = FlightBattery(capacity_ah=2.0 * needed / 51.8 / 0.75, resistance=0.02)
+    assert outlook(day=replace(DAY, battery=enough)).level is FlightLevel.UNDER
+    measured = PowerLaw(
+        flights=tuple(FlightPower(flight=str(k), day=k, coefficient=8.7e-8) for k in range(9))
+    )
+    law = replace(MODEL, power=measured)
+    sure = forecast(plan_of(*TWO_LINES), law, DAY, parameters=PARAMETERS)
+    low, high = (end / sure.energy_wh[0] for end in sure.energy_wh[1:])
+    assert 0.9 < low < 1.0 < high < 1.1
+    assert sure.energy_wh[0] == pytest.approx(
+        needed * 8.7e-8 / formula_coefficient(MODEL), rel=0.001
+    )
+    assert "efficiency" not in sure.assumed
 
 
 def test_what_is_not_known_is_said():

@@ -10,10 +10,12 @@ import pytest
 
 from tests.mission.plans_made import TWO_LINES, plan_of, spot
 from thrustmargin.gcs_plugin.reports.forecast.forecast_page import csv_text, json_text
+from thrustmargin.mission.forecast.battery import FlightBattery
 from thrustmargin.mission.forecast.plan_forecast import TakeOff, forecast
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.physics.power import FlightPower, PowerLaw
 
 
 def test_it_holds_the_numbers_of_the_forecast():
@@ -78,6 +80,27 @@ def test_fill_kg_is_the_safe_fill_and_the_take_off_fill_has_a_name_of_its_own():
     assert "fill_kg" not in content["conditions"]
     assert json.loads(json_text(replace(made, largest_fill_kg=-0.4)))["fill_kg"] == 0.0
     assert json.loads(json_text(replace(made, largest_fill_kg=np.nan)))["fill_kg"] is None
+
+
+def test_energy_voltage_and_power_carry_their_intervals_and_grounds():
+    day = TakeOff(fill_kg=6.0, flow=0.04, battery=FlightBattery(capacity_ah=16.0))
+    content = json.loads(json_text(forecast(plan_of(*TWO_LINES), shipped_model(), day)))
+    low, high = content["energy_interval_wh"]
+    assert low < 0.7 * content["energy_wh"]
+    assert high > 1.3 * content["energy_wh"]
+    low, high = content["landing_voltage_interval"]
+    assert low < content["landing_voltage"] < high
+    power = content["power"]
+    assert (power["basis"], power["flights"], power["days"]) == ("formula", 0, 0)
+    assert power["interval_w"][0] < 0.7 * power["mean_w"] < 1.3 * power["mean_w"]
+    assert power["interval_w"][1] > 1.3 * power["mean_w"]
+    back = content["point_of_no_return"]
+    assert back["spare_wh"] < back["expected_spare_wh"] < back["most_spare_wh"]
+    assert content["as_flown"] is None
+    known = PowerLaw(flights=(FlightPower(flight="a", day=3, coefficient=9e-8),))
+    model = replace(shipped_model(), power=known)
+    power = json.loads(json_text(forecast(plan_of(*TWO_LINES), model, day)))["power"]
+    assert (power["basis"], power["flights"], power["days"]) == ("flights", 1, 1)
 
 
 def test_where_no_split_is_possible_there_are_no_sorties():

@@ -1,0 +1,105 @@
+"""Compare a flown mission of a known aircraft with the forecast made before it, in few numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from thrustmargin.mission.forecast.battery import FlightBattery
+from thrustmargin.mission.forecast.experience import FlownMission, SaidFlown
+from thrustmargin.mission.forecast.limits import flight_limits
+from thrustmargin.mission.forecast.way import course, plan_legs, timed_legs
+from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan
+from thrustmargin.mission.plan_tracking.blame import shown_day
+from thrustmargin.mission.plan_tracking.stretches import (
+    PlanToFly,
+    StretchBeside,
+    beside,
+    conditions_before_take_off,
+    flown_way,
+    stretch_ends,
+)
+from thrustmargin.mission.steps import plan_steps, pump_output
+from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.physics.smoothing import known_mean
+
+#: Times that a flight may take less than its forecast, and s that it may be late.
+LONGER, LATE_S = 1.5, 30.0
+FEWEST_STRETCHES = 3  # flown as planned, below which a flight says nothing of the plan
+
+
+def flown_mission(
+    plan: MissionPlan,
+    parameters: Mapping[str, float],
+    model: RotorModel,
+    analysis: FlightAnalysis,
+    battery: FlightBattery,
+) -> FlownMission | None:
+    """Compare the analysed flight of `plan` with its forecast by `model`, the state before it.
+
+    The forecast knows the fill, the air and the `battery` at take-off, and no wind. None where
+    fewer than FEWEST_STRETCHES were flown as planned. Raises PlanError where the plan flies
+    nowhere.
+    """
+    way, found = flown_way(analysis, plan.home), shown_day(analysis)
+    if not way.time_s.size:
+        return None
+    limits = flight_limits(parameters, px4=plan.firmware == FIRMWARE_PX4)
+    legs = plan_legs(plan, plan_steps(plan, pump_output(parameters)), limits)
+    # Of a plan for many batteries only the part is forecast that one flight can have flown.
+    longest_s = LONGER * float(way.time_s[-1] - way.time_s[0]) + LATE_S
+    count = max(sum(timed.end_s <= longest_s for timed in timed_legs(legs)), 1)
+    to_fly = PlanToFly(course=course(legs[:count], limits), model=model, home=plan.home)
+    given = conditions_before_take_off(
+        parameters, model.airframe, fill_kg=found.fill_kg, altitude=plan.home[2]
+    )
+    given = replace(
+        given,
+        battery=replace(battery, capacity_ah=given.battery.capacity_ah),
+        density=found.density if np.isfinite(found.density) else given.density,
+    )
+    flight, forecast = to_fly.fly(given)
+    ends = stretch_ends(flight, way)
+    made = beside(flight, forecast, way)
+    if len(made.stretches) < FEWEST_STRETCHES:
+        return None
+    begun, over = way.time_s[0], way.time_s[ends[-1]]
+    last = flight.course.spans[len(ends) - 1].last - 1
+    track = analysis.track
+    rows = track.flying & (track.time_s >= begun) & (track.time_s <= over)
+    watts = (track.voltage * track.current)[rows]
+    return FlownMission(
+        stretches=len(made.stretches),
+        complete=made.left_at is None and count == len(legs),
+        seconds=SaidFlown(float(flight.track.time_s[last]), float(over - begun)),
+        energy_wh=SaidFlown(
+            float(flight.energy_wh[last]), known_mean(watts) * float(over - begun) / 3600.0
+        ),
+        leg_use=_leg_use([one for one in made.stretches if one.kind == "leg"]),
+        peak_use=_peak(made.stretches),
+    )
+
+
+def _leg_use(legs: Sequence[StretchBeside]) -> SaidFlown:
+    """Return the mean utilisation on level legs, weighted by their time as flown."""
+    known = [one for one in legs if np.isfinite(one.utilisation_mean.off)]
+    if not known:
+        return SaidFlown()
+    weight = [one.seconds.flown for one in known]
+    pairs = [(one.utilisation_mean.forecast, one.utilisation_mean.flown) for one in known]
+    said, flown = np.average(pairs, axis=0, weights=weight)
+    return SaidFlown(float(said), float(flown))
+
+
+def _peak(stretches: Sequence[StretchBeside]) -> SaidFlown:
+    """Return the largest utilisation of all stretches, as forecast and as flown."""
+    known = [one for one in stretches if np.isfinite(one.utilisation_peak.off)]
+    if not known:
+        return SaidFlown()
+    return SaidFlown(
+        max(one.utilisation_peak.forecast for one in known),
+        max(one.utilisation_peak.flown for one in known),
+    )
