@@ -101,19 +101,19 @@ def _first_line(advice: Advice, level: FlightLevel) -> str:
             )
             long, known = (
                 duration(seconds).upper()
-                for seconds in (advice.lost.not_survivable_s, advice.lost.known_s)
+                for seconds in (advice.rotor_lost.not_survivable_s, advice.rotor_lost.known_s)
             )
             return say(words, first=first, long=long, known=known)
-        if advice.lost.not_survivable_s >= advice.airborne_s - 1.0:
+        if advice.rotor_lost.not_survivable_s >= advice.airborne_s - 1.0:
             words = "{first}: ALL FLIGHT A FAILED ROTOR WOULD HAVE BROUGHT IT DOWN"
             return say(words, first=first)
-        too_long = duration(advice.lost.not_survivable_s).upper()
+        too_long = duration(advice.rotor_lost.not_survivable_s).upper()
         words = "{first}: FOR {long} A FAILED ROTOR WOULD HAVE BROUGHT IT DOWN"
         return say(words, first=first, long=too_long)
     if level is FlightLevel.OVER:
-        if use.lasting_above_s >= use.known_s - 1.0:
+        if use.lasting_above_limit_s >= use.known_s - 1.0:
             return say("ABOVE THE {limit} LIMIT ALL FLIGHT", limit=limit)
-        long = duration(use.lasting_above_s).upper()
+        long = duration(use.lasting_above_limit_s).upper()
         return say("ABOVE THE {limit} LIMIT FOR {long}", limit=limit, long=long)
     if level is FlightLevel.ORDER:
         return say("MOTOR ORDER DIFFERS: ROTOR NAMES ARE WRONG")
@@ -130,9 +130,9 @@ def _first_line(advice: Advice, level: FlightLevel) -> str:
 
 def _known_in_part(advice: Advice) -> str:
     """Return the time for which load and thrust are known; empty if nearly always."""
-    if not math.isfinite(advice.lost.least):
+    if not math.isfinite(advice.rotor_lost.redundancy_min):
         return "" if advice.faults else say(" (LOAD NOT KNOWN)")
-    known_s, whole_s = min(advice.use.known_s, advice.lost.known_s), advice.airborne_s
+    known_s, whole_s = min(advice.use.known_s, advice.rotor_lost.known_s), advice.airborne_s
     if known_s >= 0.95 * whole_s - 1.0:
         return ""
     known, whole = (duration(seconds).upper() for seconds in (known_s, whole_s))
@@ -391,13 +391,13 @@ def _lasting(advice: Advice) -> str:
     worst = percent(use.lasting_most)
     if use.lasting_high - use.lasting_low > 1e-9:
         worst = percent_within(use.lasting_most, use.lasting_low, use.lasting_high)
-    never = use.lasting_above_s <= 0.0
+    never = use.lasting_above_limit_s <= 0.0
     unsure = use.maybe_above.any() if never else not use.surely_above.any()
     near = say("; the limit lies within the error") if unsure else ""
     words = "up to {worst} of a rotor's maximum thrust, above {limit} for {long} of {all}"
     if never:
         words = "up to {worst} of a rotor's maximum thrust, never above {limit}"
-    long, whole = duration(use.lasting_above_s), duration(use.known_s)
+    long, whole = duration(use.lasting_above_limit_s), duration(use.known_s)
     return say(words, worst=worst, limit=limit, long=long, all=whole) + near
 
 
@@ -416,14 +416,15 @@ def _passing(advice: Advice) -> str:
 
 def one_rotor_out(advice: Advice) -> str:
     """Return the consequence that losing one rotor would have had."""
-    lost = advice.lost
-    if not math.isfinite(lost.least) and advice.faults:
+    lost = advice.rotor_lost
+    if not math.isfinite(lost.redundancy_min) and advice.faults:
         return say(alarm_words.ONE_MORE_LOST)
-    if not math.isfinite(lost.least):
+    if not math.isfinite(lost.redundancy_min):
         return say("not known, because the tank level is unknown")
-    held = number(lost.least, "×", 2)
-    if lost.least_low < 1.0 <= lost.least_high:
-        held += f", {number(lost.least_low, '', 2)} to {number(lost.least_high, '', 2)}"
+    held = number(lost.redundancy_min, "×", 2)
+    if lost.redundancy_min_low < 1.0 <= lost.redundancy_min_high:
+        low, high = number(lost.redundancy_min_low, "", 2), number(lost.redundancy_min_high, "", 2)
+        held += f", {low} to {high}"
         words = "cannot tell: the weight is within the error of what could be held ({held})"
         return say(words, held=held)
     part, whole = _load_known_in_part(advice), duration(advice.airborne_s)
@@ -452,7 +453,7 @@ def _spent_alone(advice: Advice) -> int:
 
 def _load_known_in_part(advice: Advice) -> bool:
     """Return whether the load is known for less than about 95 % of the flight."""
-    return advice.lost.known_s < 0.95 * advice.airborne_s - 1.0
+    return advice.rotor_lost.known_s < 0.95 * advice.airborne_s - 1.0
 
 
 def sound_again(fault: RotorFault) -> str:

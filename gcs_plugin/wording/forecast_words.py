@@ -122,7 +122,7 @@ def verdict(made: PlanForecast) -> str:
     if level is FlightLevel.NO_THRUST:
         return no + say("no thrust is left for {long}", long=duration(use.spent_s))
     if level is FlightLevel.CRITICAL:
-        long = duration(advice.lost.not_survivable_s)
+        long = duration(advice.rotor_lost.not_survivable_s)
         return no + say("for {long} a lost rotor brings it down", long=long)
     if level is FlightLevel.ORDER:
         return no + say("its motors are not in the airframe's order; test it, propellers off")

@@ -97,7 +97,7 @@ def glance(advice: Advice) -> str:
     if advice.level is FlightLevel.UNKNOWN:
         return ""
     within = advice.level is FlightLevel.UNDER
-    if within and not (advice.complete and math.isfinite(advice.lost.least)):
+    if within and not (advice.complete and math.isfinite(advice.rotor_lost.redundancy_min)):
         return ""
     return _fill(advice.fill, within=within, flying=land)
 

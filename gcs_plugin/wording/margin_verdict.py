@@ -20,8 +20,6 @@ from thrustmargin.models.model.advice import Advice, FlightLevel, pauses_in_flig
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.inferred.speed_basis import SpeedBasis
-from thrustmargin.models.model.model_misfit import Caveat
-from thrustmargin.models.physics.day import DayJson
 from thrustmargin.models.provenance import Meaning, SourceKind
 from thrustmargin.models.scores import Estimate
 
@@ -58,46 +56,6 @@ class Fact:
 
     label: str
     text: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MarginVerdict:
-    """The answer of a flight as the report shows it: words, and the numbers that they rest on."""
-
-    level: FlightLevel
-    headline: str
-    action: str  # what to do next; empty where nothing is known
-    facts: tuple[Fact, ...]
-    limit: float
-    one_rotor_out_use: float  # utilisation in hover at which one lost rotor is just survived
-    worst: Moment | None
-    basis: str  # what the utilisation rests on, in words
-    speed_basis: str  # "measured", or what stands in for a rotor's speed
-    measured_share: float  # of the airborne time
-    predicted_alone: bool  # no margin in it was measured, nor shown by motor outputs
-    lasting_use: float  # the most of what lasts, a running median over 15 s
-    lasting_use_low: float  # ends of its 90 % interval
-    lasting_use_high: float
-    lasting_over_limit_s: float
-    over_limit_s: float  # with the turns and gusts that pass
-    over_limit_share: float  # of the airborne time with a known utilisation
-    spent_s: float  # with over 90 % in use
-    redundancy_yaw_free_min: float
-    redundancy_yaw_free_low: float  # ends of its 90 % interval
-    redundancy_yaw_free_high: float
-    not_survivable_s: float  # airborne time with redundancy, yaw uncontrolled, below 1
-    fill_kg: float  # what may be filled, as the action says it: the safe end, rounded down
-    fill_limit_kg: float  # where a limit is met, battery at its lowest
-    fill_low_kg: float  # ends of the 90 % interval of `fill_limit_kg`
-    fill_high_kg: float
-    fill_start_kg: float  # what may be filled with the battery as it was at the start
-    day: DayJson  # that `fill_kg` holds for, each value with its source
-    start_day: DayJson  # that `fill_start_kg` holds for
-    tank_start_kg: float
-    beyond_gauge_kg: float  # that hover thrust shows beyond gauge or statement; 0: they agree
-    caveats: tuple[Caveat, ...]  # what the flight's own evidence leaves open
-    model_coverage: float  # share of level flight in which rotor speeds were inside the interval
-    model_bias: float  # median of ln of measured over predicted rotor speed, all rotors together
 
 
 def verdict_facts(

@@ -101,9 +101,9 @@ class RotorLost:
     loss would have been survived.
     """
 
-    least: float = NAN  # thrust that can be held level over weight, with its 90 % interval
-    least_low: float = NAN
-    least_high: float = NAN
+    redundancy_min: float = NAN  # thrust that can be held level over weight, with its 90 % interval
+    redundancy_min_low: float = NAN
+    redundancy_min_high: float = NAN
     not_survivable_s: float = 0.0
     known_s: float = NAN  # in flight with a known load
 
@@ -125,7 +125,7 @@ class Advice:
     limit: float  # share of a rotor's largest thrust that may last
     airborne_s: float
     use: ThrustUse
-    lost: RotorLost
+    rotor_lost: RotorLost
     battery: Battery
     fill: NextFill
     faults: tuple[FaultEpisode, ...]
@@ -227,9 +227,9 @@ def advise(
     low = free * np.exp(-INTERVAL * error)
     high = free * np.exp(INTERVAL * (error - analysis.redundancy_beyond))
     lost = RotorLost(
-        least=known_least(free),
-        least_low=known_least(low),
-        least_high=known_least(high),
+        redundancy_min=known_least(free),
+        redundancy_min_low=known_least(low),
+        redundancy_min_high=known_least(high),
         not_survivable_s=float(seconds[track.flying][free < 1.0].sum()),
         known_s=float(seconds[track.flying][np.isfinite(free)].sum()),
     )
@@ -280,7 +280,7 @@ def advise(
             limit=limit,
             airborne_s=airborne_s,
             use=use,
-            lost=lost,
+            rotor_lost=lost,
             battery=battery,
             fill=fill,
             faults=faults,

@@ -75,8 +75,8 @@ class ThrustUse:
     lasting_most: float  # with the ends of its 90 % interval
     lasting_low: float
     lasting_high: float
-    lasting_above_s: float  # s with the lasting use above the limit
-    above_s: float  # s above the limit in all
+    lasting_above_limit_s: float  # s with the lasting use above the limit
+    above_limit_s: float  # s above the limit in all
     known_s: float  # s in flight with a known use
     step_s: float  # median s from one such row to the next
     peak: float
@@ -137,8 +137,8 @@ def thrust_use(analysis: FlightAnalysis, limit: float) -> ThrustUse:
         lasting_most=float(most[top]) if known.any() else nothing,
         lasting_low=float(max((most - down)[top], 0.0)) if known.any() else nothing,
         lasting_high=float(max(most[top], min((most + up)[top], 1.0))) if known.any() else nothing,
-        lasting_above_s=float(length[lasting_above].sum()),
-        above_s=float(track.row_seconds[analysis.above_limit(limit)].sum()),
+        lasting_above_limit_s=float(length[lasting_above].sum()),
+        above_limit_s=float(track.row_seconds[analysis.above_limit(limit)].sum()),
         known_s=float(track.row_seconds[rows].sum()),
         step_s=known_median(np.diff(track.time_s[rows])),
         peak=float(np.nanmax(use)) if rows.any() else nothing,

@@ -71,7 +71,7 @@ def test_every_live_surface_ends_with_what_the_report_says(
     (report,) = json.loads((tmp_path / "r.json").read_text())["flights"]
     verdict = report["verdict"]
     first, do, level = verdict["headline"], verdict["action"], verdict["level"]
-    fill_kg = verdict["fill_kg"]
+    fill_kg = verdict["fill"]["kg"]
     rotors = [alarm["rotor"] for alarm in report["alarms"]]
 
     view, kept = LiveView(model.airframe, port=0), Kept()

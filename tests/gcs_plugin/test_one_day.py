@@ -62,11 +62,11 @@ def still(day: Day) -> Day:
 
 def test_the_report_names_the_battery_that_its_fill_is_for(verdict):
     assert "at most 8.6 kg (8.6 L) with the battery at 3:32 of this flight: " in verdict["action"]
-    assert verdict["fill_kg"] == 8.6
-    loaded = verdict["day"]["loaded_voltage"]
+    assert verdict["fill"]["kg"] == 8.6
+    loaded = verdict["fill"]["day"]["loaded_voltage"]
     assert (loaded["source"], loaded["at_s"]) == ("log", 212.5)
-    assert verdict["day"]["air_temperature_c"]["source"] == "log"
-    assert verdict["start_day"]["loaded_voltage"]["at_s"] < 40.0
+    assert verdict["fill"]["day"]["air_temperature_c"]["source"] == "log"
+    assert verdict["fill"]["fresh_day"]["loaded_voltage"]["at_s"] < 40.0
 
 
 @pytest.mark.slow
@@ -81,7 +81,7 @@ def test_live_replay_store_bar_and_metrics_have_the_reports_answer(path, verdict
     assert last.answer is not None
     assert view.whole is not None
     fills = {
-        "report": verdict["fill_kg"],
+        "report": verdict["fill"]["kg"],
         "store": stored.summary["fill_kg"],
         "replay": view.whole.fill_kg,
         "live": last.answer.fill_kg,

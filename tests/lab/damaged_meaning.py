@@ -413,11 +413,12 @@ def answer_of(flight: Mapping[str, Any]) -> Answer:
     """Return what is compared of one flight in the JSON of a report."""
     verdict = flight["verdict"]
     numbers = {
-        "fill_kg": verdict["fill_limit_kg"],
-        **{k: verdict[k] for k in ("fill_low_kg", "fill_high_kg")},
-        "ratio": verdict["redundancy_yaw_free_min"],
-        "ratio_low": verdict["redundancy_yaw_free_low"],
-        "ratio_high": verdict["redundancy_yaw_free_high"],
+        "fill_kg": verdict["fill"]["limit_kg"],
+        "fill_low_kg": verdict["fill"]["low_kg"],
+        "fill_high_kg": verdict["fill"]["high_kg"],
+        "ratio": verdict["rotor_lost"]["redundancy_min"],
+        "ratio_low": verdict["rotor_lost"]["redundancy_min_low"],
+        "ratio_high": verdict["rotor_lost"]["redundancy_min_high"],
     }
     unsure = any("cannot tell" in fact["text"].lower() for fact in verdict["facts"])
     unsure |= "CANNOT TELL" in verdict["headline"]

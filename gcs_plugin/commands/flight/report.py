@@ -167,9 +167,9 @@ def print_verdicts(console: Console, made: Report) -> None:
     from thrustmargin.gcs_plugin.reports.margin.summary import worst_first
 
     if len(made.flights) > 1:
-        console.print(made.overview.headline, style="bold", soft_wrap=True)
+        console.print(made.overview["headline"], style="bold", soft_wrap=True)
     for _, flight in worst_first(made.flights):
         verdict = flight.verdict
-        console.print(f"{flight.name}: {verdict.headline}", style="bold", soft_wrap=True)
-        for fact in verdict.facts:
+        console.print(f"{flight.name}: {verdict['headline']}", style="bold", soft_wrap=True)
+        for fact in verdict["facts"]:
             console.print(f"  {say(fact.label)}: {fact.text}", soft_wrap=True)

@@ -160,7 +160,7 @@ def flight_of_log(
     report = report_flight(of_verdict, log, max_utilisation=settings.max_utilisation, answer=said)
     known = None if analysis.withheld else digest
     started = log.track.start_unix_s
-    advised, worst = said.made, report.verdict.worst
+    advised, worst = said.made, report.verdict["worst"]
     kept_answer = stored_answer(
         advised.advice, advised.analysis.claim, advised.analysis.track, worst and worst.time_s
     )
@@ -177,7 +177,7 @@ def flight_of_log(
             "sums_reason": reason,
         }
     )
-    damaged = report.verdict.level is FlightLevel.DAMAGED
+    damaged = report.advice.level is FlightLevel.DAMAGED
     shown = with_bad_part(analysis) if damaged else analysis
     rows = {
         "time_s": log.track.time_s,
@@ -208,9 +208,10 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
     `analysis` is that of the whole flight, `report` that of its verdict.
     """
     track, verdict, flight = log.track, report.verdict, report.flight
+    advice = report.advice
     # A good margin that only a prediction supports is not stored; a bad one is.
-    no_ground = verdict.predicted_alone and verdict.level is FlightLevel.UNKNOWN
-    worst, quality = None if no_ground else verdict.worst, report.quality
+    no_ground = advice.predicted_alone and advice.level is FlightLevel.UNKNOWN
+    worst, quality = None if no_ground else verdict["worst"], report.quality
     withheld, airframe = bool(report.withheld), analysis.model.airframe
     use = analysis.utilisation if no_ground else analysis.known_utilisation
     use = np.where(track.flying[:, None], use, np.nan)
@@ -243,23 +244,23 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         "tank_end_kg": flight["tank_end_kg"],
         "tank_error_kg": flight["tank_error_kg"],
         "takeoff_mass_kg": airframe.empty_mass + started_kg,
-        "verdict": verdict.level,
-        "limit": verdict.limit,
+        "verdict": advice.level,
+        "limit": advice.limit,
         "worst_margin": worst.margin if worst else nan,
         "worst_margin_low": 1.0 - worst.capacity_use_high if worst else nan,
         "worst_rotor": worst.rotor if worst else None,
         "worst_time_s": worst.time_s if worst else nan,
         "mean_margin": 1.0 - known_mean(worst_rotor(use)[0]),
-        "rows_above_limit_s": verdict.over_limit_s if worst else nan,
-        "lasting_above_limit_s": verdict.lasting_over_limit_s if worst else nan,
-        "measured_share": verdict.measured_share,
-        "redundancy_min": verdict.redundancy_yaw_free_min,
-        "not_survivable_s": verdict.not_survivable_s
-        if np.isfinite(verdict.redundancy_yaw_free_min)
+        "rows_above_limit_s": advice.use.above_limit_s if worst else nan,
+        "lasting_above_limit_s": advice.use.lasting_above_limit_s if worst else nan,
+        "measured_share": verdict["measured_share"],
+        "redundancy_min": advice.rotor_lost.redundancy_min,
+        "not_survivable_s": advice.rotor_lost.not_survivable_s
+        if np.isfinite(advice.rotor_lost.redundancy_min)
         else nan,
-        "fill_kg": verdict.fill_kg,
-        "fill_limit_kg": verdict.fill_limit_kg,
-        "fill_low_kg": verdict.fill_low_kg,
+        "fill_kg": verdict["fill"]["kg"],
+        "fill_limit_kg": advice.fill.limit_kg,
+        "fill_low_kg": advice.fill.low_kg,
         "margin_by_rotor": [1.0 - known_most(u) for u in use.T],
         "speed_ratio": [known_median(r) for r in ratio.T],
         "prediction_bias_rpm": overall.bias_rpm.value if overall else nan,

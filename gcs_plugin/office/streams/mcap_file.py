@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,7 +18,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.logs.findings import Severity
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import COLUMNS
-from thrustmargin.gcs_plugin.reports.margin.data import SCHEMA, FlightReport
+from thrustmargin.gcs_plugin.reports.margin.data import JSON_FIELDS, SCHEMA, FlightReport
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.models.errors import DataError, require
@@ -66,7 +66,7 @@ TOPICS: Mapping[str, tuple[str, dict[str, Any]]] = {
         "thrustmargin.FlightReport",
         _object(
             "a flight of the report's JSON, once at its start",
-            **{field.name: {} for field in fields(FlightReport) if field.name != "rows"},
+            **{name: {} for name in JSON_FIELDS},
         ),
     ),
     "/margin": (
@@ -168,9 +168,7 @@ def messages_of(report: FlightReport, log: FlightLog) -> Iterator[StreamMessage]
     """Yield all messages of a sortie, topic by topic."""
     sortie, clock, rows = log.sortie, sortie_clock(log), report.rows
     first = float(rows["time_s"][0])
-    whole = {
-        f.name: to_json_values(getattr(report, f.name)) for f in fields(report) if f.name != "rows"
-    }
+    whole = {name: to_json_values(getattr(report, name)) for name in JSON_FIELDS}
     yield StreamMessage("/report", first, whole)
     yield from _margin_messages(report, sortie)
     yield from _rotor_messages(report, sortie)
@@ -228,7 +226,7 @@ def _margin_messages(report: FlightReport, sortie: int) -> Iterator[StreamMessag
                 basis = SpeedBasis.MEASURED
             elif outputs[k, rotor]:
                 basis = SpeedBasis.MOTOR_OUTPUTS
-        least = 1.0 - report.verdict.limit
+        least = 1.0 - report.advice.limit
         content |= {"least": least, "basis": str(basis) or "unknown"}
         yield StreamMessage("/margin", time_s, {"time_s": time_s, "sortie": sortie, **content})
 

@@ -11,23 +11,23 @@ report are JSON objects, made in the module of their name and shown as they are.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs.findings import Finding
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-from thrustmargin.gcs_plugin.wording.margin_verdict import MarginVerdict, Moment
+from thrustmargin.gcs_plugin.wording.margin_verdict import Moment
 from thrustmargin.gcs_plugin.wording.report_words import FirstContact
 from thrustmargin.models.checks.loss_of_control import LossOfControl
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
-from thrustmargin.models.model.advice import FlightLevel
+from thrustmargin.models.model.advice import Advice
 from thrustmargin.models.model.airframe_claim import AirframeBasis
 from thrustmargin.models.model.model_misfit import MarginCheck
 from thrustmargin.models.scores import Estimate
 
-SCHEMA = "thrustmargin.report/2"
+SCHEMA = "thrustmargin.report/3"
 
 JsonObject = Mapping[str, Any]
 
@@ -61,10 +61,14 @@ class Accuracy:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightReport:
-    """One flight's report; `rows` are the columns of its CSV, each (T,) or (T, R)."""
+    """One flight's report; `rows` are the columns of its CSV, each (T,) or (T, R).
+
+    `verdict` has the words of `advice`, its figures under the same names, and the worst moment.
+    """
 
     name: str
-    verdict: MarginVerdict
+    advice: Advice
+    verdict: JsonObject
     flight: JsonObject
     model: JsonObject
     load: tuple[JsonObject, ...]
@@ -85,23 +89,8 @@ class FlightReport:
     rows: Mapping[str, Floats]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Overview:
-    """Several flights in one verdict."""
-
-    level: FlightLevel  # of the worst flight
-    headline: str
-    worst_flight: int | None  # number in the list of flights, from 1
-    damaged: int  # flights of each level, by the gravest of each
-    lost: int
-    battery: int
-    no_thrust: int
-    critical: int
-    over: int
-    order: int
-    near: int
-    under: int
-    unknown: int
+#: Fields of a flight's report that are keys of its JSON.
+JSON_FIELDS = tuple(f.name for f in fields(FlightReport) if f.name not in ("advice", "rows"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -111,7 +100,7 @@ class Report:
     made_utc: str
     version: str
     max_utilisation: float
-    overview: Overview
+    overview: JsonObject  # level and headline of all flights, and how many have each level
     flights: tuple[FlightReport, ...]
     unread: tuple[UnusedLog, ...] = ()
 

@@ -23,7 +23,7 @@ Rows = Mapping[str, Floats]
 
 def figures(report: FlightReport) -> Mapping[str, style.Figure]:
     """Name -> figure; those whose channels the flight lacks are left out."""
-    rows, limit, worst = airborne(report.rows), report.verdict.limit, report.verdict.worst
+    rows, limit, worst = airborne(report.rows), report.advice.limit, report.verdict["worst"]
     if not rows["time_s"].size:
         return {}
     names = report.model["rotor_names"]

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from markupsafe import Markup
 
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import COLUMNS, csv_columns
-from thrustmargin.gcs_plugin.reports.margin.data import SCHEMA, FlightReport, Report
+from thrustmargin.gcs_plugin.reports.margin.data import JSON_FIELDS, SCHEMA, FlightReport, Report
 from thrustmargin.gcs_plugin.reports.margin.figures import airborne, figures
 from thrustmargin.gcs_plugin.reports.margin.summary import worst_first
 from thrustmargin.gcs_plugin.reports.shared import page_shell
@@ -55,7 +55,7 @@ def write_report(report: Report, out: Path) -> Written:
 
 
 def json_text(report: Report, csv_name: str) -> str:
-    """The report's numbers as JSON, schema "thrustmargin.report/2"; unknown numbers are null."""
+    """The report's numbers as JSON, schema "thrustmargin.report/3"; unknown numbers are null."""
     whole = {
         "schema": SCHEMA,
         "made_utc": report.made_utc,
@@ -67,8 +67,7 @@ def json_text(report: Report, csv_name: str) -> str:
             "columns": ["flight_number", *(f"{name} [{unit}]" for name, unit, _ in COLUMNS)],
         },
         "flights": [
-            {f.name: getattr(flight, f.name) for f in fields(flight) if f.name != "rows"}
-            for flight in report.flights
+            {name: getattr(flight, name) for name in JSON_FIELDS} for flight in report.flights
         ],
         "unread": report.unread,
     }
@@ -146,13 +145,13 @@ def strip_of(flight: FlightReport) -> Strip | None:
     place = np.minimum((BINS * (time_s - time_s[0]) / whole_s).astype(int), BINS - 1)
     most = np.full(BINS, -np.inf)
     np.maximum.at(most, place, np.nan_to_num(use, nan=-np.inf))
-    scale = palette.moved(palette.LOAD, flight.verdict.limit)
+    scale = palette.moved(palette.LOAD, flight.advice.limit)
     colours = [palette.css(c) for c in scale.screen(np.where(most > -np.inf, most, np.nan))]
     parts: list[tuple[float, str]] = []
     for colour in colours:
         share = 100.0 / BINS + (parts.pop()[0] if parts and parts[-1][1] == colour else 0.0)
         parts.append((share, colour))
-    worst = flight.verdict.worst
+    worst = flight.verdict["worst"]
     at = None if worst is None else 100.0 * (worst.time_s - float(time_s[0])) / whole_s
     return Strip(tuple(parts), None if at is None else min(max(at, 0.0), 100.0))
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -34,7 +35,7 @@ from thrustmargin.gcs_plugin.wording.report_words import (
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, Floats
-from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advised, FlightLevel
+from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advice, Advised, FlightLevel
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.model_misfit import margin_check
 from thrustmargin.models.model.rotor_model import identified_airframe
@@ -96,7 +97,19 @@ def report_flight(
     )
     return data.FlightReport(
         name=track.name,
-        verdict=_verdict(made, first_line(advice, contact), worst, lines, basis, measured_share),
+        advice=advice,
+        verdict={
+            "headline": first_line(advice, contact),
+            "action": action(advice),
+            "facts": lines,
+            "worst": worst,
+            "basis": basis,
+            "speed_basis": analysis.speed_basis,
+            "measured_share": measured_share,
+            "above_limit_share": data.share(advice.use.above_limit_s, advice.use.known_s),
+            "one_rotor_out_use": load.one_rotor_out_use(analysis.model.airframe),
+            **advice_values(advice),
+        },
         flight=_flight(whole, rows["ground_speed"], seconds),
         model=model_use(analysis),
         load=load.load_rows(analysis, limits),
@@ -130,51 +143,26 @@ def _basis(made: Advised) -> tuple[str, float]:
     return words, data.share(measured_s, airborne_s)
 
 
-def _verdict(
-    made: Advised,
-    first: str,
-    worst: margin_verdict.Moment | None,
-    lines: tuple[margin_verdict.Fact, ...],
-    basis: str,
-    measured_share: float,
-) -> margin_verdict.MarginVerdict:
-    advice, fill, use = made.advice, made.advice.fill, made.advice.use
-    return margin_verdict.MarginVerdict(
-        level=advice.level,
-        headline=first,
-        action=action(advice),
-        facts=lines,
-        limit=advice.limit,
-        one_rotor_out_use=load.one_rotor_out_use(made.analysis.model.airframe),
-        worst=worst,
-        basis=basis,
-        speed_basis=made.analysis.speed_basis,
-        measured_share=measured_share,
-        predicted_alone=advice.predicted_alone,
-        lasting_use=use.lasting_most,
-        lasting_use_low=use.lasting_low,
-        lasting_use_high=use.lasting_high,
-        lasting_over_limit_s=use.lasting_above_s,
-        over_limit_s=use.above_s,
-        over_limit_share=data.share(use.above_s, use.known_s),
-        spent_s=use.spent_s,
-        redundancy_yaw_free_min=advice.lost.least,
-        redundancy_yaw_free_low=advice.lost.least_low,
-        redundancy_yaw_free_high=advice.lost.least_high,
-        not_survivable_s=advice.lost.not_survivable_s,
-        fill_kg=safe_kg(fill),
-        fill_limit_kg=fill.limit_kg,
-        fill_low_kg=fill.low_kg,
-        fill_high_kg=fill.high_kg,
-        fill_start_kg=fill.fresh_kg,
-        day=day_json(fill.day),
-        start_day=day_json(fill.fresh_day),
-        tank_start_kg=fill.start_kg,
-        beyond_gauge_kg=fill.beyond_gauge_kg,
-        caveats=advice.caveats,
-        model_coverage=advice.misfit.coverage,
-        model_bias=advice.misfit.bias,
-    )
+#: Parts of an answer that the report has as rows of their own, and the rotors' names.
+_AS_ROWS = ("faults", "repaired", "losses", "misread", "withheld", "rotor_names", "rotor_count")
+
+
+def advice_values(advice: Advice) -> dict[str, Any]:
+    """Return the figures of an answer under the names that they have in `Advice`.
+
+    Arrays over the flight are left out (the CSV has them), and what the report has as rows of its
+    own. Rotors count from 1, and `fill.kg` is rounded down, as the action states it.
+    """
+    values = {f.name: getattr(advice, f.name) for f in fields(advice) if f.name not in _AS_ROWS}
+    for part in ("use", "rotor_lost", "battery", "fill", "misfit"):
+        whole = {f.name: getattr(values[part], f.name) for f in fields(values[part])}
+        values[part] = {k: v for k, v in whole.items() if not isinstance(v, np.ndarray)}
+    alone = advice.use.spent_alone
+    values["use"]["spent_alone"] = None if alone is None else alone + 1
+    values["fill"]["kg"] = safe_kg(advice.fill)
+    values["fill"]["day"] = day_json(advice.fill.day)
+    values["fill"]["fresh_day"] = day_json(advice.fill.fresh_day)
+    return {"level": advice.level, **values}
 
 
 def _flight(analysis: FlightAnalysis, speed: Floats, seconds: Floats) -> data.JsonObject:
@@ -317,19 +305,20 @@ def build_report(
     )
 
 
-def overview_of(reports: Sequence[data.FlightReport], limit: float) -> data.Overview:
-    """How many flights have which verdict, and which is the worst."""
-    levels = [report.verdict.level for report in reports]
+def overview_of(reports: Sequence[data.FlightReport], limit: float) -> data.JsonObject:
+    """Return the level and the headline of all flights, the number of the worst, from 1, and how
+    many flights have each level."""
+    levels = [report.advice.level for report in reports]
     first, report = worst_first(reports)[0]
-    level, words = report.verdict.level, report.verdict.headline
+    level, words = report.advice.level, report.verdict["headline"]
     if len(levels) > 1:
         level, words = several_headline(levels, limit)
-    return data.Overview(
-        level=level,
-        headline=words,
-        worst_flight=first + 1 if report.verdict.worst else None,
+    return {
+        "level": level,
+        "headline": words,
+        "worst_flight": first + 1 if report.moments else None,
         **{one.value: levels.count(one) for one in FlightLevel},
-    )
+    }
 
 
 def worst_first(reports: Sequence[data.FlightReport]) -> list[tuple[int, data.FlightReport]]:
@@ -339,7 +328,9 @@ def worst_first(reports: Sequence[data.FlightReport]) -> list[tuple[int, data.Fl
     """
 
     def rank(item: tuple[int, data.FlightReport]) -> tuple[int, float]:
-        verdict = item[1].verdict
-        return verdict.level.gravity, -verdict.worst.capacity_use if verdict.worst else 1.0
+        report = item[1]
+        return report.advice.level.gravity, -report.moments[
+            0
+        ].capacity_use if report.moments else 1.0
 
     return sorted(enumerate(reports), key=rank)

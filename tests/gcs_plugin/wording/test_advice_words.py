@@ -27,8 +27,8 @@ USE = ThrustUse(
     lasting_most=0.54,
     lasting_low=0.54,
     lasting_high=0.54,
-    lasting_above_s=162.2,
-    above_s=172.0,
+    lasting_above_limit_s=162.2,
+    above_limit_s=172.0,
     known_s=200.0,
     step_s=0.1,
     peak=0.733,
@@ -56,8 +56,12 @@ ADVICE = Advice(
     limit=0.5,
     airborne_s=200.0,
     use=USE,
-    lost=RotorLost(
-        least=0.92, least_low=0.91, least_high=0.93, not_survivable_s=180.0, known_s=200.0
+    rotor_lost=RotorLost(
+        redundancy_min=0.92,
+        redundancy_min_low=0.91,
+        redundancy_min_high=0.93,
+        not_survivable_s=180.0,
+        known_s=200.0,
     ),
     battery=Battery(),
     fill=FILL,
@@ -97,13 +101,13 @@ def test_the_first_line_of_each_level():
     assert say(FlightLevel.CRITICAL) == (
         "FILL LESS: FOR 3 MIN A FAILED ROTOR WOULD HAVE BROUGHT IT DOWN"
     )
-    whole = replace(ADVICE.lost, not_survivable_s=200.0)
-    assert "ALL FLIGHT A FAILED ROTOR" in say(FlightLevel.CRITICAL, lost=whole)
+    whole = replace(ADVICE.rotor_lost, not_survivable_s=200.0)
+    assert "ALL FLIGHT A FAILED ROTOR" in say(FlightLevel.CRITICAL, rotor_lost=whole)
     assert say(FlightLevel.CRITICAL, fill=replace(FILL, nothing_fits="tank")).startswith(
         "TOO HEAVY:"
     )
     assert say(FlightLevel.OVER) == "ABOVE THE 50 % LIMIT FOR 2 MIN 42 S"
-    assert say(FlightLevel.OVER, use=replace(USE, lasting_above_s=200.0)) == (
+    assert say(FlightLevel.OVER, use=replace(USE, lasting_above_limit_s=200.0)) == (
         "ABOVE THE 50 % LIMIT ALL FLIGHT"
     )
     assert say(FlightLevel.NEAR) == "NEAR THE 50 % LIMIT: CANNOT TELL"
@@ -126,8 +130,8 @@ def test_the_first_line_of_each_level():
         "BELOW THE 50 % LIMIT (NOTHING IN THE LOG FOR 1 MIN 1 S OF IT)"
     )
     assert say(FlightLevel.UNKNOWN, begun_before=True) == "NO VERDICT"
-    part = replace(ADVICE.lost, not_survivable_s=13.0, known_s=24.0)
-    assert say(FlightLevel.CRITICAL, lost=part) == (
+    part = replace(ADVICE.rotor_lost, not_survivable_s=13.0, known_s=24.0)
+    assert say(FlightLevel.CRITICAL, rotor_lost=part) == (
         "FILL LESS: FOR 13 S OF 24 S WITH A KNOWN LOAD A FAILED ROTOR WOULD HAVE BROUGHT IT DOWN"
     )
     assert say(FlightLevel.NO_THRUST, use=replace(USE, spent_s=14.0)) == "NO THRUST LEFT FOR 14 S"
@@ -145,11 +149,11 @@ def test_the_first_line_of_each_level():
 def test_the_first_line_is_no_surer_than_what_it_rests_on():
     good = replace(ADVICE, levels=(FlightLevel.UNDER,))
     assert headline(good) == "BELOW THE 50 % LIMIT"
-    short = replace(good, lost=replace(good.lost, known_s=14.0))
+    short = replace(good, rotor_lost=replace(good.rotor_lost, known_s=14.0))
     assert headline(short) == "BELOW THE 50 % LIMIT (KNOWN FOR 14 S OF 3 MIN 20 S)"
     brief_use = replace(good, use=replace(USE, known_s=110.0))
     assert headline(brief_use) == "BELOW THE 50 % LIMIT (KNOWN FOR 1 MIN 50 S OF 3 MIN 20 S)"
-    near = replace(good, levels=(FlightLevel.NEAR,), lost=RotorLost())
+    near = replace(good, levels=(FlightLevel.NEAR,), rotor_lost=RotorLost())
     assert headline(near) == "NEAR THE 50 % LIMIT: CANNOT TELL (LOAD NOT KNOWN)"
 
 
@@ -227,7 +231,7 @@ def test_the_facts_say_how_much_and_how_long():
         "fill, how sure": "limit at 9.7 kg (8.6 to 10.8); at most 12.0 kg (12.0 L) with the "
         "battery as at the start",
     }
-    unsure = replace(USE, lasting_above_s=0.0, lasting_low=0.45, lasting_high=0.53)
+    unsure = replace(USE, lasting_above_limit_s=0.0, lasting_low=0.45, lasting_high=0.53)
     near = replace(ADVICE, use=replace(unsure, lasting_most=0.49, passing=0, surely_above=NO))
     assert dict(facts(near))["steady flight"] == (
         "up to 49 % (45 to 53) of a rotor's maximum thrust, never above 50 %; the limit lies "
@@ -240,24 +244,25 @@ def test_the_facts_say_how_much_and_how_long():
     passed = replace(seldom, use=replace(seldom.use, passing=1))
     assert dict(facts(passed))["turns and gusts"].endswith(f" at most; {unseen}")
     assert "turns and gusts" not in dict(facts(replace(near, use=replace(near.use, step_s=1.0))))
-    doubt = RotorLost(least=1.03, least_low=0.96, least_high=1.1)
-    assert dict(facts(replace(ADVICE, lost=doubt)))["one rotor lost"] == (
+    doubt = RotorLost(redundancy_min=1.03, redundancy_min_low=0.96, redundancy_min_high=1.1)
+    assert dict(facts(replace(ADVICE, rotor_lost=doubt)))["one rotor lost"] == (
         "cannot tell: the weight is within the error of what could be held (1.03 ×, 0.96 to 1.10)"
     )
-    safe = RotorLost(least=1.1, least_low=1.1, least_high=1.1)
-    assert dict(facts(replace(ADVICE, lost=safe)))["one rotor lost"] == (
+    safe = RotorLost(redundancy_min=1.1, redundancy_min_low=1.1, redundancy_min_high=1.1)
+    assert dict(facts(replace(ADVICE, rotor_lost=safe)))["one rotor lost"] == (
         "the weight can be held all flight, without yaw control, it will spin (1.10 × or more)"
     )
-    seen = replace(ADVICE, lost=replace(safe, known_s=14.0))
+    seen = replace(ADVICE, rotor_lost=replace(safe, known_s=14.0))
     assert dict(facts(seen))["one rotor lost"] == (
         "the weight can be held for 14 s, without yaw control, it will spin (1.10 × or more); "
         "of 3 min 20 s the load is unknown for the rest"
     )
     for unseen in ({"begun_before": True}, {"paused_s": 60.0}, {"unseen_from_s": 9.0}):
-        words = dict(facts(replace(ADVICE, lost=safe, **unseen)))["one rotor lost"]
+        words = dict(facts(replace(ADVICE, rotor_lost=safe, **unseen)))["one rotor lost"]
         assert words.startswith("the weight can be held for as long as the log goes, ")
     assert (
-        "tank level is unknown" in dict(facts(replace(ADVICE, lost=RotorLost())))["one rotor lost"]
+        "tank level is unknown"
+        in dict(facts(replace(ADVICE, rotor_lost=RotorLost())))["one rotor lost"]
     )
 
 

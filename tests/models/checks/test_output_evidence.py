@@ -205,8 +205,10 @@ def test_what_is_shown_beyond_makes_an_answer_graver_and_never_better():
     assert claim.outputs.share_beyond(34.1) == pytest.approx(3.0 / 34.1, rel=0.02)
     shown, without_it = made
     assert shown.level is without_it.level
-    assert shown.lost.least_high == pytest.approx(without_it.lost.least_high)
-    assert shown.lost.least_low < without_it.lost.least_low / 1.08
+    assert shown.rotor_lost.redundancy_min_high == pytest.approx(
+        without_it.rotor_lost.redundancy_min_high
+    )
+    assert shown.rotor_lost.redundancy_min_low < without_it.rotor_lost.redundancy_min_low / 1.08
     assert shown.fill.low_kg < without_it.fill.low_kg - 1.0
     assert shown.fill.high_kg == pytest.approx(without_it.fill.high_kg)
     assert shown.use.lasting_low == pytest.approx(without_it.use.lasting_low)

@@ -150,7 +150,9 @@ def test_what_holds_for_sound_rotors_is_not_said_of_a_bad_one(sitl_logs, sound):
     worn = analyse(read_log(sitl_logs / "onset" / "worn_prop_onset.tlog").track, shipped_model())
     assert np.nanmin(worn.redundancy_yaw_uncontrolled) > 1.0
     made = advise(worn)
-    assert np.isnan([made.advice.fill.kg, made.advice.fill.fresh_kg, made.advice.lost.least]).all()
+    assert np.isnan(
+        [made.advice.fill.kg, made.advice.fill.fresh_kg, made.advice.rotor_lost.redundancy_min]
+    ).all()
     of_rows = (
         made.whole.redundancy_yaw_uncontrolled,
         made.analysis.trimmable_loss,
@@ -161,7 +163,7 @@ def test_what_holds_for_sound_rotors_is_not_said_of_a_bad_one(sitl_logs, sound):
     share = 0.97 / np.nanmin(worn.redundancy_yaw_uncontrolled)
     heavy = replace(worn, redundancy_yaw_uncontrolled=share * worn.redundancy_yaw_uncontrolled)
     bad = advise(heavy)
-    assert 0.96 < bad.advice.lost.least < 1.0
+    assert 0.96 < bad.advice.rotor_lost.redundancy_min < 1.0
     assert np.nanmax(bad.analysis.redundancy_yaw_uncontrolled) < 1.0
     assert np.isnan(bad.advice.fill.kg)
     assert advise(sound).advice.fill.kg > 0.0
@@ -189,7 +191,7 @@ def test_a_rotor_that_stood_still_is_never_below_the_limit(sound):
     assert made.level is FlightLevel.DAMAGED
     assert (made.faults[0].fault.kind, made.faults[0].fault.rotor) == ("stopped", 2)
     assert headline(made).startswith("ROTOR 3, FRONT LEFT: STOOD STILL IN FLIGHT")
-    assert "Rotor 3 front left stands still: land" in dict(facts(made))["alarm"]
+    assert "Rotor 3 front left stands still (found" in dict(facts(made))["alarm"]
     # What it lacks is no second fault, of it or of one of two; what was there before is.
     pair = RotorFault(kind="propeller", rotor=3, rotors=(2, 3), size=0.2, lower=0.1, upper=0.3)
     for found_s, kinds in ((150.0, ["stopped"]), (50.0, ["propeller", "stopped"])):

@@ -32,15 +32,15 @@ def test_a_turn_passes_and_a_climb_lasts():
     use[300:350, 1] = 0.7  # 5 s
     found = thrust_use(flown(use), 0.5)
     assert found.lasting_most == pytest.approx(0.4)
-    assert (found.lasting_above_s, found.passing) == (0.0, 1)
+    assert (found.lasting_above_limit_s, found.passing) == (0.0, 1)
     assert found.passing_longest_s == pytest.approx(5.0, abs=0.2)
-    assert found.above_s == pytest.approx(5.0, abs=0.2)
+    assert found.above_limit_s == pytest.approx(5.0, abs=0.2)
     assert found.peak == pytest.approx(0.7)
     assert not found.maybe_above.any()
     use[600:900, 1] = 0.7  # 30 s
     found = thrust_use(flown(use), 0.5)
     assert found.lasting_most == pytest.approx(0.7)
-    assert found.lasting_above_s == pytest.approx(30.0, abs=1.0)
+    assert found.lasting_above_limit_s == pytest.approx(30.0, abs=1.0)
     assert found.passing == 1
     assert found.surely_above[750]
     assert not found.surely_above[325]
@@ -57,11 +57,11 @@ def test_a_turn_passes_where_the_log_begins_or_ends_with_it_too():
     use = level(0.4)
     use[:60, 1] = use[-60:, 1] = 0.7  # 6 s, as long as a turn at a line end takes
     found = thrust_use(flown(use), 0.5)
-    assert (found.lasting_most, found.lasting_above_s) == (pytest.approx(0.4), 0.0)
+    assert (found.lasting_most, found.lasting_above_limit_s) == (pytest.approx(0.4), 0.0)
     assert (found.passing, found.passing_longest_s) == (2, pytest.approx(6.0, abs=0.2))
-    assert thrust_use(flown(use[:700]), 0.5).lasting_above_s == 0.0
+    assert thrust_use(flown(use[:700]), 0.5).lasting_above_limit_s == 0.0
     use[-90:, 1] = 0.7  # 9 s of the last 15
-    assert thrust_use(flown(use), 0.5).lasting_above_s == pytest.approx(9.0, abs=0.3)
+    assert thrust_use(flown(use), 0.5).lasting_above_limit_s == pytest.approx(9.0, abs=0.3)
     # A flight shorter than the window is judged as one.
     assert thrust_use(flown(use[:100]), 0.5).lasting_most == pytest.approx(0.7)
 
@@ -71,14 +71,14 @@ def test_a_turn_between_pauses_of_the_log_is_no_use_that_lasts():
     use[600:665, 1] = 0.7  # 6.5 s
     there = time_s % 10.0 < 6.0  # 6 s of the log, and 4 s of nothing; in 57.5 to 66 s 6 of turning
     found = thrust_use(flown(use[there], time_s=time_s[there]), 0.5)
-    assert (found.lasting_above_s, found.lasting_most) == (0.0, pytest.approx(0.4))
+    assert (found.lasting_above_limit_s, found.lasting_most) == (0.0, pytest.approx(0.4))
     # What all that was seen shows does last.
     found = thrust_use(flown(level(0.6)[there], time_s=time_s[there]), 0.5)
     assert found.lasting_most == pytest.approx(0.6)
-    assert found.lasting_above_s == pytest.approx(found.known_s)
+    assert found.lasting_above_limit_s == pytest.approx(found.known_s)
     third = time_s % 9.0 < 3.0  # of 15 s at most 6 were seen
     found = thrust_use(flown(level(0.6)[third], time_s=time_s[third]), 0.5)
-    assert found.lasting_above_s == pytest.approx(found.known_s)
+    assert found.lasting_above_limit_s == pytest.approx(found.known_s)
 
 
 def test_turns_of_different_rotors_do_not_add_up_to_what_lasts():
@@ -148,7 +148,7 @@ def test_the_ground_and_what_is_unknown_count_for_nothing():
     analysis = flown(use)
     track = replace(analysis.track, flying=np.arange(len(use)) < 200)
     found = thrust_use(replace(analysis, track=track), 0.5)
-    assert found.lasting_above_s == pytest.approx(20.0, abs=0.2)
+    assert found.lasting_above_limit_s == pytest.approx(20.0, abs=0.2)
     nothing = thrust_use(
         replace(flown(level(NAN)), utilisation_predicted=level(NAN)),
         0.5,

@@ -74,8 +74,8 @@ def test_the_summary_is_what_the_report_says(ingested: tuple[Path, dict, dict]):
     assert stored["verdict"] == flight["verdict"]["level"]
     assert stored["worst_margin"] == flight["verdict"]["worst"]["margin"]
     assert stored["worst_margin"] == min(stored["margin_by_rotor"])
-    assert stored["rows_above_limit_s"] == flight["verdict"]["over_limit_s"]
-    assert stored["fill_kg"] == flight["verdict"]["fill_kg"]
+    assert stored["rows_above_limit_s"] == flight["verdict"]["use"]["above_limit_s"]
+    assert stored["fill_kg"] == flight["verdict"]["fill"]["kg"]
     assert stored["hectares"] == flight["flight"]["sprayed_area"] / 1e4
     assert stored["hectares_at_least"] is flight["flight"]["sprayed_area_at_least"] is None
     assert stored["flying_s"] == flight["flight"]["airborne_s"]

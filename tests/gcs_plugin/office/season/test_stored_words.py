@@ -117,8 +117,8 @@ def test_report_ingest_and_sql_have_the_same_numbers_level_and_action(
     (flight,) = json.loads(report.read_text())["flights"]
     verdict = flight["verdict"]
     (row,) = query(SeasonStore.open(str(store)), asked, SQL_WORDS).to_pylist()
-    assert row["fill_kg"] == verdict["fill_kg"] == 8.6
-    assert row["fill_limit_kg"] == verdict["fill_limit_kg"] == pytest.approx(9.76, abs=0.01)
+    assert row["fill_kg"] == verdict["fill"]["kg"] == 8.6
+    assert row["fill_limit_kg"] == verdict["fill"]["limit_kg"] == pytest.approx(9.76, abs=0.01)
     assert row["verdict"] == verdict["level"] == row["levels"][0] == "critical"
     assert row["action_kinds"] == ["fill_at_most"]
     assert row["action"] == verdict["action"]

@@ -108,12 +108,12 @@ def page(report, tmp_path_factory):
 
 def test_page_json_and_csv_say_the_same_numbers(report, page):
     made = json.loads(json_text(report, "r.csv"))
-    assert made["schema"] == "thrustmargin.report/2"
+    assert made["schema"] == "thrustmargin.report/3"
     one, of = made["flights"][0], report.flights[0]
     rows = list(csv.DictReader(io.StringIO(csv_bytes(report).decode())))
 
     worst = one["verdict"]["worst"]
-    assert worst["capacity_use"] == of.verdict.worst.capacity_use
+    assert worst["capacity_use"] == of.verdict["worst"].capacity_use
     row = next(
         r for r in rows if float(r["time_s [s]"]) == pytest.approx(worst["time_s"], abs=1e-3)
     )
@@ -194,8 +194,8 @@ def test_a_whole_flight_has_every_figure(report):
 
 def test_an_alarm_of_the_flight_and_what_to_do_both_stand_under_the_verdict(report, tmp_path):
     one = report.flights[0]
-    facts = (Fact("alarm", "rotor 1 makes 8% less thrust"), *one.verdict.facts)
-    changed = replace(one, verdict=replace(one.verdict, facts=facts))
+    facts = (Fact("alarm", "rotor 1 makes 8% less thrust"), *one.verdict["facts"])
+    changed = replace(one, verdict={**one.verdict, "facts": facts})
     page = page_of(replace(report, flights=(changed,)), tmp_path)
     (do,) = (fact.text for fact in facts if fact.label == "what to do")
     for said in ("rotor 1 makes 8% less thrust", f"{do[0].upper()}{do[1:]}."):
@@ -215,8 +215,8 @@ def test_the_strip_has_the_colours_of_the_replay_and_the_worst_moment(report):
         "flying": np.ones(4),
         "known_utilisation": use[:, None],
     }
-    worst = replace(one.verdict.worst, time_s=75.0)
-    made = strip_of(replace(one, rows=rows, verdict=replace(one.verdict, worst=worst, limit=0.5)))
+    worst = replace(one.verdict["worst"], time_s=75.0)
+    made = strip_of(replace(one, rows=rows, verdict={**one.verdict, "worst": worst}))
     assert made is not None
     assert made.worst_at == 75.0
     colours = [colour for _, colour in made.parts]
@@ -251,7 +251,7 @@ def test_figures_hold_the_worst_value_after_thinning(report):
     figure = figures(of)["use"]
     (trace,) = (one for one in figure.data if one.get("name") == "worst rotor")
     drawn = trace["y"]
-    assert np.nanmax(drawn) == pytest.approx(of.verdict.worst.capacity_use * 100, rel=1 / 16000)
+    assert np.nanmax(drawn) == pytest.approx(of.verdict["worst"].capacity_use * 100, rel=1 / 16000)
     assert drawn.size < 1700
 
 

@@ -51,7 +51,7 @@ def test_a_pump_that_the_file_has_too_large_is_named_as_what_was_off():
 
 def test_the_page_and_the_verdict_say_it(made):
     report = build_report([flight()], plan=read_plan(LOG))
-    facts = {fact.label: fact.text for fact in report.flights[0].verdict.facts}
+    facts = {fact.label: fact.text for fact in report.flights[0].verdict["facts"]}
     assert facts["plan"] == made["words"]
     assert "Beside the plan" in html_text(report, None)
 

@@ -41,8 +41,8 @@ def test_a_flight_takes_three_to_five_pages_of_a4(pdf):
 def test_verdict_facts_and_moments_are_those_of_the_report(report, pdf):
     said = words(" ".join(page.extract_text() for page in pdf.pages))
     verdict = report.flights[0].verdict
-    assert words(verdict.headline) in words(pdf.pages[0].extract_text())
-    for fact in verdict.facts:
+    assert words(verdict["headline"]) in words(pdf.pages[0].extract_text())
+    for fact in verdict["facts"]:
         assert words(fact.text[1:]) in said, fact
     for moment in report.flights[0].moments:
         assert words(f"{moment.rotor} {moment.rotor_name}") in said
@@ -79,7 +79,7 @@ def test_of_several_flights_paper_has_what_was_decided_and_one_figure_each():
 def test_text_of_a_log_stays_text(report):
     evil = Fact("airframe", "<b>bold</b> <script>alert(1)</script> $x^2$ \u202e %d {}")
     one = report.flights[0]
-    changed = replace(one, name="<i>a", verdict=replace(one.verdict, facts=(evil,)))
+    changed = replace(one, name="<i>a", verdict={**one.verdict, "facts": (evil,)})
     pages = read(replace(report, flights=(changed,))).pages
     text = words(" ".join(page.extract_text() for page in pages))
     assert words("<b>bold</b> <script>alert(1)</script> $x^2$") in text
