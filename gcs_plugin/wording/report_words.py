@@ -35,7 +35,7 @@ WITHOUT: Mapping[str, str] = {
 LIQUID, LOAD, RATIO, NAMEPLATE = (
     "liquid on board",
     "load a rotor",
-    "full over empty, start over end",
+    "load with a full tank over that with an empty one; at the start over at the end",
     "load over the maker's maximum thrust",
 )
 IN_HOVER, IN_FLIGHT = (
@@ -65,11 +65,13 @@ def prediction_checked(check: MarginCheck, *, trained_on: bool) -> str:
         f"{say(step.name)} {percent(step.predicted)} ({percent(step.measured)})"
         for step in check.steps
     )
-    parts = [say("thrust in use, as measured in brackets: {steps}", steps=steps)]
+    parts = [say("thrust in use as predicted, and in brackets as measured: {steps}", steps=steps)]
     if known(check.coverage):
-        held = say("its interval held in {share} of rows", share=percent(check.coverage))
+        held = say(
+            "{share} of the measurements are inside its interval", share=percent(check.coverage)
+        )
         if known(check.promised):
-            held += say(", made for {share}", share=percent(check.promised))
+            held += say(" ({share} expected)", share=percent(check.promised))
         parts.append(held)
     if trained_on:
         parts.append(say("the model learnt from this flight, so a new one may differ more"))

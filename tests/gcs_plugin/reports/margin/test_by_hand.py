@@ -141,7 +141,9 @@ def test_loads_follow_eq_6_to_8():
     assert load["flight_start"] == pytest.approx((airframe.empty_mass + 8.0) / 4)
     assert load["flight_end"] == pytest.approx((airframe.empty_mass + 1.0) / 4)
     increase = (airframe.empty_mass + 8.0) / (airframe.empty_mass + 1.0) - 1
-    assert rows["full over empty, start over end"]["flight_start"] == pytest.approx(increase)
+    assert rows["load with a full tank over that with an empty one; at the start over at the end"][
+        "flight_start"
+    ] == pytest.approx(increase)
     nameplate = rows["load over the maker's maximum thrust"]["flight_start"]
     assert nameplate == pytest.approx(load["flight_start"] * G0 / airframe.nameplate_max_thrust)
     mean_use = rows["thrust in use in flight, mean of the rotors"]

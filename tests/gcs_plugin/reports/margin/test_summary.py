@@ -154,7 +154,9 @@ def test_the_papers_figures_stand_beside_the_flights(analysis, report):
     rows = {row["name"]: row for row in report.load}
     load = rows["load a rotor"]
     assert (load["paper_full"], load["paper_empty"]) == pytest.approx((9.275, 5.275))
-    assert rows["full over empty, start over end"]["paper_full"] == pytest.approx(0.7583, abs=5e-5)
+    assert rows["load with a full tank over that with an empty one; at the start over at the end"][
+        "paper_full"
+    ] == pytest.approx(0.7583, abs=5e-5)
     nameplate = rows["load over the maker's maximum thrust"]
     assert nameplate["paper_full"] == pytest.approx(0.546, abs=5e-4)
     hover = rows["thrust in use in hover, by weight"]
@@ -165,7 +167,9 @@ def test_the_papers_figures_stand_beside_the_flights(analysis, report):
     end = np.nanmedian(track.tank_kg[end_rows(track)[1]])
     assert load["flight_start"] == pytest.approx((21.1 + start) / 4)
     assert load["flight_end"] == pytest.approx((21.1 + end) / 4)
-    ratio = rows["full over empty, start over end"]["flight_start"]
+    ratio = rows["load with a full tank over that with an empty one; at the start over at the end"][
+        "flight_start"
+    ]
     assert ratio == pytest.approx(load["flight_start"] / load["flight_end"] - 1)
     # On a quad at even load, utilisation in hover is 1/(2 x redundancy).
     expected = np.nanmedian(1 / (2 * analysis.redundancy_yaw_uncontrolled[end_rows(track)[0]]))
