@@ -39,8 +39,8 @@ from thrustmargin.models.model.mode_walk import (
 )
 from thrustmargin.models.model.model_file import load_model
 from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.physics.electric_power import FlightPower, PowerLaw, power_law
 from thrustmargin.models.physics.known_battery import KnownBattery, known_battery
-from thrustmargin.models.physics.power import FlightPower, PowerLaw, power_law
 from thrustmargin.models.whole_file import regular, whole_file
 
 SCHEMA = "thrustmargin.aircraft/1"

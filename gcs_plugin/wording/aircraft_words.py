@@ -9,8 +9,8 @@ import numpy as np
 from thrustmargin.gcs_plugin.wording.language import number, percent, say
 from thrustmargin.mission.forecast.experience import FlownMission
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.physics.electric_power import NORMAL, PowerLaw, power_factors
 from thrustmargin.models.physics.known_battery import KnownBattery
-from thrustmargin.models.physics.power import NORMAL, PowerLaw, power_factors
 
 
 def known_words(name: str, flights: int, days: int) -> str:

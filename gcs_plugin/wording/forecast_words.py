@@ -25,7 +25,7 @@ from thrustmargin.mission.forecast.legs import Sortie
 from thrustmargin.mission.forecast.plan_forecast import PlanForecast
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.model_misfit import Caveat
-from thrustmargin.models.physics.power import power_factors
+from thrustmargin.models.physics.electric_power import power_factors
 
 NO_VERDICT = "NO VERDICT: the model predicts nothing for this aircraft in these conditions"
 UNLIKE = "NO VERDICT: the flight in this log does not fit the airframe"

@@ -24,8 +24,8 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.mode_walk import DAY_STEP, FLIGHT_STEP
 from thrustmargin.models.model.rotor_model import Prediction, RotorModel, identified_airframe
 from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.electric_power import NORMAL, UNMEASURED_POWER_ERROR, power_factors
 from thrustmargin.models.physics.margin import rotor_thrust
-from thrustmargin.models.physics.power import NORMAL, UNMEASURED_POWER_ERROR, power_factors
 
 #: Charge of a cell -> V at rest, of lithium polymer.
 _CHARGE = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)

@@ -50,9 +50,9 @@ from thrustmargin.models.physics.day import (
     complete_day,
     stated_value,
 )
+from thrustmargin.models.physics.electric_power import power_factors
 from thrustmargin.models.physics.forward_flight import steady_slowing
 from thrustmargin.models.physics.margin import ceiling, utilisation
-from thrustmargin.models.physics.power import power_factors
 from thrustmargin.models.provenance import Provenance, SourceKind
 
 #: A plan is no flight: there is nothing in it that could speak against the airframe.

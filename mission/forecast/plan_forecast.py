@@ -85,7 +85,7 @@ from thrustmargin.models.model.rotor_faults import FaultHistory
 from thrustmargin.models.model.rotor_model import Basis, RotorModel, identified_airframe
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.day import UNKNOWN_DAY, Day
-from thrustmargin.models.physics.power import UNMEASURED_POWER_ERROR, power_factors
+from thrustmargin.models.physics.electric_power import UNMEASURED_POWER_ERROR, power_factors
 
 STILL = (0.0, 0.0, 0.0)
 #: Directions that a wind without one is tried from.

@@ -8,7 +8,7 @@ import numpy as np
 
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.mode_walk import local_day
-from thrustmargin.models.physics.power import FlightPower
+from thrustmargin.models.physics.electric_power import FlightPower
 
 FEWEST_ROWS = 100  # in flight, of a flight whose power counts
 
@@ -17,7 +17,7 @@ def power_coefficient(analysis: FlightAnalysis) -> float:
     """Return k, W/rpm³, of electric power = k rho / rho_ref sum of N³ over the rotors.
 
     By least squares over rows in flight with all rotor speeds measured; rho_ref is the model's
-    reference density. NaN with fewer than FEWEST_ROWS rows. `models.physics.power` has the source
+    reference density. NaN with fewer than FEWEST_ROWS rows. `models.physics.electric_power` has the source
     of the law.
     """
     track, model = analysis.track, analysis.model

@@ -25,8 +25,8 @@ from thrustmargin.models.network.network import RotorNetwork
 from thrustmargin.models.network.records import GoodFlights, TrainingRecord
 from thrustmargin.models.network.validity import Interval, TrainingDomain
 from thrustmargin.models.physics.airframe import airframe_from_table, airframe_table
+from thrustmargin.models.physics.electric_power import PowerLaw
 from thrustmargin.models.physics.forward_flight import ForwardFlight
-from thrustmargin.models.physics.power import PowerLaw
 from thrustmargin.models.whole_file import regular, whole_file
 
 #: schema name in the JSON of a model file

@@ -51,9 +51,9 @@ from thrustmargin.models.network.records import GoodFlights, TrainingRecord
 from thrustmargin.models.network.validity import Interval, TrainingDomain
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import isa_air
+from thrustmargin.models.physics.electric_power import PowerLaw
 from thrustmargin.models.physics.forward_flight import ForwardFlight, thrust_ratio
 from thrustmargin.models.physics.margin import rotor_thrust, weight
-from thrustmargin.models.physics.power import PowerLaw
 from thrustmargin.models.physics.thrust import speed_from_thrust
 
 

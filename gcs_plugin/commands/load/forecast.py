@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from thrustmargin.models.model.rotor_faults import FaultHistory
     from thrustmargin.models.model.rotor_model import RotorModel
     from thrustmargin.models.physics.day import Day
-    from thrustmargin.models.physics.power import FlightPower
+    from thrustmargin.models.physics.electric_power import FlightPower
 
 PLANS = (".plan", ".mission", ".waypoints", ".txt")
 AT_HOME = 30.0  # m from a plan's home within which a lift-off was there
@@ -187,8 +187,8 @@ def forecast(
     from thrustmargin.mission.forecast import plan_forecast
     from thrustmargin.mission.forecast.battery import stated_capacity
     from thrustmargin.models.physics.day import Day, DaySource, DayValue
+    from thrustmargin.models.physics.electric_power import power_law
     from thrustmargin.models.physics.known_battery import KnownBattery
-    from thrustmargin.models.physics.power import power_law
 
     inputs = Inputs(model=model, airframe=airframe, max_utilisation=max_utilisation, known=whose)
     rotor_model = inputs.rotor_model()

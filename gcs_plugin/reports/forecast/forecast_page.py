@@ -48,7 +48,7 @@ from thrustmargin.models.model.fill_limits import NextFill, largest_fills, stead
 from thrustmargin.models.model.rotor_model import identified_airframe
 from thrustmargin.models.physics.atmosphere import air_density, isa_pressure
 from thrustmargin.models.physics.day import ZERO_CELSIUS, day_json
-from thrustmargin.models.physics.power import UNMEASURED_POWER_ERROR, power_factors
+from thrustmargin.models.physics.electric_power import UNMEASURED_POWER_ERROR, power_factors
 
 if TYPE_CHECKING:
     from thrustmargin.mission.forecast.plan_flight import PlanConditions

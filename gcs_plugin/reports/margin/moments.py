@@ -39,7 +39,7 @@ from thrustmargin.models.model.flight_day import day_before_take_off
 from thrustmargin.models.model.flight_power import flight_power
 from thrustmargin.models.model.output_faults import MisreadSpeed
 from thrustmargin.models.model.rotor_faults import FaultEpisode
-from thrustmargin.models.physics.power import power_law
+from thrustmargin.models.physics.electric_power import power_law
 from thrustmargin.models.physics.smoothing import known_mean
 
 #: Moments closer than this are one moment, s: about the length of a turn at a line end.

@@ -21,7 +21,7 @@ from thrustmargin.models.model.fill_limits import steady_flight
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
-from thrustmargin.models.physics.power import FlightPower, PowerLaw
+from thrustmargin.models.physics.electric_power import FlightPower, PowerLaw
 
 CRAFT = load_airframe("topxgun-f16-sitl")  # 14 cells
 NEVER = np.empty(0, dtype=np.intp)

@@ -145,8 +145,10 @@ def test_a_way_that_bends_by_15_degrees_turns(bend_deg: float, turns: int):
 @pytest.mark.parametrize("offset", [0.0, 12.0])
 def test_a_model_that_follows_air_is_flown_in_the_air_of_the_day(offset: float):
     """At one thrust N² rho is constant, on the way, on the way home and in steady flight."""
-    known = [Identified(value=v, unit=u, ci95=(v, v)) for v, u in ((offset, "K"), (1.0, "1"))]
-    parameters = dict(zip(("temperature_offset", "torque_share"), known, strict=True))
+    parameters = {
+        name: Identified(value=value, unit=unit, ci95=(value, value))
+        for name, value, unit in (("temperature_offset", offset, "K"), ("torque_share", 1.0, "1"))
+    }
     record = EffectRecord(name="air_density", rotor=None, parameters=parameters)
     model = replace(physics_model(MODEL.airframe), effects=(record,))
     thick, thin = model.reference_density, 0.81 * model.reference_density

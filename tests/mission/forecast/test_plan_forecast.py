@@ -14,7 +14,7 @@ from thrustmargin.mission.forecast.plan_forecast import TakeOff, forecast
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.model_file import shipped_model
-from thrustmargin.models.physics.power import FlightPower, PowerLaw
+from thrustmargin.models.physics.electric_power import FlightPower, PowerLaw
 
 MODEL = shipped_model()
 PARAMETERS = {"ATC_ACCEL_Y_MAX": 2500.0, "ATC_RATE_Y_MAX": 45.0, "WP_ACC": 1.5}

@@ -15,7 +15,7 @@ from thrustmargin.mission.forecast.plan_forecast import TakeOff, forecast
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
-from thrustmargin.models.physics.power import FlightPower, PowerLaw
+from thrustmargin.models.physics.electric_power import FlightPower, PowerLaw
 
 
 def test_it_holds_the_numbers_of_the_forecast():

@@ -5,14 +5,14 @@ import math
 import pytest
 
 from thrustmargin.models.errors import ModelError
-from thrustmargin.models.physics.known_battery import known_battery
-from thrustmargin.models.physics.power import (
+from thrustmargin.models.physics.electric_power import (
     UNMEASURED_POWER_ERROR,
     FlightPower,
     PowerLaw,
     power_factors,
     power_law,
 )
+from thrustmargin.models.physics.known_battery import known_battery
 
 
 def flown(name: str, day: int, coefficient: float) -> FlightPower:
