@@ -17,8 +17,8 @@ def power_coefficient(analysis: FlightAnalysis) -> float:
     """Return k, W/rpm³, of electric power = k rho / rho_ref sum of N³ over the rotors.
 
     By least squares over rows in flight with all rotor speeds measured; rho_ref is the model's
-    reference density. NaN with fewer than FEWEST_ROWS rows. `models.physics.electric_power` has the source
-    of the law.
+    reference density. NaN with fewer than FEWEST_ROWS rows. `models.physics.electric_power` has the
+    source of the law.
     """
     track, model = analysis.track, analysis.model
     cubes = np.sum(track.measured("rotor_speed_rpm") ** 3, axis=1)

@@ -228,9 +228,11 @@ def test_the_way_home_is_said_by_its_cautious_end_beside_what_is_expected():
     assert f"(expected: {plan.way_back.expected_spare_wh:.0f} Wh)" in words
     needed = sum(one.energy_wh for one in plan.needs.sorties)
     tight = FlightBattery(capacity_ah=1.1 * needed / 51.8 / 0.75, resistance=0.02)
-    close = made(fill_kg=2.0, battery=tight)
+    close = made(battery=tight)
+    under = replace(close.advised.advice, levels=(FlightLevel.UNDER,))
+    close = replace(close, advised=replace(close.advised, advice=under))
     assert "at the earliest (expected: home stays in reach)" in way_back_words(close)
-    assert verdict(close) == "TOO CLOSE TO TELL WITH 2.0 kg (2.0 L): the battery may not last"
+    assert verdict(close) == "TOO CLOSE TO TELL WITH 6.0 kg (6.0 L): the battery may not last"
     assert sortie_words(close)[-1].startswith("No split is possible: one line alone may take more")
 
 
