@@ -6,7 +6,7 @@ parameters.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -62,11 +62,19 @@ def action_of(found: Found, whole: Identification) -> Action | None:
     return actions.SAME_KIND if gains else action
 
 
-def effect_thing(term: Term | Placed, rotor_names: Sequence[str]) -> str:
-    """Return the name of an effect in a list: `a weak rotor 1 (front right)`."""
+def effect_thing(
+    term: Term | Placed, rotor_names: Sequence[str], gaining: Collection[int] = ()
+) -> str:
+    """Return the name of an effect in a list: `a weak rotor 1 (front right)`.
+
+    The rotors `gaining` (0-based) make more thrust than expected, so they are not called weak.
+    """
     rotor = "" if term.rotor is None else rotor_words(term.rotor, tuple(rotor_names))
     where = unnamed_place(term, rotor_names) if term.effect.name == NAME else ""
-    return words_of(term).thing.format(rotor=rotor, where=where)
+    thing = words_of(term).thing
+    if term.rotor in gaining:
+        thing = thing.replace(WEAK, STRONG)
+    return thing.format(rotor=rotor, where=where)
 
 
 def unnamed_place(term: Term | Placed, rotor_names: Sequence[str]) -> str:
@@ -80,7 +88,12 @@ def unnamed_place(term: Term | Placed, rotor_names: Sequence[str]) -> str:
 def effect_things(model: RotorModel) -> tuple[str, ...]:
     """Return the names of the effects in a model, each once, in the model's order."""
     names = model.airframe.rotor_names
-    things = (effect_thing(placed, names) for placed in model.placed)
+    gaining = {
+        one.rotor
+        for one in model.placed
+        if one.rotor is not None and one.values.get("loss", 0.0) < 0.0
+    }
+    things = (effect_thing(placed, names, gaining) for placed in model.placed)
     return tuple(dict.fromkeys(things))
 
 
@@ -101,7 +114,7 @@ ALONG_WORDS = {
     "load": ("the thrust that all rotors make", "kg", 1.0),
 }
 
-WEAK = "a weak {rotor}"
+WEAK, STRONG = "a weak {rotor}", "more thrust of {rotor}"
 #: Key of the effect, or its name if all variants are described alike -> its words.
 WORDS: Mapping[str, EffectWords] = {
     "rotor_degradation": EffectWords(WEAK, amounts.weak_rotor, actions.INSPECT),

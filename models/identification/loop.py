@@ -165,6 +165,7 @@ def identify_checked(
             if e.term.rotor is None or not problem.of_outputs
         ),
         mentioned=accepted.mentioned,
+        gaining=answer.gaining_rotors(),
         open_causes=(
             *(open_cause(f, answer) for f in found if f.term.key in open_keys),
             *more.causes,

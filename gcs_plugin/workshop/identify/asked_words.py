@@ -3,7 +3,7 @@ owner."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from thrustmargin.gcs_plugin.wording import actions
@@ -91,7 +91,9 @@ def unexplained_words(found: Identification) -> str:
             f"that{'' if seen else ', so none was added'}; {actions.INSPECT.text}, "
             f"and {actions.UNSTEADY.text}"
         )
-    things = " or ".join(dict.fromkeys(_effect_name(w, names) for w in left.get("closest") or ()))
+    things = " or ".join(
+        dict.fromkeys(_effect_name(w, names, found.gaining) for w in left.get("closest") or ())
+    )
     close = f"; closest in the table: {things}" if things else ""
     return (
         f"No effect explains {rms} in {left['mode']}, {share} of what is left, that {along}{close}"
@@ -133,10 +135,11 @@ def unnamed_causes_words(found: Identification) -> str:
     return f"{seen}; {actions.KEEP_AS_SEEN.text}{beyond}"
 
 
-def _effect_name(words: str, names: Sequence[str]) -> str:
+def _effect_name(words: str, names: Sequence[str], gaining: Collection[int]) -> str:
     """Return the name of the effect that `words` (`Term.words`) describes, in the words of the
     answer."""
     name, _, rotor = words.partition(" of rotor ")
     if name not in BY_KEY:
         return words.replace("_", " ")
-    return effect_thing(Term(effect=BY_KEY[name], rotor=int(rotor) - 1 if rotor else None), names)
+    term = Term(effect=BY_KEY[name], rotor=int(rotor) - 1 if rotor else None)
+    return effect_thing(term, names, gaining)

@@ -6,7 +6,7 @@ Console, page and JSON show these sentences; those that request an action come f
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -69,7 +69,7 @@ def answer(
     lines += [effect_sentence(f, found) for f in rotors_first]
     flights = found.problem.flights
     lines += [mentioned_words(m, names, flights) for m in found.mentioned]
-    lines += [one_of_words(o, names, flights) for o in found.one_of]
+    lines += [one_of_words(o, names, flights, found.gaining) for o in found.one_of]
     lines += [damage_in_model_words(fault, names) for fault in faults_in_model(found.model)]
     open_mode = unexplained_words(found)
     only_open = not lines and bool(found.open_causes) and found.nothing_probability < CHOICE
@@ -81,7 +81,7 @@ def answer(
         lines.append(f"A loss {cleared}")
     lines += [effect_sentence(f, found) for f in found.followed]
     if following is not None:
-        lines.append(next_flight_words(following, names, mission, suspects))
+        lines.append(next_flight_words(following, names, mission, suspects, found.gaining))
     lines.append(error_words(found, margin))
     return tuple(f"{line}." for line in (*lines, *open_questions(found), *few_flights_words(found)))
 
@@ -105,11 +105,13 @@ def inspection_words(rotors: Sequence[int]) -> str:
     return f"first, {actions.inspect_rotors(rotors).text}; only if sound, "
 
 
-def one_of_words(one: OneOf, names: Sequence[str], flights: int) -> str:
+def one_of_words(
+    one: OneOf, names: Sequence[str], flights: int, gaining: Collection[int] = ()
+) -> str:
     """Return the sentence about confounded effects: at least one is present, and the flights do not
     show which."""
     shares = [
-        f"{effect_thing(term, names)} ({chance(share)})"
+        f"{effect_thing(term, names, gaining)} ({chance(share)})"
         for term, share in zip(one.terms, one.probabilities, strict=True)
     ]
     by = f"{flights} flights do" if flights > 1 else "one flight does"
@@ -296,22 +298,26 @@ def excluded_rows(found: Identification) -> list[tuple[str, str]]:
     ]
 
 
-def set_words(terms: Sequence[Term], names: Sequence[str]) -> str:
+def set_words(terms: Sequence[Term], names: Sequence[str], gaining: Collection[int] = ()) -> str:
     """Return a set of effects in words: `hidden mass and a weak rotor 1 (front right)`; `nothing`
-    if empty."""
-    things = [effect_thing(term, names) for term in terms] or ["nothing"]
+    if empty. Rotors in `gaining` (0-based) make more thrust than expected."""
+    things = [effect_thing(term, names, gaining) for term in terms] or ["nothing"]
     return " and ".join(filter(None, (", ".join(things[:-1]), things[-1])))
 
 
 def next_flight_words(
-    following: NextFlight, names: Sequence[str], mission: str, suspects: Sequence[int] = ()
+    following: NextFlight,
+    names: Sequence[str],
+    mission: str,
+    suspects: Sequence[int] = (),
+    gaining: Collection[int] = (),
 ) -> str:
     """Return the sentence about the flight that distinguishes two explanations, after inspecting
     `suspects` (rotors, 1-based)."""
     ours, theirs = following.separates
     both = {t.key for t in ours} & {t.key for t in theirs}
     sides = [[t for t in side if t.key not in both] for side in (ours, theirs)]
-    asked = " from ".join(set_words(side, names) for side in sides if side)
+    asked = " from ".join(set_words(side, names, gaining) for side in sides if side)
     question = asked if all(sides) else f"whether the cause is {asked}"
     times = f", {following.repeats} times" if following.repeats > 1 else ""
     sure = ""

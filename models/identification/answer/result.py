@@ -192,6 +192,7 @@ class Identification:
     one_of: tuple[OneOf, ...] = ()
     excluded: tuple[Excluded, ...] = ()
     mentioned: tuple[Mentioned, ...] = ()
+    gaining: frozenset[int] = frozenset()  # rotors (0-based) that make more thrust than expected
     open_causes: tuple[OpenCause, ...] = ()  # unnamed causes that enter the new model
     followed: tuple[Found, ...] = ()  # effects that a channel reports to the model already
     #: constant differences of motor outputs, of unknown cause

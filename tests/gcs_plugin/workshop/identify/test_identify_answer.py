@@ -9,6 +9,7 @@ import pytest
 from tests.models.made_flights import curve_model, made_flights, table
 from thrustmargin.gcs_plugin.wording.language import chance
 from thrustmargin.gcs_plugin.workshop.identify.asked_words import unnamed_causes_words
+from thrustmargin.gcs_plugin.workshop.identify.identify_result import effect_rows, set_rows
 from thrustmargin.gcs_plugin.workshop.identify.identify_words import (
     answer,
     excluded_rows,
@@ -321,6 +322,21 @@ def test_a_set_of_effects_reads_as_a_list():
     assert set_words((weak(0), GAUGE, MASS), NAMES) == (
         "a weak rotor 1 (front right), a wrong tank gauge and hidden mass"
     )
+
+
+def test_a_rotor_that_makes_more_thrust_is_never_called_weak(worn):
+    assert set_words((weak(0), weak(3)), NAMES, {3}) == (
+        "a weak rotor 1 (front right) and more thrust of rotor 4 (rear right)"
+    )
+    (one,) = worn.found
+    turned = replace(one, value=-one.value, lower=-one.upper, upper=-one.lower)
+    gains = replace(worn, found=(turned,), gaining=frozenset({0}))
+    either = OneOf(terms=(weak(0), MASS), probabilities=(0.6, 0.35))
+    text = [*said(gains), *(row[0] for row in effect_rows(gains)), *dict(set_rows(gains))]
+    text.append(one_of_words(either, NAMES, 3, gains.gaining))
+    assert "more thrust" in text[0]
+    assert "more thrust of rotor 1 (front right)" in text
+    assert not any("weak rotor 1" in line for line in text)
 
 
 def test_the_margin_is_said_where_the_effect_moves_it():

@@ -89,6 +89,16 @@ def test_both_that_nearly_all_weight_holds_are_named():
     assert both.named_candidates() == [3, 5]
 
 
+def test_a_rotor_with_more_thrust_is_distinguished_from_a_weak_one():
+    found = answer_of(
+        a_set(0.6, last=(0.05, 0.01), since=(-0.07, 0.01)),
+        a_set(0.3, loss=(0.1, 0.01)),
+        a_set(0.1, mass=(-1.0, 0.2)),
+    )
+    assert found.gaining_rotors() == {2}  # "since" is likelier than "loss", on one rotor
+    assert answer_of(a_set(1.0, loss=(0.1, 0.01))).gaining_rotors() == frozenset()
+
+
 def test_a_size_that_may_be_nothing_is_no_name():
     assert answer_of(a_set(1.0, mass=(0.3, 0.2))).named_candidates() == []
     assert answer_of(a_set(1.0, mass=(0.5, 0.2))).named_candidates() == [0]
