@@ -53,11 +53,14 @@ def action_of(found: Found, whole: Identification) -> Action | None:
     """Return the action that an effect requests, or None.
 
     A rotor with more thrust than expected requests a propeller of the same kind. Extra drag
-    requests nothing if the model was not trained on flights, because such a model has no drag.
+    requests nothing if the model was not trained on flights, because such a model has no drag. No
+    model is to be kept that does not lower the error.
     """
     action = words_of(found.term).action
     if action is actions.LOOK_FOR_MOUNTED and not whole.model.taught:
-        return actions.KEEP
+        action = actions.KEEP
+    if action is actions.KEEP and not whole.after.rmse_rpm < whole.before.rmse_rpm:
+        return actions.LEAVE_OUT
     gains = action is actions.INSPECT and found.value[found.flight, 0] < 0.0
     return actions.SAME_KIND if gains else action
 

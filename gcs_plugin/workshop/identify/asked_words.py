@@ -129,8 +129,6 @@ def unnamed_causes_words(found: Identification) -> str:
         each.append(f"{where}{others}, {span} {size}{until}")
         curves = True
     seen = f"Without a name, as it was seen: {'; '.join(each)}"
-    if not found.found and found.after.rmse_rpm > found.before.rmse_rpm:
-        return f"{seen}; {actions.LEAVE_OUT.text}"
     beyond = ", held at its edge beyond that range, with twice the interval" if curves else ""
     return f"{seen}; {actions.KEEP_AS_SEEN.text}{beyond}"
 

@@ -72,7 +72,7 @@ def answer(
     lines += [one_of_words(o, names, flights, found.gaining) for o in found.one_of]
     lines += [damage_in_model_words(fault, names) for fault in faults_in_model(found.model)]
     open_mode = unexplained_words(found)
-    only_open = not lines and bool(found.open_causes) and found.nothing_probability < CHOICE
+    only_open = not lines and bool(found.open_causes)
     if not lines and not open_mode and not only_open:
         lines.append(nothing_missing_words(found))
     lines += [open_mode] if open_mode else []

@@ -77,12 +77,17 @@ class AcceptedEffects:
     answer: Posterior
     left_out: CrossValidation
     probable: tuple[int, ...]  # candidates that rule 3 selects, before any is dropped
-    estimates: tuple[EffectEstimate, ...]  # of the accepted effects and the unnamed causes
+    reported: tuple[EffectEstimate, ...]  # of the effects that are reported by name
+    estimates: tuple[EffectEstimate, ...]  # of these and the unnamed causes, fitted together
     one_of: tuple[OneOf, ...]
     unnamed_members: tuple[int, ...]  # candidates among `estimates` that are not reported by name
     unexplained: Unexplained | None
     lookalikes: tuple[int, ...]  # probable candidates that resemble the unexplained residual
     mentioned: tuple[Mentioned, ...]
+
+    def without_unnamed(self) -> AcceptedEffects:
+        """Return the accepted effects without unnamed causes."""
+        return replace(self, estimates=self.reported, unnamed_members=())
 
     @property
     def members(self) -> list[int]:
@@ -129,6 +134,7 @@ def accept_effects(
     unnamed: list[int] = []
     if not problem.of_outputs:
         unnamed = unnamed_terms_worth_keeping(left_out, answer, accepted, probable)
+    reported = estimates
     if unnamed:
         estimates = answer.estimates([*accepted, *unnamed], either)
     # Rule 9: an uneven loss of a rotor is reported as unexplained, with an inspection of its own
@@ -143,6 +149,7 @@ def accept_effects(
         answer=answer,
         left_out=left_out,
         probable=tuple(probable),
+        reported=tuple(add_law_error(search, one) for one in reported),
         estimates=tuple(add_law_error(search, one) for one in estimates),
         one_of=one_of,
         unnamed_members=tuple(unnamed),
@@ -255,7 +262,7 @@ def find_unexplained(space: SearchSpace, answer: Posterior) -> Unexplained | Non
     modes = every if rotors else sorted({int(np.argmax(square)) for square in found.values()})
     alike = [
         main,
-        *(c for c in _interchangeable_causes(main, search) if answer.probability([c]) > DOUBT),
+        *(c for c in search.interchangeable(main) if answer.probability([c]) > DOUBT),
     ]
     left = float(np.mean(np.nan_to_num(best.residual) ** 2, axis=0).sum())
     open_ = float(np.sum(list(found.values())))
@@ -291,7 +298,7 @@ def _probable_causes(answer: Posterior) -> dict[int, Floats]:
     found: dict[int, Floats] = {}
     seen: set[int] = set()
     for c in sorted(best.key):
-        alike = set(_interchangeable_causes(c, search)) if search.candidates[c].unnamed else set()
+        alike = set(search.interchangeable(c)) if search.candidates[c].unnamed else set()
         if c not in seen and answer.probability(alike) > CHOICE:
             group = alike & best.key
             seen |= group
@@ -324,18 +331,6 @@ def _exceeds_limits(square: Floats, taken: Floats, usual: Floats, of_rotor: bool
     return done > max(
         MOST_UNEXPLAINED * (done + float(own @ taken)), SLOW_FACTOR**2 * float(own @ usual)
     )
-
-
-def _interchangeable_causes(c: int, search: Search) -> list[int]:
-    """Return all unnamed candidates in the same mode and on the same rotor as candidate `c`."""
-    term = search.candidates[c].term
-    return [
-        k
-        for k, one in enumerate(search.candidates)
-        if one.unnamed
-        and one.term.rotor == term.rotor
-        and place_of(one.term.effect)[0] == place_of(term.effect)[0]
-    ]
 
 
 def _slow_mode(space: SearchSpace, search: Search, best: EffectSet) -> Unexplained | None:
@@ -444,7 +439,7 @@ def resembles_unexplained(one: OneOf, left: Unexplained | None, answer: Posterio
 def unnamed_terms_worth_keeping(
     left_out: CrossValidation, answer: Posterior, names: Sequence[int], before: Collection[int]
 ) -> list[int]:
-    """Rule 8: return the unnamed terms of the best set that lower the error when added to `names`.
+    """Rule 8: return the probable unnamed terms that lower the error when added to `names`.
 
     Terms must be needed by the cross-validated error (`needed_effects`). In addition, selecting all
     terms again without each fold must lower the error by LEAST_FALL, or no term is kept: then the
@@ -455,8 +450,7 @@ def unnamed_terms_worth_keeping(
         """Return the cross-validated RMS error, rpm, with `names` and the given terms."""
         return residual_rms(left_out.with_effects([*names, *some]))
 
-    pool = answer.search.unnamed_members(answer.best.key)
-    kept = needed_effects(error, [c for c in pool if c not in names])
+    kept = needed_effects(error, [c for c in answer.unnamed_members() if c not in names])
     if not kept:
         return []
     members = [*names, *kept]
@@ -484,7 +478,7 @@ def open_cause(found: Found, answer: Posterior) -> OpenCause:
     own = next(c for c, one in enumerate(candidates) if one.key == found.term.key)
     trials = TrialEffect(candidate=candidates[own], values=found.value)
     change = predicted_modes(search.reduced, [trials]) - predicted_modes(search.reduced, ())
-    place = _interchangeable_causes(own, search) if candidates[own].unnamed else ()
+    place = search.interchangeable(own) if candidates[own].unnamed else ()
     alike = (c for c in place if c != own and answer.probability([c]) > DOUBT)
     return OpenCause(
         found=found,

@@ -109,6 +109,20 @@ class Posterior:
                 likely.append(c)
         return [c for c in sorted(likely) if _excludes_zero(self.estimate(c))]
 
+    def unnamed_members(self) -> list[int]:
+        """List the candidates that may enter a model as unnamed causes.
+
+        They are those of the most probable set, and those of other sets that are more probable than
+        not (`Search.unnamed_members`). Unnamed causes in one mode or on one rotor stand in for each
+        other, so their joint probability counts.
+        """
+        likely = set(self.best.key)
+        for c in {c for one in self.sets for c in one.key}:
+            alike = self.search.interchangeable(c)
+            if self.probability(alike) > CHOICE and self.probability([c]) > DOUBT:
+                likely.add(c)
+        return self.search.unnamed_members(frozenset(likely))
+
     def _unnamed(self, candidate: int) -> bool:
         """Return whether a candidate is an unnamed cause."""
         return self.search.candidates[candidate].unnamed
