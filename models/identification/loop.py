@@ -124,12 +124,11 @@ def identify_checked(
         progress("errors on flights not used", 1.0)
     values = {e.candidate: e.value for e in estimates}
     before, after = left_out.residual({}), left_out.residual(values)
-    # Without an added effect the model and its error stay as they were.
-    chosen = before
-    if estimates:
-        open_ = bool(accepted.unnamed_members)
-        chosen = left_out.with_selected_effects(accepted.members, accepted.dropped, open_=open_)
-    unseen = [HeldOutResidual(problem=problem, before_rpm=before, after_rpm=chosen, role="fit")]
+    unseen = [
+        HeldOutResidual(
+            problem=problem, before_rpm=before, after_rpm=accepted.left_out_rpm, role="fit"
+        )
+    ]
     if unused is not None:
         unseen.append(
             HeldOutResidual(
@@ -148,6 +147,7 @@ def identify_checked(
         problem=problem,
         found=tuple(f for f in found if f.term.key not in open_keys),
         left=accepted.unexplained,
+        contradicted=tuple(search.candidates[c].term for c in accepted.contradicted),
         closest=tuple(search.candidates[c].term for c in accepted.lookalikes),
         unseen=tuple(unseen),
         before=errors_of(last.problem, last.before_rpm),

@@ -68,9 +68,9 @@ def _request(action: Action, rotor: int | None, probability: float) -> Requested
 
 
 def unexplained_words(found: Identification) -> str:
-    """Return the sentence about the unexplained residual; empty if there is none."""
+    """Return the sentence about the unexplained residual; empty if there is none or it is minor."""
     left = found.unexplained()
-    if left["mode"] is None:
+    if left["mode"] is None or left["minor"]:
         return ""
     share, rms = chance(left["fraction_of_variance"]), number(left["rms_rpm"], "rpm", 0)
     along = f"goes with {' or '.join(ALONG_WORDS[one][0] for one in left['channels'])}"
@@ -99,6 +99,18 @@ def unexplained_words(found: Identification) -> str:
         f"No effect explains {rms} in {left['mode']}, {share} of what is left, that {along}{close}"
         f": {action}"
     )
+
+
+def minor_words(found: Identification) -> str:
+    """Return the clause about a minor unexplained residual; empty if there is none."""
+    left = found.unexplained()
+    if not left["minor"]:
+        return ""
+    along = "comes and goes within flights"
+    if not left["wanders"]:
+        along = f"goes with {' or '.join(ALONG_WORDS[one][0] for one in left['channels'])}"
+    rms, share = number(left["rms_rpm"], "rpm", 0), chance(left["fraction_of_variance"])
+    return f"{rms} in {left['mode']} that {along}, {share} of what is left"
 
 
 def unnamed_causes_words(found: Identification) -> str:

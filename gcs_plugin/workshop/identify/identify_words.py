@@ -25,6 +25,7 @@ from thrustmargin.gcs_plugin.wording.language import (
     within,
 )
 from thrustmargin.gcs_plugin.workshop.identify.asked_words import (
+    minor_words,
     unexplained_words,
     unnamed_causes_words,
 )
@@ -71,6 +72,7 @@ def answer(
     lines += [mentioned_words(m, names, flights) for m in found.mentioned]
     lines += [one_of_words(o, names, flights, found.gaining) for o in found.one_of]
     lines += [damage_in_model_words(fault, names) for fault in faults_in_model(found.model)]
+    lines += [contradicted_words(found)] if found.contradicted else []
     open_mode = unexplained_words(found)
     only_open = not lines and bool(found.open_causes)
     if not lines and not open_mode and not only_open:
@@ -196,6 +198,15 @@ def nothing_missing_words(found: Identification) -> str:
     return f"{verdict}: a loss {cleared}" if cleared else verdict
 
 
+def contradicted_words(found: Identification) -> str:
+    """Return the sentence about effects that explain some flights and predict the others worse."""
+    what = set_words(found.contradicted, found.model.airframe.rotor_names, found.gaining)
+    where = "in all of these flights: {} explains some and predicts the others"
+    if found.problem.flights == 1:
+        where = "all along this flight: {} explains a part and predicts the rest"
+    return f"No effect holds {where.format(what)} worse, so none was added; {actions.ONE_KIND.text}"
+
+
 def excluded_losses(found: Identification) -> str:
     """Return the words `above 1.8 % on any rotor is excluded, a smaller one is not`; empty if no
     loss is."""
@@ -226,6 +237,8 @@ def _missing_words(found: Identification) -> str:
         return "Nothing is found missing"
     if none >= CHOICE:
         return f"Nothing is found missing ({chance(none, found.problem.flights)})"
+    if small := minor_words(found):
+        return f"Something small may be missing, {small}: nothing to repair"
     if found.likeliest is not None:
         term, likely = found.likeliest
         what = effect_thing(term, found.model.airframe.rotor_names)

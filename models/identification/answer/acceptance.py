@@ -17,10 +17,13 @@
 7. `Posterior.estimates`: refit the remaining effects alone; drop those whose interval then includes
    zero. Predictions use that refit, so its intervals count.
    Without it, the new model has an effect whose size may be zero.
-8. `unnamed_terms_worth_keeping`: add unnamed causes that lower the cross-validated error.
+8. `names_that_hold`: drop all effects if selecting them again without each flight does not lower
+   the error of that flight.
+   Without it, an effect of some flights is reported of all, with an error after above that before.
+9. `unnamed_terms_worth_keeping`: add unnamed causes that lower the cross-validated error.
    Without it, the new model keeps an error that recurs in every flight.
-9. `needs_inspection`: report a rotor as suspect only if the expected cost of a missed inspection is
-   higher and its loss lowers the cross-validated error.
+10. `needs_inspection`: report a rotor as suspect only if the expected cost of a missed inspection
+   is higher and its loss lowers the cross-validated error.
    Without it, pilots are asked to inspect sound rotors.
 
 In addition, `wind_in_airspeed` reports a strong wind that the airspeed sensor has followed.
@@ -36,6 +39,7 @@ from itertools import combinations
 import numpy as np
 from scipy.special import stdtr, stdtrit
 
+from thrustmargin.models.effects.base import Kind
 from thrustmargin.models.effects.channels import Channels, froude_time_scale
 from thrustmargin.models.effects.instrument_effects import FOLLOWED_WIND, WIND
 from thrustmargin.models.effects.unnamed import ALONG, place_of
@@ -84,20 +88,25 @@ class AcceptedEffects:
     unexplained: Unexplained | None
     lookalikes: tuple[int, ...]  # probable candidates that resemble the unexplained residual
     mentioned: tuple[Mentioned, ...]
+    contradicted: tuple[int, ...]  # candidates that rule 8 dropped
+    #: (T, R) residuals with effects selected again without each row's fold: reported effects alone,
+    #: and with unnamed causes
+    reported_rpm: Floats
+    left_out_rpm: Floats
 
     def without_unnamed(self) -> AcceptedEffects:
         """Return the accepted effects without unnamed causes."""
-        return replace(self, estimates=self.reported, unnamed_members=())
+        return replace(
+            self,
+            estimates=self.reported,
+            unnamed_members=(),
+            left_out_rpm=self.reported_rpm,
+        )
 
     @property
     def members(self) -> list[int]:
         """Return the accepted candidates and the unnamed causes."""
         return [e.candidate for e in self.estimates]
-
-    @property
-    def dropped(self) -> list[int]:
-        """Return the probable candidates that a later rule dropped."""
-        return [c for c in self.probable if c not in self.members]
 
 
 def accept_effects(
@@ -129,20 +138,31 @@ def accept_effects(
     first_keys = {one.terms[0].key for one in one_of}
     either = {c for c, one in enumerate(search.candidates) if one.term.key in first_keys}
     estimates = answer.estimates(needed, either)
-    # Rule 8: shares of motor outputs show no curve along a channel
-    accepted = [e.candidate for e in estimates]
-    unnamed: list[int] = []
+    # Rule 8
+    fitted = [e.candidate for e in estimates]
+    accepted, reported_rpm = names_that_hold(left_out, fitted, probable)
+    estimates = estimates if accepted else []
+    # Rule 9: shares of motor outputs show no curve along a channel
+    unnamed, left_out_rpm = list[int](), reported_rpm
     if not problem.of_outputs:
-        unnamed = unnamed_terms_worth_keeping(left_out, answer, accepted, probable)
+        unnamed, left_out_rpm = unnamed_terms_worth_keeping(
+            left_out, answer, accepted, probable, reported_rpm
+        )
     reported = estimates
     if unnamed:
         estimates = answer.estimates([*accepted, *unnamed], either)
-    # Rule 9: an uneven loss of a rotor is reported as unexplained, with an inspection of its own
+    # Rule 10: an uneven loss of a rotor is reported as unexplained, with an inspection of its own;
+    # a rotor that is not certain may only imitate a probable cause without a name
     members = [e.candidate for e in estimates]
+    contradicted = [c for c in fitted if c not in accepted]
+    elsewhere = {search.candidates[c].term.rotor for c in contradicted}
+    elsewhere |= {None if unexplained is None else unexplained.rotor}
+    causes = {search.candidates[c].term.rotor for c in probable_causes(answer)}
     mentioned = tuple(
         one
         for one, c in answer.mentioned(members)
-        if (unexplained is None or one.rotor != unexplained.rotor)
+        if one.rotor not in elsewhere
+        and causes <= {one.rotor}
         and needs_inspection(one.probability, error(members), error([*members, c]))
     )
     return AcceptedEffects(
@@ -156,6 +176,9 @@ def accept_effects(
         unexplained=unexplained,
         lookalikes=tuple(lookalikes),
         mentioned=mentioned,
+        contradicted=tuple(contradicted),
+        reported_rpm=reported_rpm,
+        left_out_rpm=left_out_rpm,
     )
 
 
@@ -235,7 +258,9 @@ def is_clearly_worse(squares: Floats, other: Floats) -> bool:
     return bool(excess.mean() > stdtrit(folds - 1, 1.0 - DOUBT / 2.0) * error)
 
 
-MOST_UNEXPLAINED = 0.15  # of the explained mean square of a mode, that may stay unexplained
+#: of the explained mean square of a mode, that may stay unexplained; and of the variance left,
+#: below which an unexplained residual is minor
+MOST_UNEXPLAINED = 0.15
 SLOW_FACTOR = 3.0  # times the slow noise of good flights, beyond which a mode is unexplained
 MAIN_SHARE = 2 / 3  # of an effect's squared change: two of the modes of a rotor are not most of it
 
@@ -251,7 +276,7 @@ def find_unexplained(space: SearchSpace, answer: Posterior) -> Unexplained | Non
     usual = np.mean(space.hats**2, axis=0) @ (space.sizes**2).T  # (R,) rpm² on a sound aircraft
     found = {
         c: square
-        for c, square in _probable_causes(answer).items()
+        for c, square in probable_causes(answer).items()
         if _exceeds_limits(square, taken, usual, search.candidates[c].term.rotor is not None)
     }
     if not found:
@@ -267,18 +292,20 @@ def find_unexplained(space: SearchSpace, answer: Posterior) -> Unexplained | Non
     left = float(np.mean(np.nan_to_num(best.residual) ** 2, axis=0).sum())
     open_ = float(np.sum(list(found.values())))
     channels = dict.fromkeys(place_of(search.candidates[c].term.effect)[1] for c in alike)
+    share = float(found[main].sum()) / max(open_ + left, 1e-12)
     return Unexplained(
         mode=int(np.argmax(found[main])),
         modes=tuple(modes),
         channel=next(iter(channels)),
         channels=tuple(channels),
-        share=float(found[main].sum()) / max(open_ + left, 1e-12),
+        share=share,
         rms_rpm=float(np.sqrt(found[main].sum())),
         rotor=search.candidates[main].term.rotor,
+        minor=not rotors and share < MOST_UNEXPLAINED,
     )
 
 
-def _probable_causes(answer: Posterior) -> dict[int, Floats]:
+def probable_causes(answer: Posterior) -> dict[int, Floats]:
     """Return the unnamed causes of the best set: candidate -> mean square (R,), rpm², of its
     change.
 
@@ -351,14 +378,16 @@ def _slow_mode(space: SearchSpace, search: Search, best: EffectSet) -> Unexplain
     if not beyond[mode] > SLOW_FACTOR:
         return None
     rms = MEANS * float(size[mode])
+    share = min(1.0, rms**2 / max(float(np.mean(rest**2, axis=0).sum()), 1e-12))
     return Unexplained(
         mode=mode,
         modes=(mode,),
         channel="time_s",
         channels=("time_s",),
-        share=min(1.0, rms**2 / max(float(np.mean(rest**2, axis=0).sum()), 1e-12)),
+        share=share,
         rms_rpm=rms,
         wanders=True,
+        minor=share < MOST_UNEXPLAINED,
     )
 
 
@@ -376,14 +405,16 @@ def effects_resembling(
     """Rule 4: list the effects of `named` that may only imitate an unexplained cause.
 
     If a rotor's loss varies along a channel, however slightly, all effects that do not act on such
-    a rotor may only compensate for it. Otherwise, an effect resembles the unexplained residual if
-    it acts on the same rotor, reads one of the same channels, or changes mostly the same modes. A
-    residual that is only slow noise resembles no effect.
+    a rotor may only compensate for it. Beside a probable cause along its own channel, however
+    small, an instrument is not at fault for certain. Otherwise, an effect resembles the unexplained
+    residual if it acts on the same rotor, reads one of the same channels, or changes mostly the
+    same modes. A residual that is only slow noise resembles no effect.
     """
     search, best = answer.search, answer.best
-    likely = _probable_causes(answer)
+    likely = probable_causes(answer)
     terms = {c: search.candidates[c].term for c in {*named, *likely}}
     uneven = {terms[c].rotor for c in likely} - {None}
+    open_reads = {needed for c in likely for needed in ALONG[place_of(terms[c].effect)[1]].needs}
     trials = best.effects
     read: set[str] = set()
     if unexplained is not None and not unexplained.wanders:
@@ -392,6 +423,10 @@ def effects_resembling(
     def resembles(c: int) -> bool:
         """Return whether candidate `c` resembles the unexplained residual."""
         if uneven and terms[c].rotor not in uneven:
+            return True
+        effect = terms[c].effect
+        instrument = effect.kind is Kind.INPUT and not effect.of_its_flights
+        if instrument and open_reads & set(effect.needs):
             return True
         if not read or unexplained is None:
             return False
@@ -436,10 +471,34 @@ def resembles_unexplained(one: OneOf, left: Unexplained | None, answer: Posterio
     return set(effects_resembling(left, of, answer)) == set(of)
 
 
+def names_that_hold(
+    left_out: CrossValidation, names: Sequence[int], before: Collection[int]
+) -> tuple[list[int], Floats]:
+    """Rule 8: return `names`, or none where selecting effects again without each fold lowers no
+    error, and the residual (T, R), rpm, of that cross-validation.
+
+    An effect that explains some flights and predicts the others worse is no property of the
+    aircraft. `before` are the probable candidates before any was dropped.
+    """
+    without = left_out.residual({})
+    if not names:
+        return [], without
+    dropped = [c for c in before if c not in names]
+    having = left_out.with_selected_effects(names, dropped)
+    return (list(names), having) if residual_rms(having) < residual_rms(without) else ([], without)
+
+
 def unnamed_terms_worth_keeping(
-    left_out: CrossValidation, answer: Posterior, names: Sequence[int], before: Collection[int]
-) -> list[int]:
-    """Rule 8: return the probable unnamed terms that lower the error when added to `names`.
+    left_out: CrossValidation,
+    answer: Posterior,
+    names: Sequence[int],
+    before: Collection[int],
+    reported_rpm: Floats,
+) -> tuple[list[int], Floats]:
+    """Rule 9: return the probable unnamed terms that lower the error when added to `names`.
+
+    `reported_rpm` (T, R) is the cross-validated residual with `names`; that with the terms is
+    returned as well.
 
     Terms must be needed by the cross-validated error (`needed_effects`). In addition, selecting all
     terms again without each fold must lower the error by LEAST_FALL, or no term is kept: then the
@@ -452,17 +511,17 @@ def unnamed_terms_worth_keeping(
 
     kept = needed_effects(error, [c for c in answer.unnamed_members() if c not in names])
     if not kept:
-        return []
+        return [], reported_rpm
     members = [*names, *kept]
-    dropped = [c for c in before if c not in names]
-    without = residual_rms(left_out.with_selected_effects(names, dropped))
     dropped = [c for c in before if c not in members]
-    having = residual_rms(left_out.with_selected_effects(members, dropped, open_=True))
-    return kept if without >= (1.0 + LEAST_FALL) * having else []
+    having = left_out.with_selected_effects(members, dropped, open_=True)
+    if residual_rms(reported_rpm) < (1.0 + LEAST_FALL) * residual_rms(having):
+        return [], reported_rpm
+    return kept, having
 
 
 def needs_inspection(probability: float, without_rpm: float, with_rpm: float) -> bool:
-    """Rule 9: return whether an unreported rotor should be inspected.
+    """Rule 10: return whether an unreported rotor should be inspected.
 
     Its probability must make a missed bad rotor costlier than a needless inspection, and its loss
     must lower the cross-validated error, `without_rpm` to `with_rpm`, by LEAST_FALL.

@@ -253,7 +253,7 @@ class _Left:
 
     def unexplained(self):
         usual = {"fraction_of_variance": 0.34, "mode": "pitch", "channel": "tank_kg"}
-        left = {**usual, "rms_rpm": 21.4, "wanders": False, **self._left}
+        left = {**usual, "rms_rpm": 21.4, "wanders": False, "minor": False, **self._left}
         return {"channels": [left["channel"]], **left}
 
 
@@ -266,6 +266,15 @@ def test_what_is_unexplained_has_mode_channel_closest_names_and_an_action(sound)
     )
     little = _Left(sound, fraction_of_variance=0.004)
     assert "in pitch, under 1 % of what is left, that" in unexplained_words(little)  # type: ignore[arg-type]
+    unsure = replace(sound, alternatives=(SetWeight(probability=0.9, terms=(MASS,)),))
+    minor = _Left(unsure, fraction_of_variance=0.02, minor=True)
+    assert unexplained_words(minor) == ""  # type: ignore[arg-type]
+    first, *rest = answer(minor, change())  # type: ignore[arg-type]
+    assert first.startswith(
+        "Something small may be missing, 21 rpm in pitch that goes with tank level, 2 % of what is "
+        "left: nothing to repair"
+    )
+    assert not any("No effect" in line for line in rest)
     close = _Left(sound, closest=["cg_offset", "rotor_degradation of rotor 2", "new_thing"])
     things = "a shifted centre of gravity or a weak rotor 2 (rear left) or new thing"
     assert f"tank level; closest in the table: {things}: " in unexplained_words(close)  # type: ignore[arg-type]
@@ -322,6 +331,21 @@ def test_a_set_of_effects_reads_as_a_list():
     assert set_words((weak(0), GAUGE, MASS), NAMES) == (
         "a weak rotor 1 (front right), a wrong tank gauge and hidden mass"
     )
+
+
+def test_what_explains_some_flights_alone_is_said_without_a_name_for_all(sound):
+    found = replace(sound, contradicted=(MASS, weak(3)), gaining=frozenset({3}))
+    first, second, *_ = said(found)
+    assert first == (
+        "No effect holds in all of these flights: hidden mass and more thrust of rotor 4 (rear "
+        "right) explains some and predicts the others worse, so none was added; run thrustmargin "
+        "identify on flights of one day and one load."
+    )
+    assert second.startswith("Rotor speed error (RMSE)")
+    assert [one["name"] for one in found.to_json()["contradicted"]] == [
+        "extra_mass",
+        "rotor_degradation",
+    ]
 
 
 def test_a_rotor_that_makes_more_thrust_is_never_called_weak(worn):

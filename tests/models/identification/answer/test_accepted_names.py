@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.models.identification.answer.acceptance import (
+    names_that_hold,
     needs_inspection,
     unnamed_terms_worth_keeping,
 )
@@ -38,12 +39,35 @@ def test_what_has_no_name_is_kept_where_its_choice_without_each_flight_helps_too
 
     def with_selected_effects(members, aside, *, open_=False):
         asked.append((sorted(members), sorted(aside), open_))
-        return np.full((4, 4), of_choice if open_ else 10.0)
+        return np.full((4, 4), of_choice)
 
     left_out: Any = SimpleNamespace(
         with_effects=with_effects, with_selected_effects=with_selected_effects
     )
     answer: Any = SimpleNamespace(unnamed_members=lambda: [3, 7, 9])
-    assert unnamed_terms_worth_keeping(left_out, answer, [3], [1, 3, 7]) == kept
-    assert asked == [([3], [1, 7], False), ([3, 7], [1], True)]
-    assert unnamed_terms_worth_keeping(left_out, answer, [3, 7], [1, 3, 7]) == []
+    before = np.full((4, 4), 10.0)
+    found, error = unnamed_terms_worth_keeping(left_out, answer, [3], [1, 3, 7], before)
+    assert found == kept
+    assert error[0, 0] == (of_choice if kept else 10.0)
+    assert asked == [([3, 7], [1], True)]
+    assert unnamed_terms_worth_keeping(left_out, answer, [3, 7], [1, 3, 7], before)[0] == []
+
+
+@pytest.mark.parametrize(("of_choice", "kept"), [(9.9, [3]), (10.0, []), (12.0, [])])
+def test_an_effect_that_explains_some_flights_and_predicts_others_worse_is_not_reported(
+    of_choice, kept
+):
+    asked = []
+
+    def with_selected_effects(members, aside):
+        asked.append((members, aside))
+        return np.full((4, 4), of_choice)
+
+    left_out: Any = SimpleNamespace(
+        residual=lambda _: np.full((4, 4), 10.0), with_selected_effects=with_selected_effects
+    )
+    found, error = names_that_hold(left_out, [3], [1, 3])
+    assert (found, error[0, 0]) == (kept, min(of_choice, 10.0))
+    assert asked == [([3], [1])]
+    assert names_that_hold(left_out, [], [1, 3])[0] == []
+    assert len(asked) == 1
