@@ -201,10 +201,11 @@ def nothing_missing_words(found: Identification) -> str:
 def contradicted_words(found: Identification) -> str:
     """Return the sentence about effects that explain some flights and predict the others worse."""
     what = set_words(found.contradicted, found.model.airframe.rotor_names, found.gaining)
-    where = "in all of these flights: {} explains some and predicts the others"
+    s = "s" if len(found.contradicted) == 1 else ""
+    words = f"in all of these flights: {what} explain{s} some and predict{s} the others"
     if found.problem.flights == 1:
-        where = "all along this flight: {} explains a part and predicts the rest"
-    return f"No effect holds {where.format(what)} worse, so none was added; {actions.ONE_KIND.text}"
+        words = f"all along this flight: {what} explain{s} a part and predict{s} the rest"
+    return f"No effect holds {words} worse, so none was added; {actions.ONE_KIND.text}"
 
 
 def excluded_losses(found: Identification) -> str:

@@ -154,7 +154,6 @@ def training_run(
     from thrustmargin.models.model.rotor_model import physics_model
     from thrustmargin.models.model.thermometer import learnt_thermometer, with_air_temperature
     from thrustmargin.models.model.training import train as fit
-    from thrustmargin.models.physics.flight_phases import training_rows
 
     kept, unfit = _usable_flights(tracks, physics_model(aircraft))
     thermometer = learnt_thermometer(kept, aircraft)
@@ -166,7 +165,7 @@ def training_run(
         def on_epoch(name: str, epoch: int, loss: float) -> None:
             step(f"{name}: epoch {epoch}, validation loss {loss:.4f}", names.index(name))
 
-        if any(training_rows(track).any() for track in kept):
+        if network_can_learn(kept):
             trained = fit(
                 kept,
                 aircraft,
@@ -186,6 +185,30 @@ def training_run(
         )
     model = replace(made, thermometer=thermometer)
     return TrainingRun(model=model, trained=trained, tracks=kept, unfit=unfit)
+
+
+def network_can_learn(tracks: Sequence[FlightTrack]) -> bool:
+    """Return whether tank level or measured airspeed, the network's inputs, vary in `tracks`.
+
+    Ground speed in place of an airspeed does not count, because the air it moves in is unknown.
+    """
+    import numpy as np
+
+    from thrustmargin.models.effects.unnamed import ALONG
+    from thrustmargin.models.identification.rows.problem import airspeed_is_ground_speed
+    from thrustmargin.models.physics.flight_phases import training_rows
+
+    rows = [training_rows(track) for track in tracks]
+    for name in ("tank_kg", "airspeed"):
+        values = [
+            getattr(track, name)[some]
+            for track, some in zip(tracks, rows, strict=True)
+            if name == "tank_kg" or not airspeed_is_ground_speed(track)
+        ]
+        seen = np.concatenate([np.zeros(0), *values])
+        if seen.size and np.ptp(seen) > ALONG[name].least:
+            return True
+    return False
 
 
 def _usable_flights(

@@ -338,7 +338,7 @@ def test_what_explains_some_flights_alone_is_said_without_a_name_for_all(sound):
     first, second, *_ = said(found)
     assert first == (
         "No effect holds in all of these flights: hidden mass and more thrust of rotor 4 (rear "
-        "right) explains some and predicts the others worse, so none was added; run thrustmargin "
+        "right) explain some and predict the others worse, so none was added; run thrustmargin "
         "identify on flights of one day and one load."
     )
     assert second.startswith("Rotor speed error (RMSE)")
