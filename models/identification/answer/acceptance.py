@@ -17,8 +17,8 @@
 7. `Posterior.estimates`: refit the remaining effects alone; drop those whose interval then includes
    zero. Predictions use that refit, so its intervals count.
    Without it, the new model has an effect whose size may be zero.
-8. `names_that_hold`: drop all effects if selecting them again without each flight does not lower
-   the error of that flight.
+8. `names_that_hold`: drop all effects if selecting them again without each flight makes the error
+   of that flight larger.
    Without it, an effect of some flights is reported of all, with an error after above that before.
 9. `unnamed_terms_worth_keeping`: add unnamed causes that lower the cross-validated error.
    Without it, the new model keeps an error that recurs in every flight.
@@ -474,17 +474,20 @@ def resembles_unexplained(one: OneOf, left: Unexplained | None, answer: Posterio
 def names_that_hold(
     left_out: CrossValidation, names: Sequence[int], before: Collection[int]
 ) -> tuple[list[int], Floats]:
-    """Rule 8: return `names`, or none where selecting effects again without each fold lowers no
-    error, and the residual (T, R), rpm, of that cross-validation.
+    """Rule 8: return `names`, or none where selecting effects again without each fold makes the
+    error larger, and the residual (T, R), rpm, of that cross-validation.
 
     An effect that explains some flights and predicts the others worse is no property of the
-    aircraft. `before` are the probable candidates before any was dropped.
+    aircraft. Where no fold selects any, because fewer flights are less certain, the residual is
+    that of `names` with values fitted without each fold. `before` are the probable candidates
+    before any was dropped.
     """
     without = left_out.residual({})
     if not names:
         return [], without
-    dropped = [c for c in before if c not in names]
-    having = left_out.with_selected_effects(names, dropped)
+    having = left_out.with_selected_effects(names, [c for c in before if c not in names])
+    if residual_rms(having) == residual_rms(without):
+        having = left_out.with_effects(names)
     return (list(names), having) if residual_rms(having) < residual_rms(without) else ([], without)
 
 

@@ -53,9 +53,17 @@ def test_what_has_no_name_is_kept_where_its_choice_without_each_flight_helps_too
     assert unnamed_terms_worth_keeping(left_out, answer, [3, 7], [1, 3, 7], before)[0] == []
 
 
-@pytest.mark.parametrize(("of_choice", "kept"), [(9.9, [3]), (10.0, []), (12.0, [])])
+@pytest.mark.parametrize(
+    ("of_choice", "of_names", "kept", "rpm"),
+    [
+        (9.9, 8.0, [3], 9.9),
+        (12.0, 8.0, [], 10.0),
+        (10.0, 8.0, [3], 8.0),  # no fold selects it: fewer flights are less certain
+        (10.0, 10.5, [], 10.0),
+    ],
+)
 def test_an_effect_that_explains_some_flights_and_predicts_others_worse_is_not_reported(
-    of_choice, kept
+    of_choice, of_names, kept, rpm
 ):
     asked = []
 
@@ -64,10 +72,12 @@ def test_an_effect_that_explains_some_flights_and_predicts_others_worse_is_not_r
         return np.full((4, 4), of_choice)
 
     left_out: Any = SimpleNamespace(
-        residual=lambda _: np.full((4, 4), 10.0), with_selected_effects=with_selected_effects
+        residual=lambda _: np.full((4, 4), 10.0),
+        with_selected_effects=with_selected_effects,
+        with_effects=lambda _: np.full((4, 4), of_names),
     )
     found, error = names_that_hold(left_out, [3], [1, 3])
-    assert (found, error[0, 0]) == (kept, min(of_choice, 10.0))
+    assert (found, error[0, 0]) == (kept, rpm)
     assert asked == [([3], [1])]
     assert names_that_hold(left_out, [], [1, 3])[0] == []
     assert len(asked) == 1
