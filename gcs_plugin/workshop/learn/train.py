@@ -43,8 +43,10 @@ def train(
 
     Fits the network from airspeed and tank level, and on it what belongs to every aircraft: moments
     of turning and of the flow, load factor, drag, lift, centre of gravity, yaw trim, air. Each is
-    kept if flights left out are predicted better with it. Where they are predicted better without
-    the network, weight and thrust curve take its place. The first line says whether the model is
+    kept if flights left out are predicted better with it. What all flights repeat beyond that along
+    speeds, accelerations, load or time is learnt as curves. Where flights left out are predicted
+    better without the network, weight and thrust curve take its place; where neither airspeed nor
+    tank varies, none is fitted. The first line says whether the model is
     fit for use: its error on flights that the model predicting them has not seen, or why not and
     what to do.
     Writes the model file, with what good flights show of how they differ, and the network's loss

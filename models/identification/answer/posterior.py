@@ -285,21 +285,24 @@ class Posterior:
         return tuple(found)
 
     def gaining_rotors(self) -> frozenset[int]:
-        """Return the rotors (0-based) whose most probable degradation has a negative loss: they
-        make more thrust than expected."""
+        """Return the rotors (0-based) whose most probable degradation has a negative loss.
+
+        They make more thrust than expected. Rotors with a probability of at most DOUBT are in no
+        list, so they are left out.
+        """
         of_rotors: dict[int, list[int]] = {}
         for c in {c for one in self.sets for c in one.key if not self._unnamed(c)}:
             rotor = self.search.candidates[c].term.rotor
             if rotor is not None:
                 of_rotors.setdefault(rotor, []).append(c)
-        likeliest = {
-            rotor: max(of, key=lambda c: self.probability([c])) for rotor, of in of_rotors.items()
-        }
-        return frozenset(
-            rotor
-            for rotor, c in likeliest.items()
-            if max(self.estimate(c).value[:, 0], key=abs) < 0.0
-        )
+        found = set()
+        for rotor, of in of_rotors.items():
+            likeliest = max(of, key=lambda c: self.probability([c]))
+            if self.probability(of) > DOUBT:
+                values = self.estimate(likeliest).value[:, 0]
+                if values[np.argmax(np.abs(values))] < 0.0:
+                    found.add(rotor)
+        return frozenset(found)
 
     def excluded(self, linear: LinearisedSets, named: Sequence[int]) -> tuple[Excluded, ...]:
         """Return the sizes above which single-value effects are excluded at SURE, added to the best
