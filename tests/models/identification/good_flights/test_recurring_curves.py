@@ -10,9 +10,13 @@ from tests.made_sources import FROM_OUTPUTS
 from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.gcs_plugin.workshop.learn.training_tables import effect_lines
 from thrustmargin.models.effects.base import Placed
-from thrustmargin.models.effects.unnamed import UNNAMED, place_of
+from thrustmargin.models.effects.unnamed import ALONG, UNNAMED, place_of
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.good_flights.commissioning import commission
+from thrustmargin.models.identification.good_flights.flight_scatter import (
+    HeldOutFlights,
+    good_flights,
+)
 from thrustmargin.models.identification.good_flights.recurring_curves import with_recurring_curves
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.problem import assemble
@@ -89,3 +93,36 @@ def test_training_keeps_the_curve_where_flights_left_out_are_predicted_better(fl
     assert np.mean(errors) < 0.6 * rmse(MODEL, flights)
     plain = commission(None, with_curve(6, ()), F16, date="2026-01-02")
     assert not any(one.name == "unnamed_cause" for one in plain.effects)
+
+
+def with_slopes(factors: Sequence[float]) -> list[FlightTrack]:
+    """Flights, each with the pitching moment times a factor of its own."""
+    changed = []
+    for factor, track in zip(factors, made_flights(len(factors), duration=60.0), strict=True):
+        knots = {name: factor * v for name, v in SLOPE.items() if name.startswith("at_")}
+        own = replace(PITCH, values={**SLOPE, **knots})
+        alone = assemble(MODEL, [track])
+        more = np.zeros_like(track.rotor_speed_rpm)
+        rows = np.searchsorted(track.time_s, alone.channels.time_s + track.time_s[0])
+        more[rows] = alone.speeds([own]) - alone.speeds()
+        changed.append(replace(track, rotor_speed_rpm=track.rotor_speed_rpm + more))
+    return changed
+
+
+def test_a_slope_that_differs_from_flight_to_flight_is_measured_and_of_no_new_flight_a_cause():
+    """-1, 0 and 1 times the slope, twice: their standard deviation is 0.89 of it."""
+    flights = with_slopes((-1.0, 0.0, 1.0, 1.0, 0.0, -1.0))
+    shown = good_flights([HeldOutFlights(model=MODEL, tracks=tuple(flights))])
+    whole = assemble(MODEL, with_curve(1))
+    change = whole.mode_amplitudes(whole.speeds([PITCH]) - whole.speeds())[:, 2]
+    along = ALONG["forward_speed"].read(whole.channels)
+    steep = abs(np.polyfit(along, change, 1)[0])
+    assert shown.slope_rpm["pitch.forward_speed"] == pytest.approx(0.89 * steep, rel=0.3)
+    assert shown.slope_rpm.get("yaw.forward_speed", 0.0) < 0.05 * steep
+
+    catalogue, known = table(["cg_offset"]), replace(shown, slope_rpm={})
+    new = with_slopes((0.8, 0.9, 0.6))
+    blamed = identify(new, replace(MODEL, good_flights=known), catalogue=catalogue)
+    assert blamed.left is not None
+    said = identify(new, replace(MODEL, good_flights=shown), catalogue=catalogue)
+    assert (said.found, said.left, said.open_causes) == ((), None, ())
