@@ -151,18 +151,16 @@ def accept_effects(
     reported = estimates
     if unnamed:
         estimates = answer.estimates([*accepted, *unnamed], either)
-    # Rule 10: an uneven loss of a rotor is reported as unexplained, with an inspection of its own;
-    # a rotor that is not certain may only imitate a probable cause without a name
+    # Rule 10
     members = [e.candidate for e in estimates]
     contradicted = [c for c in fitted if c not in accepted]
-    elsewhere = {search.candidates[c].term.rotor for c in contradicted}
-    elsewhere |= {None if unexplained is None else unexplained.rotor}
+    reported_else = {search.candidates[c].term.rotor for c in contradicted}
+    reported_else |= {None if unexplained is None else unexplained.rotor}
     causes = {search.candidates[c].term.rotor for c in probable_causes(answer)}
     mentioned = tuple(
         one
         for one, c in answer.mentioned(members)
-        if one.rotor not in elsewhere
-        and causes <= {one.rotor}
+        if stands_alone(one.rotor, reported_else, causes)
         and needs_inspection(one.probability, error(members), error([*members, c]))
     )
     return AcceptedEffects(
@@ -521,6 +519,18 @@ def unnamed_terms_worth_keeping(
     if residual_rms(reported_rpm) < (1.0 + LEAST_FALL) * residual_rms(having):
         return [], reported_rpm
     return kept, having
+
+
+def stands_alone(
+    rotor: int, reported_else: Collection[int | None], causes: Collection[int | None]
+) -> bool:
+    """Rule 10: return whether no other sentence is about a rotor and no cause competes with it.
+
+    `reported_else` are rotors with an uneven loss, which has an inspection of its own, or with an
+    effect that rule 8 dropped. `causes` are the rotors (None: of no rotor) of the probable unnamed
+    causes: a rotor that is not certain may only imitate one that does not act on itself.
+    """
+    return rotor not in reported_else and set(causes) <= {rotor}
 
 
 def needs_inspection(probability: float, without_rpm: float, with_rpm: float) -> bool:

@@ -9,6 +9,7 @@ import pytest
 from thrustmargin.models.identification.answer.acceptance import (
     names_that_hold,
     needs_inspection,
+    stands_alone,
     unnamed_terms_worth_keeping,
 )
 
@@ -27,6 +28,22 @@ def test_a_rotor_is_asked_for_where_it_is_likely_and_flights_left_out_bear_it_ou
     probability, without_rpm, with_rpm, asked
 ):
     assert needs_inspection(probability, without_rpm, with_rpm) is asked
+
+
+@pytest.mark.parametrize(
+    ("reported_else", "causes", "alone"),
+    [
+        ({None}, set(), True),
+        ({None, 2}, set(), False),  # it has a sentence of its own
+        ({None, 1}, {2}, True),  # an uneven loss of the same rotor
+        ({None}, {None}, False),  # a wake may look like this rotor
+        ({None}, {1, 2}, False),
+    ],
+)
+def test_an_uncertain_rotor_is_not_asked_for_beside_a_cause_without_a_name(
+    reported_else, causes, alone
+):
+    assert stands_alone(2, reported_else, causes) is alone
 
 
 @pytest.mark.parametrize(("of_choice", "kept"), [(8.0, [7]), (9.9, [])])
