@@ -6,7 +6,7 @@ parameters.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -53,12 +53,14 @@ def action_of(found: Found, whole: Identification) -> Action | None:
     """Return the action that an effect requests, or None.
 
     A rotor with more thrust than expected requests a propeller of the same kind, a weak one what a
-    report of the flight requests. Extra drag
-    requests nothing if the model was not trained on flights, because such a model has no drag.
+    report of the flight requests. Extra drag requests nothing if the model was not trained on
+    flights, because such a model has no drag. No model is to be kept that does not lower the error.
     """
     action = words_of(found.term).action
     if action is actions.LOOK_FOR_MOUNTED and not whole.model.taught:
-        return actions.KEEP
+        action = actions.KEEP
+    if action is actions.KEEP and not whole.after.rmse_rpm < whole.before.rmse_rpm:
+        return actions.LEAVE_OUT
     if action is not actions.INSPECT:
         return action
     loss, low = found.value[found.flight, 0], float(found.lower[found.flight, 0])
@@ -68,11 +70,19 @@ def action_of(found: Found, whole: Identification) -> Action | None:
     return actions.bad_rotor(rotors, low, actions.Phase.RECORDED).action if rotors else action
 
 
-def effect_thing(term: Term | Placed, rotor_names: Sequence[str]) -> str:
-    """Return the name of an effect in a list: `a weak rotor 1 (front right)`."""
+def effect_thing(
+    term: Term | Placed, rotor_names: Sequence[str], gaining: Collection[int] = ()
+) -> str:
+    """Return the name of an effect in a list: `a weak rotor 1 (front right)`.
+
+    The rotors `gaining` (0-based) make more thrust than expected, so they are not called weak.
+    """
     rotor = "" if term.rotor is None else rotor_words(term.rotor, tuple(rotor_names))
     where = unnamed_place(term, rotor_names) if term.effect.name == NAME else ""
-    return say(words_of(term).thing, rotor=rotor, where=where)
+    thing = words_of(term).thing
+    if term.rotor in gaining:
+        thing = thing.replace(WEAK, STRONG)
+    return say(thing, rotor=rotor, where=where)
 
 
 def unnamed_place(term: Term | Placed, rotor_names: Sequence[str]) -> str:
@@ -89,7 +99,12 @@ def unnamed_place(term: Term | Placed, rotor_names: Sequence[str]) -> str:
 def effect_things(model: RotorModel) -> tuple[str, ...]:
     """Return the names of the effects in a model, each once, in the model's order."""
     names = model.airframe.rotor_names
-    things = (effect_thing(placed, names) for placed in model.placed)
+    gaining = {
+        one.rotor
+        for one in model.placed
+        if one.rotor is not None and one.values.get("loss", 0.0) < 0.0
+    }
+    things = (effect_thing(placed, names, gaining) for placed in model.placed)
     return tuple(dict.fromkeys(things))
 
 
@@ -116,6 +131,7 @@ def along_name(channel: str) -> str:
     return say(ALONG_WORDS[channel][0])
 
 
+WEAK, STRONG = "a weak {rotor}", "more thrust of {rotor}"
 #: Key of the effect, or its name if all variants are described alike -> its words.
 WORDS: Mapping[str, EffectWords] = {
     "rotor_degradation": EffectWords("a weak {rotor}", amounts.weak_rotor, actions.INSPECT),

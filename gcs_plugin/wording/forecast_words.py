@@ -186,7 +186,7 @@ _PLACES: Mapping[str, str] = {
 
 def place_words(made: PlanForecast) -> tuple[str, ...]:
     """Where thrust is short or next to none, and slopes; what leads into the ground first."""
-    order = {kind: rank for rank, kind in enumerate(reversed(_PLACES))}
+    order = {kind: rank for rank, kind in enumerate(reversed(tuple(_PLACES)))}
     found = sorted(made.places, key=lambda place: (order[place.kind], -place.amount))
     words = [
         say(

@@ -273,7 +273,7 @@ def forecast(
     plan = replace(plan, home=(*home[:2], altitude))
     legs = plan_legs(plan, steps, limits, terrain=terrain)
     given, assumed = conditions(stated, day, model)
-    assumed = {**switched, **assumed}
+    assumed: dict[Assumption, tuple[str, ...]] = {**switched, **assumed}
     by_rate = known_pump(known, craft)
     if not craft.tank_volume_l:
         given = replace(given, flow=0.0, flow_per_metre=math.nan)

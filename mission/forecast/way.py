@@ -346,7 +346,11 @@ def _over_ground(
     away = float(np.hypot(*(end - begin)[:2]))
     share = np.linspace(0.0, 1.0, max(math.ceil(away / terrain.spacing), 1) + 1)
     straight = begin + share[:, None] * (end - begin)
-    latitude, longitude, _ = pymap3d.ned2geodetic(*straight[:, :2].T, 0.0, *plan.home[:2], 0.0)
+    north, east = straight[:, 0], straight[:, 1]
+    home_latitude, home_longitude = plan.home[:2]
+    latitude, longitude, _ = pymap3d.ned2geodetic(
+        north, east, 0.0, home_latitude, home_longitude, 0.0
+    )
     ground = _ground(terrain, latitude, longitude, step.item)
     relief = ground - np.interp(share, [0.0, 1.0], ground[[0, -1]])
     # In metres along and up the way: what is left by the simplification is a bend.

@@ -21,8 +21,7 @@ from thrustmargin.models.effects.channels import Channels
 KNOTS = 4  # of a curve
 NAME = "unnamed_cause"
 MODES = ("collective", "roll", "pitch", "yaw")
-#: share of thrust or of thrust x arm: usual size, and largest credible one without a name
-USUAL, MOST = 0.05, 0.3
+MOST = 0.3  # share of thrust or of thrust x arm, the largest credible one without a name
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,6 +18,8 @@ from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer.acceptance import (
+    LEAST_FALL,
+    AcceptedEffects,
     accept_effects,
     open_cause,
     residual_rms,
@@ -29,7 +31,6 @@ from thrustmargin.models.identification.answer.cross_validation import (
 )
 from thrustmargin.models.identification.answer.floor import floor_rpm
 from thrustmargin.models.identification.answer.held_out_errors import HeldOutResidual, errors_of
-from thrustmargin.models.identification.answer.open_causes import change_by_causes, open_causes
 from thrustmargin.models.identification.answer.posterior import EffectEstimate
 from thrustmargin.models.identification.answer.result import Found, Identification
 from thrustmargin.models.identification.answer.standing_shares import standing_shares
@@ -41,7 +42,7 @@ from thrustmargin.models.identification.rows.output_shares import (
     lacks_sound_flights,
     steepness_of,
 )
-from thrustmargin.models.identification.rows.problem import assemble
+from thrustmargin.models.identification.rows.problem import Problem, assemble
 from thrustmargin.models.identification.rows.reduced import Reduced, rows_and_means
 from thrustmargin.models.identification.rows.usable_flights import Flown, require_airframe
 from thrustmargin.models.identification.sets.onsets import drop_rotor_effects, onset_candidates
@@ -114,28 +115,26 @@ def identify_checked(
         search.run(progress)
     steepness = steepness_of(fit) if problem.of_outputs else 0.0
     accepted = accept_effects(space, search, problem, steepness=steepness)
+    unused = assemble(model, held_out) if held_out else None
+    if unused is not None and not unnamed_causes_help(unused, accepted):
+        accepted = accepted.without_unnamed()
     answer = accepted.answer
     left_out, estimates = accepted.left_out, accepted.estimates
     if progress:
         progress("errors on flights not used", 1.0)
     values = {e.candidate: e.value for e in estimates}
     before, after = left_out.residual({}), left_out.residual(values)
-    # Without an added effect the model and its error stay as they were.
-    chosen = before
-    if estimates:
-        open_ = bool(accepted.unnamed_members)
-        chosen = left_out.with_selected_effects(accepted.members, accepted.dropped, open_=open_)
-    more = open_causes(problem, after, left_out.trial_effects(values))
-    chosen, after = chosen - more.left_out_rpm, after - more.change_rpm
-    unseen = [HeldOutResidual(problem=problem, before_rpm=before, after_rpm=chosen, role="fit")]
-    if held_out:
-        unused = assemble(model, held_out)
+    unseen = [
+        HeldOutResidual(
+            problem=problem, before_rpm=before, after_rpm=accepted.left_out_rpm, role="fit"
+        )
+    ]
+    if unused is not None:
         unseen.append(
             HeldOutResidual(
                 problem=unused,
                 before_rpm=unused.measured_rpm - unused.speeds(),
-                after_rpm=held_out_residual(unused, estimates)
-                - change_by_causes(unused, more.causes),
+                after_rpm=held_out_residual(unused, estimates),
                 role="held_out",
             )
         )
@@ -148,12 +147,13 @@ def identify_checked(
         problem=problem,
         found=tuple(f for f in found if f.term.key not in open_keys),
         left=accepted.unexplained,
+        contradicted=tuple(search.candidates[c].term for c in accepted.contradicted),
         closest=tuple(search.candidates[c].term for c in accepted.lookalikes),
         unseen=tuple(unseen),
         before=errors_of(last.problem, last.before_rpm),
         after=errors_of(last.problem, last.after_rpm),
         residual_after_rpm=after,
-        residual_carried_rpm=left_out.with_persistent_effects(accepted.members) - more.left_out_rpm,
+        residual_carried_rpm=left_out.with_persistent_effects(accepted.members),
         floor_rpm=floor_rpm(last.problem, last.after_rpm, (problem, after) if held_out else None),
         sensor_noise_rpm=sensor_noise_rpm(problem.mode_amplitudes(after), problem.follows),
         alternatives=answer.alternatives(),
@@ -165,14 +165,27 @@ def identify_checked(
             if e.term.rotor is None or not problem.of_outputs
         ),
         mentioned=accepted.mentioned,
-        open_causes=(
-            *(open_cause(f, answer) for f in found if f.term.key in open_keys),
-            *more.causes,
-        ),
+        gaining=answer.gaining_rotors(),
+        open_causes=tuple(open_cause(f, answer) for f in found if f.term.key in open_keys),
         untried={e.name: lacks for e in catalogue if (lacks := problem.lacks(e))},
         followed=() if wind is None else (wind,),
         standing=standing,
     )
+
+
+def unnamed_causes_help(unused: Problem, accepted: AcceptedEffects) -> bool:
+    """Return whether unnamed causes lower the error on the held-out flights `unused`.
+
+    They must lower it by LEAST_FALL, as they do in cross-validation: they enter a model for no
+    other reason. True without unnamed causes.
+    """
+    if not accepted.unnamed_members:
+        return True
+    without, having = (
+        residual_rms(held_out_residual(unused, of))
+        for of in (accepted.reported, accepted.estimates)
+    )
+    return without >= (1.0 + LEAST_FALL) * having
 
 
 def is_constant_in_flights(reduced: Reduced, step: Candidate) -> bool:

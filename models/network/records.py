@@ -75,6 +75,9 @@ class GoodFlights:
     flights: int
     #: "effect_key.parameter" -> standard deviation from flight to flight, in the parameter's unit
     scatter: Mapping[str, float] = field(default_factory=dict)
+    #: "mode.channel" -> standard deviation from flight to flight of the residual's slope along that
+    #: channel, rpm per unit of the channel
+    slope_rpm: Mapping[str, float] = field(default_factory=dict)
     mode_scatter_rpm: tuple[float, ...] = ()  # of each mode's mean residual; R, or none
     slow_rpm: tuple[float, ...] = ()  # slow variation of each mode within a flight; R, or none
     #: in model files from before 0.3; nothing reads it any more
@@ -91,6 +94,7 @@ class GoodFlights:
 
     def __post_init__(self) -> None:
         named = {**self.scatter, **self.curve_rpm}
+        named |= {f"slope of {name}": v for name, v in self.slope_rpm.items()}
         named |= {f"mode {k + 1}": v for k, v in enumerate(self.mode_scatter_rpm)}
         named |= {f"slow mode {k + 1}": v for k, v in enumerate(self.slow_rpm)}
         named |= {f"free form of mode {k + 1}": v for k, v in enumerate(self.free_form_rpm)}

@@ -66,9 +66,9 @@ def _request(action: Action, rotor: int | None, probability: float) -> Requested
 
 
 def unexplained_words(found: Identification) -> str:
-    """Return the sentence about the unexplained residual; empty if there is none."""
+    """Return the sentence about the unexplained residual; empty if there is none or it is minor."""
     left = found.unexplained()
-    if left["mode"] is None:
+    if left["mode"] is None or left["minor"]:
         return ""
     share, rms = chance(left["fraction_of_variance"]), number(left["rms_rpm"], "rpm", 0)
     channels = f" {say('or')} ".join(along_name(one) for one in left["channels"])
@@ -102,13 +102,31 @@ def unexplained_words(found: Identification) -> str:
             action=actions.INSPECT.text,
             look=actions.UNSTEADY.text,
         )
-    closest = dict.fromkeys(effect_thing(term, names) for term in found.closest)
+    closest = dict.fromkeys(effect_thing(term, names, found.gaining) for term in found.closest)
     close = ""
     if closest:
         close = say("; closest in the table: {effects}", effects=f" {say('or')} ".join(closest))
     words = "No effect explains {rms} in {mode}, {share} of what is left, that {goes}"
     line = say(words, rms=rms, mode=say(left["mode"]), share=share, goes=along)
     return f"{line}{close}: {action}"
+
+
+def minor_words(found: Identification) -> str:
+    """Return the clause about a minor unexplained residual; empty if there is none."""
+    left = found.unexplained()
+    if not left["minor"]:
+        return ""
+    along = say("comes and goes within flights")
+    if not left["wanders"]:
+        channels = f" {say('or')} ".join(along_name(one) for one in left["channels"])
+        along = say("goes with {channels}", channels=channels)
+    return say(
+        "{rms} in {mode} that {goes}, {share} of what is left",
+        rms=number(left["rms_rpm"], "rpm", 0),
+        mode=say(left["mode"]),
+        goes=along,
+        share=chance(left["fraction_of_variance"]),
+    )
 
 
 def unnamed_causes_words(found: Identification) -> str:
@@ -138,7 +156,5 @@ def unnamed_causes_words(found: Identification) -> str:
         each.append(f"{where}{others}, {span} {size}{until}")
         curves = True
     seen = say("Without a name, as it was seen: {causes}", causes=Verbatim("; ".join(each)))
-    if not found.found and found.after.rmse_rpm > found.before.rmse_rpm:
-        return f"{seen}; {actions.LEAVE_OUT.text}"
     beyond = say(", held at its edge beyond that range, with twice the interval")
     return f"{seen}; {actions.KEEP_AS_SEEN.text}{beyond if curves else ''}"

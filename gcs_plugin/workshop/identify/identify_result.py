@@ -152,7 +152,7 @@ def effect_rows(found: Identification) -> list[tuple[str, str, str, str]]:
             most = float(np.nanmax(ends, initial=0.0))
             largest[unit] = max(largest.get(unit, 0.0), most)
     for one in found.found:
-        thing = effect_thing(one.term, found.model.airframe.rotor_names)
+        thing = effect_thing(one.term, found.model.airframe.rotor_names, found.gaining)
         rows.append((thing, "", "", chance(one.probability)))
         rows += [(*row, "") for row in _parameter_rows(found, one, largest)]
     return rows
@@ -188,7 +188,8 @@ def set_rows(found: Identification) -> list[tuple[str, float]]:
     """Return the MOST_SETS most probable sets of effects, in words, with their probabilities."""
     names = found.model.airframe.rotor_names
     return [
-        (answers.set_words(s.terms, names), s.probability) for s in found.alternatives[:MOST_SETS]
+        (answers.set_words(s.terms, names, found.gaining), s.probability)
+        for s in found.alternatives[:MOST_SETS]
     ]
 
 

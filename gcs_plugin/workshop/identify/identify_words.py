@@ -6,7 +6,7 @@ Console, page and JSON show these sentences; those that request an action come f
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from thrustmargin.gcs_plugin.wording.language import (
     within,
 )
 from thrustmargin.gcs_plugin.workshop.identify.asked_words import (
+    minor_words,
     unexplained_words,
     unnamed_causes_words,
 )
@@ -72,10 +73,11 @@ def answer(
     lines += [effect_sentence(f, found) for f in rotors_first]
     flights = found.problem.flights
     lines += [mentioned_words(m, names, flights) for m in found.mentioned]
-    lines += [one_of_words(o, names, flights) for o in found.one_of]
+    lines += [one_of_words(o, names, flights, found.gaining) for o in found.one_of]
     lines += [damage_in_model_words(fault, names) for fault in faults_in_model(found.model)]
+    lines += [contradicted_words(found)] if found.contradicted else []
     open_mode = unexplained_words(found)
-    only_open = not lines and bool(found.open_causes) and found.nothing_probability < CHOICE
+    only_open = not lines and bool(found.open_causes)
     if not lines and not open_mode and not only_open:
         lines.append(nothing_missing_words(found))
     lines += [open_mode] if open_mode else []
@@ -84,7 +86,7 @@ def answer(
         lines.append(say("A loss {cleared}", cleared=cleared))
     lines += [effect_sentence(f, found) for f in found.followed]
     if following is not None:
-        lines.append(next_flight_words(following, names, mission, suspects))
+        lines.append(next_flight_words(following, names, mission, suspects, found.gaining))
     lines.append(error_words(found, margin))
     return tuple(f"{line}." for line in (*lines, *open_questions(found), *few_flights_words(found)))
 
@@ -109,11 +111,13 @@ def inspection_words(rotors: Sequence[int]) -> str:
     return say("first, {action}; only if sound, ", action=action)
 
 
-def one_of_words(one: OneOf, names: Sequence[str], flights: int) -> str:
+def one_of_words(
+    one: OneOf, names: Sequence[str], flights: int, gaining: Collection[int] = ()
+) -> str:
     """Return the sentence about confounded effects: at least one is present, and the flights do not
     show which."""
     shares = [
-        f"{effect_thing(term, names)} ({chance(share)})"
+        f"{effect_thing(term, names, gaining)} ({chance(share)})"
         for term, share in zip(one.terms, one.probabilities, strict=True)
     ]
     words = "Either {effects}: one flight does not tell which"
@@ -232,6 +236,21 @@ def nothing_missing_words(found: Identification) -> str:
     return say(words, verdict=verdict, cleared=cleared) if cleared else verdict
 
 
+def contradicted_words(found: Identification) -> str:
+    """Return the sentence about effects that explain some flights and predict the others worse."""
+    what = set_words(found.contradicted, found.model.airframe.rotor_names, found.gaining)
+    words = (
+        "No effect holds in all of these flights: with {what} some are explained and the others "
+        "predicted worse, so none was added; {action}"
+    )
+    if found.problem.flights == 1:
+        words = (
+            "No effect holds all along this flight: with {what} a part is explained and the rest "
+            "predicted worse, so none was added; {action}"
+        )
+    return say(words, what=what, action=actions.ONE_KIND.text)
+
+
 def excluded_losses(found: Identification) -> str:
     """Return the words `above 1.8 % on any rotor is excluded, a smaller one is not`; empty if no
     loss is."""
@@ -264,6 +283,9 @@ def _missing_words(found: Identification) -> str:
         return nothing
     if none >= CHOICE:
         return f"{nothing} ({chance(none, flights)})"
+    if small := minor_words(found):
+        words = "Something small may be missing, {small}: nothing to repair"
+        return say(words, small=Verbatim(small))
     if found.likeliest is not None:
         term, likely = found.likeliest
         return say(
@@ -340,22 +362,26 @@ def excluded_rows(found: Identification) -> list[tuple[str, str]]:
     ]
 
 
-def set_words(terms: Sequence[Term], names: Sequence[str]) -> str:
+def set_words(terms: Sequence[Term], names: Sequence[str], gaining: Collection[int] = ()) -> str:
     """Return a set of effects in words: `hidden mass and a weak rotor 1 (front right)`; `nothing`
-    if empty."""
-    things = [effect_thing(term, names) for term in terms] or [say("nothing")]
+    if empty. Rotors in `gaining` (0-based) make more thrust than expected."""
+    things = [effect_thing(term, names, gaining) for term in terms] or [say("nothing")]
     return f" {say('and')} ".join(filter(None, (", ".join(things[:-1]), things[-1])))
 
 
 def next_flight_words(
-    following: NextFlight, names: Sequence[str], mission: str, suspects: Sequence[int] = ()
+    following: NextFlight,
+    names: Sequence[str],
+    mission: str,
+    suspects: Sequence[int] = (),
+    gaining: Collection[int] = (),
 ) -> str:
     """Return the sentence about the flight that distinguishes two explanations, after inspecting
     `suspects` (rotors, 1-based)."""
     ours, theirs = following.separates
     both = {t.key for t in ours} & {t.key for t in theirs}
     sides = [[t for t in side if t.key not in both] for side in (ours, theirs)]
-    words = [set_words(side, names) for side in sides if side]
+    words = [set_words(side, names, gaining) for side in sides if side]
     question = say("whether the cause is {cause}", cause=words[0])
     if all(sides):
         question = say("{one} from {other}", one=words[0], other=words[1])

@@ -43,8 +43,10 @@ def train(
 
     Fits the network from airspeed and tank level, and on it what belongs to every aircraft: moments
     of turning and of the flow, load factor, drag, lift, centre of gravity, yaw trim, air. Each is
-    kept if flights left out are predicted better with it. Where they are predicted better without
-    the network, weight and thrust curve take its place. The first line says whether the model is
+    kept if flights left out are predicted better with it. What all flights repeat beyond that along
+    speeds, accelerations, load or time is learnt as curves. Where flights left out are predicted
+    better without the network, weight and thrust curve take its place; where neither airspeed nor
+    tank varies, none is fitted. The first line says whether the model is
     fit for use: its error on flights that the model predicting them has not seen, or why not and
     what to do.
     Writes the model file, with what good flights show of how they differ, and the network's loss
@@ -156,7 +158,6 @@ def training_run(
     from thrustmargin.models.model.rotor_model import physics_model
     from thrustmargin.models.model.thermometer import learnt_thermometer, with_air_temperature
     from thrustmargin.models.model.training import train as fit
-    from thrustmargin.models.physics.flight_phases import training_rows
 
     kept, unfit = _usable_flights(tracks, physics_model(aircraft))
     thermometer = learnt_thermometer(kept, aircraft)
@@ -168,7 +169,7 @@ def training_run(
         def on_epoch(name: str, epoch: int, loss: float) -> None:
             step(f"{name}: epoch {epoch}, validation loss {loss:.4f}", names.index(name))
 
-        if any(training_rows(track).any() for track in kept):
+        if network_can_learn(kept):
             trained = fit(
                 kept,
                 aircraft,
@@ -188,6 +189,30 @@ def training_run(
         )
     model = replace(made, thermometer=thermometer)
     return TrainingRun(model=model, trained=trained, tracks=kept, unfit=unfit)
+
+
+def network_can_learn(tracks: Sequence[FlightTrack]) -> bool:
+    """Return whether tank level or measured airspeed, the network's inputs, vary in `tracks`.
+
+    Ground speed in place of an airspeed does not count, because the air it moves in is unknown.
+    """
+    import numpy as np
+
+    from thrustmargin.models.effects.unnamed import ALONG
+    from thrustmargin.models.identification.rows.problem import airspeed_is_ground_speed
+    from thrustmargin.models.physics.flight_phases import training_rows
+
+    rows = [training_rows(track) for track in tracks]
+    for name in ("tank_kg", "airspeed"):
+        values = [
+            getattr(track, name)[some]
+            for track, some in zip(tracks, rows, strict=True)
+            if name == "tank_kg" or not airspeed_is_ground_speed(track)
+        ]
+        seen = np.concatenate([np.zeros(0), *values])
+        if seen.size and np.ptp(seen) > ALONG[name].least:
+            return True
+    return False
 
 
 def _usable_flights(

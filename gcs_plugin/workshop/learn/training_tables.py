@@ -13,7 +13,9 @@ from scipy.special import stdtrit
 
 from thrustmargin.gcs_plugin.reports.shared.page_shell import grid
 from thrustmargin.gcs_plugin.wording import actions
+from thrustmargin.gcs_plugin.wording.effect_sentences import unnamed_place
 from thrustmargin.gcs_plugin.wording.language import Verbatim, decimal, percent, say
+from thrustmargin.models.effects.unnamed import NAME
 from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.model.training import PAPER_BEST_EPOCH, PAPER_LOWEST_LOSS, PAPER_R2
@@ -61,9 +63,16 @@ def training_tables(model: RotorModel) -> list[RenderableType]:
 
 
 def effect_lines(model: RotorModel) -> list[str]:
-    """Return a line for each effect of the model: its main parameters with 95 % intervals."""
+    """Return a line for each effect of the model: its main parameters with 95 % intervals.
+
+    A curve without a name has its place alone, because its knots mean nothing by themselves.
+    """
     lines = []
     for record, placed in zip(model.effects, model.placed, strict=True):
+        if placed.effect.name == NAME:
+            where = unnamed_place(placed, model.airframe.rotor_names)
+            lines.append(say("with what all flights repeat: {where}", where=where))
+            continue
         values = []
         for p in placed.effect.parameters:
             if not p.detail:

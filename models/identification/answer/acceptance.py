@@ -17,10 +17,13 @@
 7. `Posterior.estimates`: refit the remaining effects alone; drop those whose interval then includes
    zero. Predictions use that refit, so its intervals count.
    Without it, the new model has an effect whose size may be zero.
-8. `unnamed_terms_worth_keeping`: add unnamed causes that lower the cross-validated error.
+8. `names_that_hold`: drop all effects if selecting them again without each flight makes the error
+   of that flight larger.
+   Without it, an effect of some flights is reported of all, with an error after above that before.
+9. `unnamed_terms_worth_keeping`: add unnamed causes that lower the cross-validated error.
    Without it, the new model keeps an error that recurs in every flight.
-9. `needs_inspection`: report a rotor as suspect only if the expected cost of a missed inspection is
-   higher and its loss lowers the cross-validated error.
+10. `needs_inspection`: report a rotor as suspect only if the expected cost of a missed inspection
+   is higher and its loss lowers the cross-validated error.
    Without it, pilots are asked to inspect sound rotors.
 
 In addition, `wind_in_airspeed` reports a strong wind that the airspeed sensor has followed.
@@ -36,6 +39,7 @@ from itertools import combinations
 import numpy as np
 from scipy.special import stdtr, stdtrit
 
+from thrustmargin.models.effects.base import Kind
 from thrustmargin.models.effects.channels import Channels, froude_time_scale
 from thrustmargin.models.effects.instrument_effects import FOLLOWED_WIND, WIND
 from thrustmargin.models.effects.unnamed import ALONG, place_of
@@ -77,22 +81,32 @@ class AcceptedEffects:
     answer: Posterior
     left_out: CrossValidation
     probable: tuple[int, ...]  # candidates that rule 3 selects, before any is dropped
-    estimates: tuple[EffectEstimate, ...]  # of the accepted effects and the unnamed causes
+    reported: tuple[EffectEstimate, ...]  # of the effects that are reported by name
+    estimates: tuple[EffectEstimate, ...]  # of these and the unnamed causes, fitted together
     one_of: tuple[OneOf, ...]
     unnamed_members: tuple[int, ...]  # candidates among `estimates` that are not reported by name
     unexplained: Unexplained | None
     lookalikes: tuple[int, ...]  # probable candidates that resemble the unexplained residual
     mentioned: tuple[Mentioned, ...]
+    contradicted: tuple[int, ...]  # candidates that rule 8 dropped
+    #: (T, R) residuals with effects selected again without each row's fold: reported effects alone,
+    #: and with unnamed causes
+    reported_rpm: Floats
+    left_out_rpm: Floats
+
+    def without_unnamed(self) -> AcceptedEffects:
+        """Return the accepted effects without unnamed causes."""
+        return replace(
+            self,
+            estimates=self.reported,
+            unnamed_members=(),
+            left_out_rpm=self.reported_rpm,
+        )
 
     @property
     def members(self) -> list[int]:
         """Return the accepted candidates and the unnamed causes."""
         return [e.candidate for e in self.estimates]
-
-    @property
-    def dropped(self) -> list[int]:
-        """Return the probable candidates that a later rule dropped."""
-        return [c for c in self.probable if c not in self.members]
 
 
 def accept_effects(
@@ -124,31 +138,45 @@ def accept_effects(
     first_keys = {one.terms[0].key for one in one_of}
     either = {c for c, one in enumerate(search.candidates) if one.term.key in first_keys}
     estimates = answer.estimates(needed, either)
-    # Rule 8: shares of motor outputs show no curve along a channel
-    accepted = [e.candidate for e in estimates]
-    unnamed: list[int] = []
+    # Rule 8
+    fitted = [e.candidate for e in estimates]
+    accepted, reported_rpm = names_that_hold(left_out, fitted, probable)
+    estimates = estimates if accepted else []
+    # Rule 9: shares of motor outputs show no curve along a channel
+    unnamed, left_out_rpm = list[int](), reported_rpm
     if not problem.of_outputs:
-        unnamed = unnamed_terms_worth_keeping(left_out, answer, accepted, probable)
+        unnamed, left_out_rpm = unnamed_terms_worth_keeping(
+            left_out, answer, accepted, probable, reported_rpm
+        )
+    reported = estimates
     if unnamed:
         estimates = answer.estimates([*accepted, *unnamed], either)
-    # Rule 9: an uneven loss of a rotor is reported as unexplained, with an inspection of its own
+    # Rule 10
     members = [e.candidate for e in estimates]
+    contradicted = [c for c in fitted if c not in accepted]
+    reported_else = {search.candidates[c].term.rotor for c in contradicted}
+    reported_else |= {None if unexplained is None else unexplained.rotor}
+    causes = {search.candidates[c].term.rotor for c in probable_causes(answer)}
     mentioned = tuple(
         one
         for one, c in answer.mentioned(members)
-        if (unexplained is None or one.rotor != unexplained.rotor)
+        if stands_alone(one.rotor, reported_else, causes)
         and needs_inspection(one.probability, error(members), error([*members, c]))
     )
     return AcceptedEffects(
         answer=answer,
         left_out=left_out,
         probable=tuple(probable),
+        reported=tuple(add_law_error(search, one) for one in reported),
         estimates=tuple(add_law_error(search, one) for one in estimates),
         one_of=one_of,
         unnamed_members=tuple(unnamed),
         unexplained=unexplained,
         lookalikes=tuple(lookalikes),
         mentioned=mentioned,
+        contradicted=tuple(contradicted),
+        reported_rpm=reported_rpm,
+        left_out_rpm=left_out_rpm,
     )
 
 
@@ -228,7 +256,9 @@ def is_clearly_worse(squares: Floats, other: Floats) -> bool:
     return bool(excess.mean() > stdtrit(folds - 1, 1.0 - DOUBT / 2.0) * error)
 
 
-MOST_UNEXPLAINED = 0.15  # of the explained mean square of a mode, that may stay unexplained
+#: of the explained mean square of a mode, that may stay unexplained; and of the variance left,
+#: below which an unexplained residual is minor
+MOST_UNEXPLAINED = 0.15
 SLOW_FACTOR = 3.0  # times the slow noise of good flights, beyond which a mode is unexplained
 MAIN_SHARE = 2 / 3  # of an effect's squared change: two of the modes of a rotor are not most of it
 
@@ -244,7 +274,7 @@ def find_unexplained(space: SearchSpace, answer: Posterior) -> Unexplained | Non
     usual = np.mean(space.hats**2, axis=0) @ (space.sizes**2).T  # (R,) rpm² on a sound aircraft
     found = {
         c: square
-        for c, square in _probable_causes(answer).items()
+        for c, square in probable_causes(answer).items()
         if _exceeds_limits(square, taken, usual, search.candidates[c].term.rotor is not None)
     }
     if not found:
@@ -255,23 +285,25 @@ def find_unexplained(space: SearchSpace, answer: Posterior) -> Unexplained | Non
     modes = every if rotors else sorted({int(np.argmax(square)) for square in found.values()})
     alike = [
         main,
-        *(c for c in _interchangeable_causes(main, search) if answer.probability([c]) > DOUBT),
+        *(c for c in search.interchangeable(main) if answer.probability([c]) > DOUBT),
     ]
     left = float(np.mean(np.nan_to_num(best.residual) ** 2, axis=0).sum())
     open_ = float(np.sum(list(found.values())))
     channels = dict.fromkeys(place_of(search.candidates[c].term.effect)[1] for c in alike)
+    share = float(found[main].sum()) / max(open_ + left, 1e-12)
     return Unexplained(
         mode=int(np.argmax(found[main])),
         modes=tuple(modes),
         channel=next(iter(channels)),
         channels=tuple(channels),
-        share=float(found[main].sum()) / max(open_ + left, 1e-12),
+        share=share,
         rms_rpm=float(np.sqrt(found[main].sum())),
         rotor=search.candidates[main].term.rotor,
+        minor=not rotors and share < MOST_UNEXPLAINED,
     )
 
 
-def _probable_causes(answer: Posterior) -> dict[int, Floats]:
+def probable_causes(answer: Posterior) -> dict[int, Floats]:
     """Return the unnamed causes of the best set: candidate -> mean square (R,), rpm², of its
     change.
 
@@ -291,7 +323,7 @@ def _probable_causes(answer: Posterior) -> dict[int, Floats]:
     found: dict[int, Floats] = {}
     seen: set[int] = set()
     for c in sorted(best.key):
-        alike = set(_interchangeable_causes(c, search)) if search.candidates[c].unnamed else set()
+        alike = set(search.interchangeable(c)) if search.candidates[c].unnamed else set()
         if c not in seen and answer.probability(alike) > CHOICE:
             group = alike & best.key
             seen |= group
@@ -326,18 +358,6 @@ def _exceeds_limits(square: Floats, taken: Floats, usual: Floats, of_rotor: bool
     )
 
 
-def _interchangeable_causes(c: int, search: Search) -> list[int]:
-    """Return all unnamed candidates in the same mode and on the same rotor as candidate `c`."""
-    term = search.candidates[c].term
-    return [
-        k
-        for k, one in enumerate(search.candidates)
-        if one.unnamed
-        and one.term.rotor == term.rotor
-        and place_of(one.term.effect)[0] == place_of(term.effect)[0]
-    ]
-
-
 def _slow_mode(space: SearchSpace, search: Search, best: EffectSet) -> Unexplained | None:
     """Describe the mode with the most slow noise relative to good flights.
 
@@ -356,14 +376,16 @@ def _slow_mode(space: SearchSpace, search: Search, best: EffectSet) -> Unexplain
     if not beyond[mode] > SLOW_FACTOR:
         return None
     rms = MEANS * float(size[mode])
+    share = min(1.0, rms**2 / max(float(np.mean(rest**2, axis=0).sum()), 1e-12))
     return Unexplained(
         mode=mode,
         modes=(mode,),
         channel="time_s",
         channels=("time_s",),
-        share=min(1.0, rms**2 / max(float(np.mean(rest**2, axis=0).sum()), 1e-12)),
+        share=share,
         rms_rpm=rms,
         wanders=True,
+        minor=share < MOST_UNEXPLAINED,
     )
 
 
@@ -381,14 +403,16 @@ def effects_resembling(
     """Rule 4: list the effects of `named` that may only imitate an unexplained cause.
 
     If a rotor's loss varies along a channel, however slightly, all effects that do not act on such
-    a rotor may only compensate for it. Otherwise, an effect resembles the unexplained residual if
-    it acts on the same rotor, reads one of the same channels, or changes mostly the same modes. A
-    residual that is only slow noise resembles no effect.
+    a rotor may only compensate for it. Beside a probable cause along its own channel, however
+    small, an instrument is not at fault for certain. Otherwise, an effect resembles the unexplained
+    residual if it acts on the same rotor, reads one of the same channels, or changes mostly the
+    same modes. A residual that is only slow noise resembles no effect.
     """
     search, best = answer.search, answer.best
-    likely = _probable_causes(answer)
+    likely = probable_causes(answer)
     terms = {c: search.candidates[c].term for c in {*named, *likely}}
     uneven = {terms[c].rotor for c in likely} - {None}
+    open_reads = {needed for c in likely for needed in ALONG[place_of(terms[c].effect)[1]].needs}
     trials = best.effects
     read: set[str] = set()
     if unexplained is not None and not unexplained.wanders:
@@ -397,6 +421,10 @@ def effects_resembling(
     def resembles(c: int) -> bool:
         """Return whether candidate `c` resembles the unexplained residual."""
         if uneven and terms[c].rotor not in uneven:
+            return True
+        effect = terms[c].effect
+        instrument = effect.kind is Kind.INPUT and not effect.of_its_flights
+        if instrument and open_reads & set(effect.needs):
             return True
         if not read or unexplained is None:
             return False
@@ -441,10 +469,37 @@ def resembles_unexplained(one: OneOf, left: Unexplained | None, answer: Posterio
     return set(effects_resembling(left, of, answer)) == set(of)
 
 
+def names_that_hold(
+    left_out: CrossValidation, names: Sequence[int], before: Collection[int]
+) -> tuple[list[int], Floats]:
+    """Rule 8: return `names`, or none where selecting effects again without each fold makes the
+    error larger, and the residual (T, R), rpm, of that cross-validation.
+
+    An effect that explains some flights and predicts the others worse is no property of the
+    aircraft. Where no fold selects any, because fewer flights are less certain, the residual is
+    that of `names` with values fitted without each fold. `before` are the probable candidates
+    before any was dropped.
+    """
+    without = left_out.residual({})
+    if not names:
+        return [], without
+    having = left_out.with_selected_effects(names, [c for c in before if c not in names])
+    if residual_rms(having) == residual_rms(without):
+        having = left_out.with_effects(names)
+    return (list(names), having) if residual_rms(having) < residual_rms(without) else ([], without)
+
+
 def unnamed_terms_worth_keeping(
-    left_out: CrossValidation, answer: Posterior, names: Sequence[int], before: Collection[int]
-) -> list[int]:
-    """Rule 8: return the unnamed terms of the best set that lower the error when added to `names`.
+    left_out: CrossValidation,
+    answer: Posterior,
+    names: Sequence[int],
+    before: Collection[int],
+    reported_rpm: Floats,
+) -> tuple[list[int], Floats]:
+    """Rule 9: return the probable unnamed terms that lower the error when added to `names`.
+
+    `reported_rpm` (T, R) is the cross-validated residual with `names`; that with the terms is
+    returned as well.
 
     Terms must be needed by the cross-validated error (`needed_effects`). In addition, selecting all
     terms again without each fold must lower the error by LEAST_FALL, or no term is kept: then the
@@ -455,20 +510,31 @@ def unnamed_terms_worth_keeping(
         """Return the cross-validated RMS error, rpm, with `names` and the given terms."""
         return residual_rms(left_out.with_effects([*names, *some]))
 
-    pool = answer.search.unnamed_members(answer.best.key)
-    kept = needed_effects(error, [c for c in pool if c not in names])
+    kept = needed_effects(error, [c for c in answer.unnamed_members() if c not in names])
     if not kept:
-        return []
+        return [], reported_rpm
     members = [*names, *kept]
-    dropped = [c for c in before if c not in names]
-    without = residual_rms(left_out.with_selected_effects(names, dropped))
     dropped = [c for c in before if c not in members]
-    having = residual_rms(left_out.with_selected_effects(members, dropped, open_=True))
-    return kept if without >= (1.0 + LEAST_FALL) * having else []
+    having = left_out.with_selected_effects(members, dropped, open_=True)
+    if residual_rms(reported_rpm) < (1.0 + LEAST_FALL) * residual_rms(having):
+        return [], reported_rpm
+    return kept, having
+
+
+def stands_alone(
+    rotor: int, reported_else: Collection[int | None], causes: Collection[int | None]
+) -> bool:
+    """Rule 10: return whether no other sentence is about a rotor and no cause competes with it.
+
+    `reported_else` are rotors with an uneven loss, which has an inspection of its own, or with an
+    effect that rule 8 dropped. `causes` are the rotors (None: of no rotor) of the probable unnamed
+    causes: a rotor that is not certain may only imitate one that does not act on itself.
+    """
+    return rotor not in reported_else and set(causes) <= {rotor}
 
 
 def needs_inspection(probability: float, without_rpm: float, with_rpm: float) -> bool:
-    """Rule 9: return whether an unreported rotor should be inspected.
+    """Rule 10: return whether an unreported rotor should be inspected.
 
     Its probability must make a missed bad rotor costlier than a needless inspection, and its loss
     must lower the cross-validated error, `without_rpm` to `with_rpm`, by LEAST_FALL.
@@ -489,7 +555,7 @@ def open_cause(found: Found, answer: Posterior) -> OpenCause:
     own = next(c for c, one in enumerate(candidates) if one.key == found.term.key)
     trials = TrialEffect(candidate=candidates[own], values=found.value)
     change = predicted_modes(search.reduced, [trials]) - predicted_modes(search.reduced, ())
-    place = _interchangeable_causes(own, search) if candidates[own].unnamed else ()
+    place = search.interchangeable(own) if candidates[own].unnamed else ()
     alike = (c for c in place if c != own and answer.probability([c]) > DOUBT)
     return OpenCause(
         found=found,

@@ -55,7 +55,7 @@ class HeldOutFold:
     def unnamed_members(self, search: Search) -> list[int]:
         """Return the candidates that may enter a model as unnamed causes, without this
         fold's data."""
-        return search.unnamed_members(self._posterior(search, search.possible_sets).best.key)
+        return self._posterior(search, search.possible_sets).unnamed_members()
 
     def values(self, search: Search, members: Collection[int]) -> Values:
         """Return the values (F, K) of each candidate in `members`, fitted without this fold."""

@@ -109,6 +109,20 @@ class Posterior:
                 likely.append(c)
         return [c for c in sorted(likely) if _excludes_zero(self.estimate(c))]
 
+    def unnamed_members(self) -> list[int]:
+        """List the candidates that may enter a model as unnamed causes.
+
+        They are those of the most probable set, and those of other sets that are more probable than
+        not (`Search.unnamed_members`). Unnamed causes in one mode or on one rotor stand in for each
+        other, so their joint probability counts.
+        """
+        likely = set(self.best.key)
+        for c in {c for one in self.sets for c in one.key}:
+            alike = self.search.interchangeable(c)
+            if self.probability(alike) > CHOICE and self.probability([c]) > DOUBT:
+                likely.add(c)
+        return self.search.unnamed_members(frozenset(likely))
+
     def _unnamed(self, candidate: int) -> bool:
         """Return whether a candidate is an unnamed cause."""
         return self.search.candidates[candidate].unnamed
@@ -269,6 +283,26 @@ class Posterior:
             )
             found.append((one, likeliest))
         return tuple(found)
+
+    def gaining_rotors(self) -> frozenset[int]:
+        """Return the rotors (0-based) whose most probable degradation has a negative loss.
+
+        They make more thrust than expected. Rotors with a probability of at most DOUBT are in no
+        list, so they are left out.
+        """
+        of_rotors: dict[int, list[int]] = {}
+        for c in {c for one in self.sets for c in one.key if not self._unnamed(c)}:
+            rotor = self.search.candidates[c].term.rotor
+            if rotor is not None:
+                of_rotors.setdefault(rotor, []).append(c)
+        found = set()
+        for rotor, of in of_rotors.items():
+            likeliest = max(of, key=lambda c: self.probability([c]))
+            if self.probability(of) > DOUBT:
+                values = self.estimate(likeliest).value[:, 0]
+                if values[np.argmax(np.abs(values))] < 0.0:
+                    found.add(rotor)
+        return frozenset(found)
 
     def excluded(self, linear: LinearisedSets, named: Sequence[int]) -> tuple[Excluded, ...]:
         """Return the sizes above which single-value effects are excluded at SURE, added to the best

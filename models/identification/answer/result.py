@@ -68,6 +68,8 @@ class Unexplained:
     rms_rpm: float
     wanders: bool = False  # slow noise within flights, along no channel but time
     rotor: int | None = None  # rotor (0-based) with an uneven loss, which acts in all modes
+    #: too small to stand first or to request anything; an uneven loss of a rotor never is
+    minor: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -192,6 +194,9 @@ class Identification:
     one_of: tuple[OneOf, ...] = ()
     excluded: tuple[Excluded, ...] = ()
     mentioned: tuple[Mentioned, ...] = ()
+    #: effects of some flights that predict the others worse, which are not reported
+    contradicted: tuple[Term, ...] = ()
+    gaining: frozenset[int] = frozenset()  # rotors (0-based) that make more thrust than expected
     open_causes: tuple[OpenCause, ...] = ()  # unnamed causes that enter the new model
     followed: tuple[Found, ...] = ()  # effects that a channel reports to the model already
     #: constant differences of motor outputs, of unknown cause
@@ -315,6 +320,7 @@ class Identification:
                 and _shares_json(self.standing, self.problem.names),
                 "not_tried": self.untried,
                 "from_motor_outputs": self.problem.of_outputs,
+                "contradicted": [_term_json(t) for t in self.contradicted],
                 "unexplained": self.unexplained(),
                 "unnamed_causes": [one.to_json(self.problem.names) for one in self.open_causes],
                 "floor_rpm": self.floor_rpm,
@@ -335,6 +341,7 @@ class Identification:
             "channel": left.channel if left else None,
             "channels": list(left.channels) if left else [],
             "wanders": bool(left) and left.wanders,
+            "minor": bool(left) and left.minor,
             "rms_rpm": left.rms_rpm if left else 0.0,
             "rotor": None if left is None or left.rotor is None else left.rotor + 1,
             "closest": [term.words for term in self.closest],

@@ -21,6 +21,9 @@ from thrustmargin.models.identification.good_flights.flight_scatter import (
     HeldOutFlights,
     good_flights,
 )
+from thrustmargin.models.identification.good_flights.recurring_curves import (
+    with_recurring_curves,
+)
 from thrustmargin.models.identification.good_flights.standard_effects import (
     gain_and_error,
     with_standard_effects,
@@ -101,7 +104,15 @@ def commission(
     ]
     best = chains[-1] if trained is not None and network_is_worse(*chains) else chains[0]
     announce("effects of all flights")
-    model = with_standard_effects(best.base, [tracks[i] for i in used], date=date)
+    good = [tracks[i] for i in used]
+    model = with_standard_effects(best.base, good, date=date)
+    curved = with_recurring_curves(model, good, date=date)
+    if len(curved.effects) > len(model.effects):
+        announce("what flights repeat along each channel")
+        chain = chain_with_curves(best, tracks, used, inputs)
+        gain, error = gain_and_error(_mean_squares(best), _mean_squares(chain))
+        if gain > error:
+            best, model = chain, curved
     spread = np.zeros_like(best.predicted_rpm)
     if model.network is not None:
         spread = ensemble_speed(model.network, samples.airspeed, samples.tank_kg)[1]
@@ -167,8 +178,6 @@ def validated_chain(
     """Return the base's chain, with standard effects selected and fitted again without each fold's
     flights."""
     what = "weight and thrust curve" if base.network is None else "network"
-    predicted = np.empty_like(samples.rotor_speed_rpm)
-    shares = of_outputs([tracks[i] for i in used])
     closed = []
     for k, fold in enumerate(folds, 1):
         announce(f"{what}, flights left out: {k} of {len(folds)}")
@@ -176,15 +185,51 @@ def validated_chain(
             fold.model, [tracks[i] for i in used if i not in fold.flights]
         )
         closed.append(Fold(model=model, flights=fold.flights))
+    predicted = _held_out_speeds(closed, tracks, used, samples, inputs)
+    return Chain(base=base, folds=tuple(closed), samples=samples, predicted_rpm=predicted)
+
+
+def chain_with_curves(
+    chain: Chain, tracks: Sequence[FlightTrack], used: Sequence[int], inputs: Sequence[str]
+) -> Chain:
+    """Return the chain with recurring curves on top, selected and fitted again without each fold's
+    flights."""
+    folds = tuple(
+        replace(
+            fold,
+            model=with_recurring_curves(
+                fold.model, [tracks[i] for i in used if i not in fold.flights]
+            ),
+        )
+        for fold in chain.folds
+    )
+    predicted = _held_out_speeds(folds, tracks, used, chain.samples, inputs)
+    return replace(chain, folds=folds, predicted_rpm=predicted)
+
+
+def _held_out_speeds(
+    folds: Sequence[Fold],
+    tracks: Sequence[FlightTrack],
+    used: Sequence[int],
+    samples: Samples,
+    inputs: Sequence[str],
+) -> Floats:
+    """Return the predicted rotor speeds (N, R), rpm, of each flight by the model of its fold.
+
+    Speeds of motor outputs are scaled to the measured total thrust, as only shares are known.
+    """
+    predicted = np.empty_like(samples.rotor_speed_rpm)
+    shares = of_outputs([tracks[i] for i in used])
+    for fold in folds:
         for i in fold.flights:
             track, mine = tracks[i], samples.flight == used.index(i)
             rows = training_rows(track, inputs)
-            density = track_air(track, temperature_offset(model)).density
-            speed = predict(model, track, density).rotor_speed_rpm[rows]
+            density = track_air(track, temperature_offset(fold.model)).density
+            speed = predict(fold.model, track, density).rotor_speed_rpm[rows]
             if shares:
                 speed = scaled_to(np.sum(samples.rotor_speed_rpm[mine] ** 2, axis=1), speed)
             predicted[mine] = speed
-    return Chain(base=base, folds=tuple(closed), samples=samples, predicted_rpm=predicted)
+    return predicted
 
 
 def _mean_squares(chain: Chain) -> Floats:

@@ -2,7 +2,8 @@
 
 Each flight gives its own estimate of every effect of the catalogue, one linear step from the model,
 with an error from its blocks of time. Scatter beyond these errors is the variation to expect of a
-new sound flight. Each mode's mean, and smooth curves over slow channels, are measured likewise.
+new sound flight. Each mode's mean, its slope along every channel of the unnamed causes, and smooth
+curves over slow channels are measured likewise.
 """
 
 from __future__ import annotations
@@ -17,12 +18,14 @@ from scipy.interpolate import BSpline
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.channels import froude_time_scale
+from thrustmargin.models.effects.unnamed import ALONG, MODES
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.good_flights.standard_effects import gain_and_error
 from thrustmargin.models.identification.rows.candidates import (
     Term,
     TrialEffect,
     candidate,
+    curve_ranges,
     predicted_modes,
     slopes,
 )
@@ -51,6 +54,7 @@ class HeldOutFlights:
 def good_flights(left_out: Sequence[HeldOutFlights]) -> GoodFlights:
     """Measure the between-flight variation; each flight is in exactly one of `left_out`."""
     estimates: dict[tuple[str, int | None], list[Floats]] = {}
+    of_slopes: dict[tuple[str, int | None], list[Floats]] = {}
     means: list[Floats] = []
     amplitudes: list[Floats] = []
     channels: dict[str, list[Floats]] = {name: [] for name in SLOW_CHANNELS}
@@ -65,6 +69,8 @@ def good_flights(left_out: Sequence[HeldOutFlights]) -> GoodFlights:
         filter_ = unfiltered_whitening(modes, problem.flight, problem.of_outputs)
         for key, found in _flight_estimates(problem, filter_, catalogue).items():
             estimates.setdefault(key, []).append(found)
+        for name, found in _slope_estimates(problem, filter_, modes).items():
+            of_slopes.setdefault((name, None), []).append(found)
         flight.append(problem.flight + len(means))
         means += [
             mean_and_error(modes, problem.block, problem.flight == f)
@@ -81,6 +87,7 @@ def good_flights(left_out: Sequence[HeldOutFlights]) -> GoodFlights:
     return GoodFlights(
         flights=len(means),
         scatter=_pool_scatter(estimates),
+        slope_rpm={name: rpm for name, rpm in _pool_scatter(of_slopes).items() if rpm > 0.0},
         mode_scatter_rpm=tuple(
             float(np.nan_to_num(scatter_between(*by_mode[:, :, k].T))) for k in range(len(names))
         ),
@@ -131,6 +138,32 @@ def _flight_estimates(
             for i, k in enumerate(main):
                 key = f"{effect.key}.{effect.parameters[k].name}", rotor
                 found[key] = own[:, :, i] + [values[k], 0.0]
+    return found
+
+
+def _slope_estimates(problem: Problem, filter_: Whitening, residual: Floats) -> dict[str, Floats]:
+    """Return each flight's slope of the residual and its error (F, 2), by "mode.channel".
+
+    `residual` (T, R) is in rpm in modes. Each channel is taken by itself, beside a constant: what a
+    flight has along one channel may be due to another one that moves with it. Empty for motor
+    outputs, whose shares show no slope.
+    """
+    found: dict[str, Floats] = {}
+    if problem.of_outputs:
+        return found
+    for name in curve_ranges(problem):
+        along = np.asarray(ALONG[name].read(problem.channels), dtype=np.float64)
+        columns = np.stack([np.ones_like(along), along - along.mean()], axis=1)
+        for k, mode in enumerate(problem.modes.names[: len(MODES)]):
+            whole = np.zeros((*residual.shape, 3))
+            whole[:, k, :2], whole[:, k, 2] = columns, residual[:, k]
+            sums = block_sums(filter_, whole, problem.block)
+            found[f"{mode}.{name}"] = np.stack(
+                [
+                    own_estimate(sums[problem.block_flight == f])[:, 1]
+                    for f in range(problem.flights)
+                ]
+            )
     return found
 
 

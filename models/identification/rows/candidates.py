@@ -165,20 +165,12 @@ def unnamed_candidates(reduced: RowsToFit) -> list[Candidate]:
     """Return unnamed causes: each mode, and the loss of each rotor, along each varying channel.
 
     The prior probability of an effect is divided evenly among the channels of a mode, or of a
-    rotor. Constants are catalogue effects in every mode, so a curve is fixed to zero at one knot:
-    the one nearest to channel value 0 or, for a channel without such a rest, the one with most
-    rows. No candidate for a single flight, which cannot show that a curve recurs.
+    rotor. Constants are catalogue effects in every mode, so a curve is fixed to zero at one knot
+    (`curve_candidate`). No candidate for a single flight, which cannot show that a curve recurs.
     """
     if reduced.flights < 2:
         return []
-    x, rotors = reduced.channels, reduced.measured_rpm.shape[1]
-    ranges: dict[str, tuple[float, float]] = {}
-    for name, along in ALONG.items():
-        values = np.asarray(along.read(x), dtype=np.float64)
-        if values.shape == x.time_s.shape and np.isfinite(values).all():
-            low, high = (float(v) for v in np.quantile(values, RANGE))
-            if high - low > along.least:
-                ranges[name] = low, high
+    rotors, ranges = reduced.measured_rpm.shape[1], curve_ranges(reduced)
     of_modes = [name for name in ranges if name not in ONLY_ROTORS]
     # The curve of thrust over output is less accurate than the bend of a loss.
     of_rotors = [name for name in OF_ROTOR if name in ranges and not reduced.of_outputs]
@@ -186,16 +178,43 @@ def unnamed_candidates(reduced: RowsToFit) -> list[Candidate]:
     places += [(ROTOR, name, r) for r in range(rotors) for name in of_rotors]
     found = []
     for mode, name, rotor in places:
-        one = candidate(Term(effect=UNNAMED[mode, name], rotor=rotor), reduced.flights)
-        start = one.start.copy()
-        start[:, -2:] = ranges[name]
-        seen = curve_columns(np.asarray(ALONG[name].read(x)), *ranges[name]).sum(axis=0)
-        knots = np.linspace(*ranges[name], KNOTS)
-        rest = np.argmin(np.abs(knots)) if ALONG[name].rests else np.argmax(seen)
-        free = tuple((k, None) for k in range(KNOTS) if k != rest)
+        one = curve_candidate(reduced, Term(effect=UNNAMED[mode, name], rotor=rotor), ranges[name])
         prior = EFFECT_PRIOR / len(of_modes) if rotor is None else ROTOR_PRIOR / len(of_rotors)
-        found.append(replace(one, start=start, free=free, log_prior=float(np.log(prior))))
+        found.append(replace(one, log_prior=float(np.log(prior))))
     return found
+
+
+def curve_ranges(
+    rows: RowsToFit, ends: tuple[float, float] = RANGE
+) -> dict[str, tuple[float, float]]:
+    """Return the range of each channel of ALONG that is finite on every row and varies enough.
+
+    The range is that between the quantiles `ends`.
+    """
+    ranges: dict[str, tuple[float, float]] = {}
+    for name, along in ALONG.items():
+        values = np.asarray(along.read(rows.channels), dtype=np.float64)
+        if values.shape == rows.channels.time_s.shape and np.isfinite(values).all():
+            low, high = (float(v) for v in np.quantile(values, ends))
+            if high - low > along.least:
+                ranges[name] = low, high
+    return ranges
+
+
+def curve_candidate(rows: RowsToFit, term: Term, ends: tuple[float, float]) -> Candidate:
+    """Return a curve over the range `ends` of its channel, fixed to zero at one knot.
+
+    That is the knot nearest to channel value 0 or, for a channel without such a rest, the one with
+    most rows.
+    """
+    _, name = place_of(term.effect)
+    one = candidate(term, rows.flights)
+    start = one.start.copy()
+    start[:, -2:] = ends
+    seen = curve_columns(np.asarray(ALONG[name].read(rows.channels)), *ends).sum(axis=0)
+    rest = np.argmin(np.abs(np.linspace(*ends, KNOTS))) if ALONG[name].rests else np.argmax(seen)
+    free = tuple((k, None) for k in range(KNOTS) if k != rest)
+    return replace(one, start=start, free=free)
 
 
 def _possible_change(reduced: Reduced, effect: Effect) -> Effect | None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.channels import froude_time_scale
-from thrustmargin.models.effects.unnamed import SLOW, place_of
+from thrustmargin.models.effects.unnamed import ALONG, SLOW, place_of
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.identification.rows.candidates import (
     Candidate,
@@ -136,8 +136,10 @@ def search_space(
     ):  # offsets explain constant differences between flights, so no other column may
         form = _subtract_flight_means(form, reduced.flight)
         hats[:, 0] = 0.0
-    shared = np.concatenate([shared, _thermometer_columns(reduced, tracks)], axis=2)
-    scatter = np.concatenate([form, offsets, unreported_wind_columns(reduced, tracks)], axis=2)
+    slopes, of_mean = _flight_slopes(reduced)
+    shared = np.concatenate([shared, of_mean, _thermometer_columns(reduced, tracks)], axis=2)
+    wind = unreported_wind_columns(reduced, tracks)
+    scatter = np.concatenate([form, offsets, slopes, wind], axis=2)
     filter_ = _noise_filter(reduced, residual, anything, hats)
     speed = float(reduced.measured_rpm.mean())
     wander, own = _slow_noise_columns(reduced, scatter.shape[2])
@@ -313,6 +315,28 @@ def _flight_offsets(reduced: Reduced, residual: Floats) -> tuple[Floats, Floats]
         size = spread_of_flights(residual, reduced.flight, size)
     each = np.repeat(np.diag(size)[None], residual.shape[0], axis=0)
     return each / np.sqrt(1.0 + 1.0 / good), each / np.sqrt(good + 1.0)
+
+
+def _flight_slopes(reduced: Reduced) -> tuple[Floats, Floats]:
+    """Return the changes (N, R, K), rpm in modes, by each mode's slope along each channel in a
+    flight, and by a slope that all flights share.
+
+    Sizes are those between the n good flights, whose mean is in the model and uncertain by 1/n of
+    the variance, as for `_flight_offsets`. Without them no column.
+    """
+    good, x = reduced.model.good_flights, reduced.channels
+    columns = [np.zeros((*reduced.measured_rpm.shape, 0))]
+    for name, size in ({} if good is None or reduced.of_outputs else good.slope_rpm).items():
+        mode, channel = name.split(".")
+        along = np.asarray(ALONG[channel].read(x), dtype=np.float64)
+        if along.shape != x.time_s.shape or not np.isfinite(along).all():
+            continue
+        column = np.zeros((*reduced.measured_rpm.shape, 1))
+        column[:, reduced.modes.names.index(mode), 0] = size * along
+        columns.append(_subtract_flight_means(column, reduced.flight))
+    whole = np.concatenate(columns, axis=2)
+    flights = good.flights if good else 1
+    return whole / np.sqrt(1.0 + 1.0 / flights), whole / np.sqrt(flights + 1.0)
 
 
 def _thermometer_columns(reduced: Reduced, tracks: Sequence[FlightTrack]) -> Floats:

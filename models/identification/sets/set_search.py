@@ -17,6 +17,7 @@ from itertools import combinations
 import numpy as np
 
 from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
+from thrustmargin.models.effects.unnamed import place_of
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.candidates import (
     Candidate,
@@ -166,6 +167,20 @@ class Search:
             if steady or (c in key and (one.unnamed or lasts)):
                 found.append(c)
         return found
+
+    def interchangeable(self, c: int) -> list[int]:
+        """List the candidates that stand in for candidate `c`: of an unnamed cause all in the same
+        mode and on the same rotor, else itself alone."""
+        if not self.candidates[c].unnamed:
+            return [c]
+        term = self.candidates[c].term
+        return [
+            k
+            for k, one in enumerate(self.candidates)
+            if one.unnamed
+            and one.term.rotor == term.rotor
+            and place_of(one.term.effect)[0] == place_of(term.effect)[0]
+        ]
 
     @property
     def possible_sets(self) -> list[Key]:

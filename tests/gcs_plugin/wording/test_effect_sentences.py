@@ -255,6 +255,15 @@ def test_drag_is_looked_for_only_where_flights_have_taught_the_model_what_the_ai
     assert effect_sentence(more, taught).endswith("look for what was mounted or left open")
 
 
+def test_no_model_is_to_be_kept_that_does_not_lower_the_error(whole):
+    drag, more = found("parasite_drag", [0.05], [0.004]), found("climb_inflow", [1.0], [0.1])
+    same = replace(whole, after=whole.before)
+    for one in (drag, more):
+        assert "keep it in the model" in effect_sentence(one, whole)
+        said = effect_sentence(one, same)
+        assert said.endswith("flights not used are predicted worse with it, so keep no model of it")
+
+
 def test_climb_is_told_as_thrust_lost_at_two_metres_a_second(whole):
     rpm = float(np.median(whole.problem.measured_rpm))
     ratio = 2.0 * 60.0 / (rpm * whole.model.airframe.propeller_diameter)

@@ -52,7 +52,7 @@ def test_a_bad_part_is_named_with_its_place_and_what_it_means_now():
 
 def test_what_is_good_is_short_only_where_all_of_the_flight_is_known():
     assert of(FlightLevel.UNDER, begun_before=True) == ""
-    assert of(FlightLevel.UNDER, lost=RotorLost(known_s=0.0)) == ""
+    assert of(FlightLevel.UNDER, rotor_lost=RotorLost(known_s=0.0)) == ""
     assert of(FlightLevel.UNKNOWN) == ""
 
 

@@ -263,7 +263,7 @@ def open_place(result: Mapping[str, Any]) -> Mapping[str, Any]:
     """Mode and channel of what no effect explains, else of a cause that is said first without a
     name; empty where there is none."""
     places = [result.get("unexplained") or {}, *without_a_name(result)[:1]]
-    return next((one for one in places if one.get("mode")), {})
+    return next((one for one in places if one.get("mode") and not one.get("minor")), {})
 
 
 def without_a_name(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:

@@ -1,14 +1,14 @@
 """A constant is another one wherever it was imported, and itself again afterwards."""
 
 from tests.lab.undeclared.sensitivity import changed, scaled
-from thrustmargin.models.identification.answer import acceptance, open_causes
+from thrustmargin.models.identification.answer import cross_validation, floor
 from thrustmargin.models.identification.sets import discrepancy
 
 
 def test_a_changed_constant_is_changed_where_it_is_used_and_only_for_a_while():
-    with changed("answer.acceptance", "LEAST_FALL", 0.04):
-        assert (acceptance.LEAST_FALL, open_causes.LEAST_FALL) == (0.04, 0.04)
-    assert (acceptance.LEAST_FALL, open_causes.LEAST_FALL) == (0.02, 0.02)
+    with changed("answer.cross_validation", "FIFTHS", 7):
+        assert (cross_validation.FIFTHS, floor.FIFTHS) == (7, 7)
+    assert (cross_validation.FIFTHS, floor.FIFTHS) == (5, 5)
 
 
 def test_a_constant_of_the_same_name_elsewhere_stays():

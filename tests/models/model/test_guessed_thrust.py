@@ -3,6 +3,7 @@
 from dataclasses import replace
 from types import MappingProxyType
 
+import numpy as np
 import pytest
 
 from thrustmargin.models.model.fill_limits import before_take_off, largest_fills
@@ -33,9 +34,9 @@ def test_a_curve_and_a_speed_guessed_from_one_thrust_count_once():
 
 def test_by_rotor_speed_such_a_curve_counts_too():
     """The speed at the data sheet's thrust follows from the curve."""
-    assert ceiling_variance(T20, 50.0) == pytest.approx(0.03)
+    assert ceiling_variance(T20, np.array(50.0)) == pytest.approx(0.03)
     measured = with_quantity(T20, "thrust_coefficient", guessed=False)
-    assert ceiling_variance(measured, 50.0) == pytest.approx(0.02)
+    assert ceiling_variance(measured, np.array(50.0)) == pytest.approx(0.02)
 
 
 def test_a_guess_counts_with_its_own_error():

@@ -24,6 +24,7 @@ def found(largest: float) -> Any:
     )
     return SimpleNamespace(
         found=[one],
+        gaining=frozenset(),
         problem=SimpleNamespace(names=["a"]),
         model=SimpleNamespace(airframe=SimpleNamespace(rotor_names=("front",))),
     )

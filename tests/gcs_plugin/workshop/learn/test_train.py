@@ -14,10 +14,16 @@ import numpy as np
 import pytest
 
 from tests.gcs_plugin.logs.csv_files import write_csv
+from tests.made_sources import sent
+from tests.models.made_flights import level_flight
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.workshop.learn.model_figures import loss_figure, write_loss_curves
-from thrustmargin.gcs_plugin.workshop.learn.train import _usable_flights, train
+from thrustmargin.gcs_plugin.workshop.learn.train import (
+    _usable_flights,
+    network_can_learn,
+    train,
+)
 from thrustmargin.gcs_plugin.workshop.learn.training_tables import (
     interval_sentence,
     training_tables,
@@ -30,6 +36,7 @@ from thrustmargin.models.model.training import LossCurve
 from thrustmargin.models.network.validity import Interval, MeasuredCoverage
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.flight_phases import training_rows
+from thrustmargin.models.provenance import Meaning
 
 
 @pytest.fixture
@@ -193,6 +200,18 @@ def test_too_few_flights_and_no_flights_end_with_one_line(few_logs, tmp_path, ca
     assert "2 flights with usable rows" in error
     assert error.count("\n") == 1
     assert run(["train", *out]) == 2
+
+
+def test_no_network_is_trained_where_neither_airspeed_nor_tank_varies():
+    still = level_flight()
+    assert not network_can_learn([still])
+    assert network_can_learn([still, replace(still, tank_kg=still.tank_kg - 1.0)])
+    fast = replace(still, airspeed=still.airspeed + 3.0)
+    assert network_can_learn([still, fast])
+    over_ground = sent("GPS", meaning=Meaning.GROUND_SPEED)
+    unmeasured = [replace(one, sources={"airspeed": over_ground}) for one in (still, fast)]
+    assert not network_can_learn(unmeasured)
+    assert not network_can_learn([replace(still, rotor_speed_rpm=0.0 * still.rotor_speed_rpm)])
 
 
 def test_a_flight_with_swapped_motors_is_not_learnt_from(sitl_logs):

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from thrustmargin.models.identification.answer.acceptance import (
+    names_that_hold,
     needs_inspection,
+    stands_alone,
     unnamed_terms_worth_keeping,
 )
 
@@ -28,6 +30,22 @@ def test_a_rotor_is_asked_for_where_it_is_likely_and_flights_left_out_bear_it_ou
     assert needs_inspection(probability, without_rpm, with_rpm) is asked
 
 
+@pytest.mark.parametrize(
+    ("reported_else", "causes", "alone"),
+    [
+        ({None}, set(), True),
+        ({None, 2}, set(), False),  # it has a sentence of its own
+        ({None, 1}, {2}, True),  # an uneven loss of the same rotor
+        ({None}, {None}, False),  # a wake may look like this rotor
+        ({None}, {1, 2}, False),
+    ],
+)
+def test_an_uncertain_rotor_is_not_asked_for_beside_a_cause_without_a_name(
+    reported_else, causes, alone
+):
+    assert stands_alone(2, reported_else, causes) is alone
+
+
 @pytest.mark.parametrize(("of_choice", "kept"), [(8.0, [7]), (9.9, [])])
 def test_what_has_no_name_is_kept_where_its_choice_without_each_flight_helps_too(of_choice, kept):
     """With the given set flights left out go from 10 to 8 rpm; what counts is the choice anew."""
@@ -38,13 +56,45 @@ def test_what_has_no_name_is_kept_where_its_choice_without_each_flight_helps_too
 
     def with_selected_effects(members, aside, *, open_=False):
         asked.append((sorted(members), sorted(aside), open_))
-        return np.full((4, 4), of_choice if open_ else 10.0)
+        return np.full((4, 4), of_choice)
 
     left_out: Any = SimpleNamespace(
         with_effects=with_effects, with_selected_effects=with_selected_effects
     )
-    search = SimpleNamespace(unnamed_members=lambda key: sorted(key - {1}))
-    answer: Any = SimpleNamespace(search=search, best=SimpleNamespace(key=frozenset({1, 3, 7, 9})))
-    assert unnamed_terms_worth_keeping(left_out, answer, [3], [1, 3, 7]) == kept
-    assert asked == [([3], [1, 7], False), ([3, 7], [1], True)]
-    assert unnamed_terms_worth_keeping(left_out, answer, [3, 7], [1, 3, 7]) == []
+    answer: Any = SimpleNamespace(unnamed_members=lambda: [3, 7, 9])
+    before = np.full((4, 4), 10.0)
+    found, error = unnamed_terms_worth_keeping(left_out, answer, [3], [1, 3, 7], before)
+    assert found == kept
+    assert error[0, 0] == (of_choice if kept else 10.0)
+    assert asked == [([3, 7], [1], True)]
+    assert unnamed_terms_worth_keeping(left_out, answer, [3, 7], [1, 3, 7], before)[0] == []
+
+
+@pytest.mark.parametrize(
+    ("of_choice", "of_names", "kept", "rpm"),
+    [
+        (9.9, 8.0, [3], 9.9),
+        (12.0, 8.0, [], 10.0),
+        (10.0, 8.0, [3], 8.0),  # no fold selects it: fewer flights are less certain
+        (10.0, 10.5, [], 10.0),
+    ],
+)
+def test_an_effect_that_explains_some_flights_and_predicts_others_worse_is_not_reported(
+    of_choice, of_names, kept, rpm
+):
+    asked = []
+
+    def with_selected_effects(members, aside):
+        asked.append((members, aside))
+        return np.full((4, 4), of_choice)
+
+    left_out: Any = SimpleNamespace(
+        residual=lambda _: np.full((4, 4), 10.0),
+        with_selected_effects=with_selected_effects,
+        with_effects=lambda _: np.full((4, 4), of_names),
+    )
+    found, error = names_that_hold(left_out, [3], [1, 3])
+    assert (found, error[0, 0]) == (kept, rpm)
+    assert asked == [([3], [1])]
+    assert names_that_hold(left_out, [], [1, 3])[0] == []
+    assert len(asked) == 1

@@ -109,6 +109,7 @@ def test_the_json_of_an_answer():
     assert found["unexplained"] == {
         "fraction_of_variance": 0.6,
         "wanders": False,
+        "minor": False,
         "mode": "roll",
         "channel": "airspeed",
         "channels": ["airspeed"],
@@ -126,6 +127,7 @@ def test_the_json_of_an_answer():
         "channels": [],
         "rms_rpm": 0.0,
         "wanders": False,
+        "minor": False,
         "rotor": None,
     }
     assert alone["unexplained"] == {**nothing, "closest": []}

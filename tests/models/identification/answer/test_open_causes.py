@@ -102,6 +102,15 @@ def test_the_uneven_loss_of_a_rotor_is_corrected_for_and_stays_an_alarm():
     assert "holding damage: rotor 3" in new.description
 
 
+def test_what_the_held_out_flights_do_not_show_is_in_no_model(pitching):
+    """The fitted flights have a curve in pitch, the one that is not used has none."""
+    fit, (sound,) = with_causes([[PITCH]] * FLIGHTS), with_causes([[]])
+    found = identified(fit, held_out=[replace(sound, name="sound")])
+    assert pitching.open_causes != ()
+    assert found.open_causes == ()
+    assert found.after.rmse_rpm == found.before.rmse_rpm
+
+
 def test_what_flights_left_out_do_not_show_again_is_not_taken():
     found = identified(with_causes([[], [], [PITCH], []]))
     assert found.open_causes == ()

@@ -14,6 +14,7 @@ from thrustmargin.models.identification.answer.posterior import EffectEstimate, 
 from thrustmargin.models.identification.rows.candidates import Term, TrialEffect, candidate
 from thrustmargin.models.identification.sets.evidence import SetScore
 from thrustmargin.models.identification.sets.linear_sets import EffectSet
+from thrustmargin.models.identification.sets.set_search import Search
 
 MASS, GAUGE, CG = (
     candidate(Term(effect=BY_KEY[k]), 1) for k in ("extra_mass", "tank_scale", "cg_offset")
@@ -22,6 +23,7 @@ LOSS = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=2), 1)
 LAST = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=3), 1)
 SINCE = candidate(Term(effect=BY_KEY["rotor_degradation:since"], rotor=2), 1)
 ALL = [MASS, GAUGE, CG, LOSS, LAST, SINCE]
+PITCH, TURN = (candidate(Term(effect=UNNAMED["pitch", k]), 1) for k in ("airspeed", "yaw_rate"))
 
 
 def a_set(weight: float, **values: tuple[float, float]) -> EffectSet:
@@ -87,6 +89,36 @@ def test_two_rotors_or_two_effects_of_which_one_is_there_are_no_name():
 def test_both_that_nearly_all_weight_holds_are_named():
     both = answer_of(a_set(0.97, loss=(0.15, 0.01), since=(0.05, 0.01)), a_set(0.03))
     assert both.named_candidates() == [3, 5]
+
+
+def test_a_rotor_with_more_thrust_is_distinguished_from_a_weak_one():
+    found = answer_of(
+        a_set(0.6, last=(0.05, 0.01), since=(-0.07, 0.01)),
+        a_set(0.3, loss=(0.1, 0.01)),
+        a_set(0.1, mass=(-1.0, 0.2)),
+    )
+    assert found.gaining_rotors() == {2}  # "since" is likelier than "loss", on one rotor
+    assert answer_of(a_set(1.0, loss=(0.1, 0.01))).gaining_rotors() == frozenset()
+
+
+def test_curves_that_stand_in_for_each_other_enter_a_model_by_their_joint_probability():
+    """Pitch along airspeed or along yaw rate: neither is likelier than not, together they are."""
+    more = [*ALL, PITCH, TURN]
+
+    def members(*weights: float) -> list[int]:
+        of = ({6}, {7}, {0}, set())
+        sets = [
+            replace(a_set(w), key=frozenset(key), trials=tuple(more[c].initial_effect for c in key))
+            for w, key in zip(weights, of, strict=True)
+        ]
+        search = Search.__new__(Search)  # it needs no flights here
+        search.candidates, search.fitted = more, {one.key: one for one in sets}
+        return posterior_of(search).unnamed_members()
+
+    assert members(0.3, 0.28, 0.1, 0.32) == [6, 7]
+    assert members(0.2, 0.2, 0.1, 0.5) == []  # nothing is likelier than not
+    assert members(0.52, 0.02, 0.1, 0.36) == [6]  # the other one is no alternative
+    assert members(0.1, 0.1, 0.55, 0.25) == [0]
 
 
 def test_a_size_that_may_be_nothing_is_no_name():

@@ -7,12 +7,14 @@ import pytest
 
 from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.models.effects import effects_for
+from thrustmargin.models.effects.unnamed import UNNAMED
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer.acceptance import (
     _exceeds_limits,
     changes_mostly,
     effects_resembling,
     find_unexplained,
+    probable_causes,
     resembles_unexplained,
 )
 from thrustmargin.models.identification.answer.posterior import Posterior, posterior_of
@@ -79,7 +81,7 @@ def with_loss(law: str) -> list[FlightTrack]:
 
 @pytest.mark.parametrize("mode", [0, 3])
 def test_a_wave_that_no_effect_has_is_left_in_its_mode_with_its_size_along_its_channel(mode):
-    space, _, answer = searched(with_wave(mode))
+    space, search, answer = searched(with_wave(mode))
     left = find_unexplained(space, answer)
     assert left is not None
     assert (left.mode, left.modes, left.rotor) == (mode, (mode,), None)
@@ -87,6 +89,12 @@ def test_a_wave_that_no_effect_has_is_left_in_its_mode_with_its_size_along_its_c
     wave = SIZE * np.sin(0.7 * space.reduced.channels.airspeed)
     assert left.rms_rpm == pytest.approx(np.sqrt(np.mean(wave**2)), rel=0.3)
     assert 0.6 < left.share <= 1.0
+    assert not left.minor
+    rough = replace(answer.best, residual=answer.best.residual + 3.0 * SIZE)
+    small = find_unexplained(space, Posterior.from_sets(search, [rough]))
+    assert small is not None
+    assert small.share < 0.15
+    assert small.minor
     assert answer.named_candidates() == []
 
 
@@ -197,6 +205,22 @@ def test_an_effect_acts_in_the_mode_of_most_of_its_change(sound):
     rotor = TrialEffect(candidate=one, values=values)
     assert not any(changes_mostly(search, rotor, [m, n]) for m in range(4) for n in range(m))
     assert changes_mostly(search, rotor, [0, 1, 2])
+
+
+def test_an_instrument_is_not_blamed_beside_a_cause_along_its_own_channel():
+    """However small the cause is: it may be all that is wrong with what the instrument shows."""
+    names = ["tank_scale", "extra_mass"]
+    _, search, _ = searched(with_wave(None), names)
+    by_key = {c.key: k for k, c in enumerate(search.candidates)}
+    gauge, mass = (by_key[name] for name in names)
+    blamed = {}
+    for channel in ("tank_kg", "yaw_rate"):
+        cause = by_key[UNNAMED["pitch", channel].key]
+        fitted = [search.fit(frozenset({cause, gauge, mass}), ())]
+        answer = Posterior.from_sets(search, fitted)
+        assert list(probable_causes(answer)) == [cause]
+        blamed[channel] = effects_resembling(None, [gauge, mass], answer)
+    assert blamed == {"tank_kg": [gauge], "yaw_rate": []}
 
 
 def test_a_name_by_the_channel_that_the_unexplained_goes_with_is_only_closest():
