@@ -193,7 +193,7 @@ def _make(
     from thrustmargin.gcs_plugin.store.hangar import checked_name
     from thrustmargin.gcs_plugin.store.learnt_flight import learnt_flight
     from thrustmargin.gcs_plugin.workshop.learn.train import training_run
-    from thrustmargin.gcs_plugin.workshop.learn.training_tables import fit_for_use
+    from thrustmargin.gcs_plugin.workshop.learn.training_tables import fitness_sentence
     from thrustmargin.models.model.advice import advise
     from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
     from thrustmargin.models.model.model_file import save_model
@@ -239,7 +239,7 @@ def _make(
             kept = {track.name for track in run.tracks}
             training = [log for log in sound if log.track.name in kept]
             if model.good_flights is not None:
-                console.print(fit_for_use(model.good_flights, model))
+                console.print(fitness_sentence(model.good_flights, model))
     else:
         console.print(
             f"no model of its own yet: {listed(unfit) or 'no sound flight'}", soft_wrap=True
