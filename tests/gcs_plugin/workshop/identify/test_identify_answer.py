@@ -341,8 +341,8 @@ def test_what_explains_some_flights_alone_is_said_without_a_name_for_all(sound):
     found = replace(sound, contradicted=(MASS, weak(3)), gaining=frozenset({3}))
     first, second, *_ = said(found)
     assert first == (
-        "No effect holds in all of these flights: with hidden mass and more thrust of rotor 4 (rear "
-        "right) some are explained and the others predicted worse, so none was added; run "
+        "No effect holds in all of these flights: with hidden mass and more thrust of rotor 4 "
+        "(rear right) some are explained and the others predicted worse, so none was added; run "
         "thrustmargin identify on flights of one day and one load."
     )
     assert second.startswith("Rotor speed error (RMSE)")
