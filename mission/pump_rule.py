@@ -202,7 +202,8 @@ def _neighbours(runs: _Runs) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats
 
     Runs on one straight line, 0.5 m apart or less, are no neighbours.
     """
-    shapes = np.atleast_1d(shapely.linestrings(np.stack([runs.start, runs.end], axis=1)))
+    lines = shapely.linestrings(np.stack([runs.start, runs.end], axis=1))
+    shapes = np.array(lines, dtype=object)
     tree = shapely.STRtree(shapes)
     one, two = tree.query(shapes, predicate="dwithin", distance=WIDEST)
     unit = runs.vector / runs.length[:, None]
