@@ -61,7 +61,7 @@ def test_report_page_json_console_replay_store_and_python_agree(
     assert (headline(advice), action(advice)) == (first, do)
     bad = FlightLevel.DAMAGED in advice.levels
     assert (
-        "no fill can be recommended: a rotor or motor is bad"
+        "no fill before the bad rotor or motor is repaired"
         if bad
         else f"{np.floor(advice.fill.kg * 10) / 10:.1f} kg"
     ) in do.lower()

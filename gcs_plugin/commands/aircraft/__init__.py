@@ -34,7 +34,9 @@ def aircraft(
     A repair that you note lets the model follow the aircraft faster, and its next flight shows
     whether the repair did what it should.
 
-    Example: thrustmargin aircraft north-field-2 --changed "propeller 3"
+    Of one: thrustmargin aircraft north-field-2 --changed "propeller 3"
+
+    Example: thrustmargin aircraft
 
     Args:
         name: Name of the aircraft; without it all are listed.

@@ -18,7 +18,7 @@ from thrustmargin.gcs_plugin.commands.flight.fetch import FetchLog, FetchMission
 #: First words of examples that need a vehicle or last as long as a flight.
 WAITS = ("monitor", "fetch", "replay", "stream", "demo")
 #: Those that need several flights of one's own, or a store of them.
-OWN_FLIGHTS = ("train", "fleet")
+OWN_FLIGHTS = ("train", "fleet", "learn")
 
 
 def examples() -> Iterator[str]:

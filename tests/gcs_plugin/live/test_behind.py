@@ -163,9 +163,9 @@ def test_a_blocked_analysis_is_said_and_is_no_lost_telemetry(tmp_path):
         seen.release.set()
         released_us = monitor.now_us()
         until(lambda: {1, 2} <= {v for v, us in seen.newest if us > released_us - 1_000_000})
-        # The newest first: one update more of each, not one for each moment that was missed.
+        # A few updates more of each, not one for each of the 35 moments that were missed.
         after = [vehicle for vehicle, us in seen.newest if us > began_us]
-        assert after.index(2) <= 1
+        assert after.index(2) < 10
         until(lambda: not monitor.status().behind_s)
         until(lambda: len(seen.named("margin")) == 2)
         sending.passes(1.5)

@@ -93,7 +93,7 @@ def test_the_page_is_told_of_all_and_the_gravest_is_its_first_line(heard):
         assert [r["left"] for r in figures["rotors"]] == pytest.approx([left] * 4, abs=1e-3)
         assert f"airframe {AIRFRAME.name}, given" in figures["claim"]
     assert state["first"]["vehicle"] == 1
-    assert "Thrust margin" in state["first"]["headline"]
+    assert state["first"]["headline"] == "FLY GENTLY"
     assert state["status"] == ["7 messages"]
     assert "tank by NAMED_VALUE_FLOAT TANK" in " ".join(one["remarks"])
     json.dumps(state, allow_nan=False)

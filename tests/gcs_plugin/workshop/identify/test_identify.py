@@ -97,7 +97,7 @@ def test_the_first_line_names_part_amount_and_action(done):
     first = done[1].splitlines()[0]
     assert first.startswith("Rotor 1 (front right) makes 8")
     assert first.endswith(
-        "): with the battery off, inspect its propeller or fit a new one of the same kind."
+        "): do not fly it before propeller, motor and ESC of rotor 1 were looked at, battery off."
     )
 
 
