@@ -307,7 +307,7 @@ def test_at_night_and_in_german_it_says_the_same(opened):
 def test_a_laptop_does_not_move_the_pilots_phone(opened):
     """Neither the time nor the 3D scene: each browser has its own of both."""
     view, page = opened
-    page.goto(view.url)
+    page.goto(view.url + "/?lang=en")  # the tab keeps the language of the test before
     page.wait_for_selector("[data-rotor]")
     view.seek(5.0)
     until(page, lambda: page.inner_text("#tm-time b") == "0:05")
