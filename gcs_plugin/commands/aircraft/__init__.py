@@ -13,6 +13,7 @@ from rich.markup import escape
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.gcs_plugin.wording.language import percent
 from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
@@ -109,8 +110,8 @@ def _show(known: KnownAircraft, console: Console) -> None:
     where = known.flights[-1].longitude_deg if known.flights else float("nan")
     lines = [(event.unix_s, f"changed: {event.changed}") for event in known.events]
     for row in known.flights:
-        use = f"{100 * row.use_lasting:.0f} % of thrust in use"
-        held = f"interval held {100 * row.coverage:.0f} %"
+        use = f"{percent(row.use_lasting)} of thrust in use"
+        held = f"interval held {percent(row.coverage)}"
         taught = "trained" if row.trained else "taught"
         if row.not_taught is not None:
             taught = f"taught nothing: {row.not_taught}"

@@ -21,6 +21,7 @@ from thrustmargin.gcs_plugin.commands.shared.inputs import (
     Known,
     Reading,
 )
+from thrustmargin.gcs_plugin.wording.language import percent
 from thrustmargin.models.errors import DataError, LogError, require
 
 if TYPE_CHECKING:
@@ -114,8 +115,8 @@ def learn(
             taught = "" if row.not_taught is None else f"; taught nothing: {row.not_taught}"
             console.print(
                 escape(
-                    f"{log.name}: {row.level}, steady use up to {100 * row.use_lasting:.0f} %, "
-                    f"interval held {100 * row.coverage:.0f} %{taught}"
+                    f"{log.name}: {row.level}, steady use up to {percent(row.use_lasting)}, "
+                    f"interval held {percent(row.coverage)}{taught}"
                 )
             )
             if words := change_of(flight):
@@ -289,6 +290,8 @@ def card(aircraft: KnownAircraft) -> tuple[str, ...]:
     flights, days = aircraft.sound_flights, aircraft.days
     counted = f"{len(flights)} flight{'s' * (len(flights) != 1)} on {days} day{'s' * (days != 1)}"
     lines = [f"{aircraft.name}: known from {counted}, kept in {aircraft.folder}"]
+    if not flights:
+        return (*lines, "  no sound flight has taught anything of it: its airframe is all")
     held = [row.coverage for row in flights if not row.trained and np.isfinite(row.coverage)]
     if held:
         lines.append(

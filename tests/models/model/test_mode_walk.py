@@ -20,6 +20,7 @@ from thrustmargin.models.model.mode_walk import (
     state_before,
     walk,
 )
+from thrustmargin.models.model.rotor_faults import fault_signals
 from thrustmargin.models.model.rotor_model import physics_model
 
 DAY = 86_400.0
@@ -147,6 +148,14 @@ def test_offsets_are_those_by_which_a_flight_was_shifted():
     again = flight_offsets(followed, flight="a", start_unix_s=0.0, longitude_deg=0.0)
     assert again is not None
     assert again.offset == pytest.approx(found.offset, abs=1e-9)
+
+
+def test_a_fault_is_sought_against_the_model_as_it_was_made():
+    """A weak rotor that the state has followed over many flights must stay in what is tested."""
+    model, track = physics_model(F16), made_flight(3, loss=0.12, rotor=2)
+    followed = replace(model, state=ModeState(offset=(0.02, -0.02, 0.02, 0.02), error=(0.01,) * 4))
+    plain, with_state = (fault_signals(analyse(track, m), slice(None)) for m in (model, followed))
+    assert with_state == pytest.approx(plain, nan_ok=True)
 
 
 def test_the_error_of_a_state_widens_every_rotor():
