@@ -300,7 +300,8 @@ class TestInMavproxy:
         mavproxy.ask_until("margin", old, "^margin: no|^vehicle 1")
         mavproxy.wait_for_field("Margin", {"grey"}, "^Margin --$")
         with playing(flight, mavproxy.port, 58.0, 140.0, 1.0):
-            mavproxy.wait("over: Telemetry lost")
+            # Which of the two ended is by whether whole reports or parts of them came first.
+            mavproxy.wait("over: (Telemetry lost|Reports unusable) in flight")
             mavproxy.wait_for_field("Margin", {"red", "green"})
 
     def test_damage_on_the_link_does_no_harm(self, mavproxy: MavProxy, flight):
