@@ -2,8 +2,10 @@
 
 import gc
 import os
+import shutil
 import signal
 import sys
+import tempfile
 from collections import Counter
 from pathlib import Path
 
@@ -33,8 +35,9 @@ def pytest_configure() -> None:
     # would each worker with all tests.
     if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
         sys.dont_write_bytecode = False
-    # What the developer's own aircraft taught must not reach a test.
+    # What the developer's own aircraft taught must not reach a test, nor a day that was stated.
     os.environ["THRUSTMARGIN_HANGAR"] = os.devnull + ".none"
+    os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="thrustmargin-state-")
     gc.disable()  # of what is collected nothing is garbage, and looking for it takes a third of it
 
 
@@ -46,6 +49,7 @@ def pytest_collection_finish() -> None:
 
 @pytest.hookimpl(trylast=True)  # after pytest has looked once, among what is new
 def pytest_unconfigure() -> None:
+    shutil.rmtree(os.environ["XDG_STATE_HOME"], ignore_errors=True)
     gc.unfreeze()  # libraries count at the end what nobody has freed
     gc.enable()
 

@@ -14,7 +14,10 @@ plain numpy, M members as one batch of matrices. Results equal torch's to float3
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -114,7 +117,8 @@ def fit_network(
     if not (np.all(np.isfinite(inputs)) and np.all(np.isfinite(rotor_speed_rpm))):
         raise DataError("rows with a missing airspeed, tank or rotor speed cannot be fitted")
     require("train", "torch")
-    import torch
+    with _interrupt_deferred():
+        import torch
 
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
@@ -124,6 +128,25 @@ def fit_network(
             return _fit(inputs, rotor_speed_rpm, training, validation, config, on_epoch)
     finally:
         torch.set_num_threads(threads)
+
+
+@contextmanager
+def _interrupt_deferred() -> Iterator[None]:
+    """Hold a Ctrl-C back until the block has ended.
+
+    An exception in the midst of loading torch's libraries aborts the process without a word.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield  # signals reach the main thread alone
+        return
+    caught: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, _: caught.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
+    if caught:
+        signal.raise_signal(signal.SIGINT)
 
 
 def _scale(rows: Floats) -> Floats:
