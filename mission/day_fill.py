@@ -71,12 +71,12 @@ def day_fill(
     winds = {day.wind.value, max(day.wind.value, day.gusts.value)}
     tried = [_in_steady_flight(model, day, speed + wind, limit, rotor_lost) for wind in winds]
     fills, volts, airspeed = min(tried, key=lambda one: _order(one[0]))
-    made = before_take_off(fills, model, day=day)
+    fill = before_take_off(fills, model, day=day)
     fresh = with_full_battery(model, day)
-    if fresh is not None and math.isfinite(made.kg):
+    if fresh is not None and math.isfinite(fill.kg):
         most = _in_steady_flight(model, fresh, airspeed, limit, rotor_lost)[0]
-        made = replace(made, fresh_kg=float(most.sure[0]), fresh_day=fresh)
-    return DayFill(fill=made, voltage=volts, airspeed=airspeed)
+        fill = replace(fill, fresh_kg=float(most.sure[0]), fresh_day=fresh)
+    return DayFill(fill=fill, voltage=volts, airspeed=airspeed)
 
 
 def with_full_battery(model: RotorModel, day: Day) -> Day | None:
@@ -101,7 +101,7 @@ def _in_steady_flight(
 
     def fills_with(kg: float) -> tuple[Fills, float]:
         volts = voltage_under_load(model, day, kg, airspeed)
-        found = largest_fills(
+        fill = largest_fills(
             model,
             day.density,
             volts,
@@ -110,7 +110,7 @@ def _in_steady_flight(
             rotor_lost=rotor_lost,
             density_error=day.density_error,
         )
-        return found, volts
+        return fill, volts
 
     fills, volts = fills_with(most)
     for _ in range(0 if day.loaded_voltage.known else TURNS - 1):
@@ -132,8 +132,8 @@ def voltage_under_load(model: RotorModel, day: Day, kg: float, airspeed: float) 
     resistance = day.battery_resistance.value
     if not math.isfinite(resistance):
         resistance = cells * RESISTANCE / day.battery_capacity_ah.value
-    made = steady_flight(model, day.density, rest, airspeed, np.array([kg])).prediction
-    power = float(rotor_power(craft, made.thrust, made.rotor_speed_rpm)[0])
+    prediction = steady_flight(model, day.density, rest, airspeed, np.array([kg])).prediction
+    power = float(rotor_power(craft, prediction.thrust, prediction.rotor_speed_rpm)[0])
     if not math.isfinite(resistance * power):
         return rest - USUAL_SAG * cells
     return 0.5 * (rest + math.sqrt(max(rest**2 - 4.0 * resistance * power, 0.0)))
@@ -159,17 +159,17 @@ def most_sensitive(
         fill = day_fill(model, changed, speed=speed, limit=limit).fill
         return fill.limit_kg
 
-    here, found = kg(day), list[tuple[float, Sensitive]]()
+    here, sensitivities = kg(day), list[tuple[float, Sensitive]]()
     for name, (value, step) in _OTHERWISE.items():
         was: DayValue = getattr(day, name)
         if was.known and was.source.assumed and value != was.value:
             moved = abs(kg(replace(day, **{name: DayValue(value)})) - here)
             rate = moved * step / abs(value - was.value)
-            found.append((moved, Sensitive(name=name, step=step, kg=rate)))
+            sensitivities.append((moved, Sensitive(name=name, step=step, kg=rate)))
     full = with_full_battery(model, day)
     if day.battery_assumed and full is not None and day.loaded_voltage.known:
         moved = kg(full) - here
         volts = voltage_under_load(model, full, 0.0, speed) - day.loaded_voltage.value
-        found.append((moved, Sensitive(name="battery_voltage", step=1.0, kg=moved / volts)))
-    best = max(found, key=lambda one: np.nan_to_num(one[0]), default=None)
+        sensitivities.append((moved, Sensitive(name="battery_voltage", step=1.0, kg=moved / volts)))
+    best = max(sensitivities, key=lambda one: np.nan_to_num(one[0]), default=None)
     return None if best is None or not best[0] > 0.0 else best[1]

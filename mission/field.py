@@ -38,7 +38,7 @@ class Field:
     ground: shapely.MultiPolygon  # (north, east) m; empty without a swath width
     swath_width: float  # m, spacing of neighbouring lines; NaN unknown
     area: float  # m² under the swaths, overlaps counted once; NaN without a width
-    sprayed_s: float  # with the pump on, or with nothing that says whether it was
+    sprayed_s: float  # with the pump on, or unknown
     lost_s: float  # of these, without a place, or in a pause of the log
 
     @property
@@ -117,12 +117,12 @@ def line_spacing(swaths_ned: tuple[Floats, ...]) -> float:
     pieces = _straight_pieces(swaths_ned)
     if len(pieces) < 2:
         return np.nan
-    along = pieces[:, 1] - pieces[:, 0]
-    length = np.hypot(*along.T)
+    direction = pieces[:, 1] - pieces[:, 0]
+    length = np.hypot(*direction.T)
     # Axial mean: there and back are one direction, so angles are doubled before averaging.
-    doubled = 2 * np.arctan2(along[:, 1], along[:, 0])
+    doubled = 2 * np.arctan2(direction[:, 1], direction[:, 0])
     heading = np.arctan2(length @ np.sin(doubled), length @ np.cos(doubled)) / 2
-    parallel = np.abs(np.cos(np.arctan2(along[:, 1], along[:, 0]) - heading)) > np.cos(
+    parallel = np.abs(np.cos(np.arctan2(direction[:, 1], direction[:, 0]) - heading)) > np.cos(
         np.radians(10.0)
     )
     middle = pieces[parallel].mean(axis=1)
@@ -141,5 +141,5 @@ def _straight_pieces(swaths_ned: tuple[Floats, ...]) -> Floats:
         line = shapely.simplify(shapely.LineString(swath[:, :2]), STRAIGHTNESS)
         corners = shapely.get_coordinates(line)
         pieces.append(np.stack([corners[:-1], corners[1:]], axis=1))
-    found = np.concatenate(pieces)
-    return found[np.hypot(*(found[:, 1] - found[:, 0]).T) >= SHORTEST_LINE]
+    segments = np.concatenate(pieces)
+    return segments[np.hypot(*(segments[:, 1] - segments[:, 0]).T) >= SHORTEST_LINE]

@@ -65,29 +65,29 @@ def read_field(
     except OSError as error:
         raise PlanError(f"{path} cannot be read: {error.strerror}") from error
     with np.errstate(invalid="ignore"):  # corners that are no numbers are refused later
-        found = _polygons(data, path)
-    if not found:
+        polygons = _polygons(data, path)
+    if not polygons:
         raise PlanError(f"{name} has no polygon; draw the field's outline and save it again")
-    chosen = _chosen(found, parts, name) if parts else found
+    chosen = _chosen(polygons, parts, name) if parts else polygons
     try:
         return field_outline(name, [polygon for _, polygon in chosen], plane)
     except TooWide as error:
         raise PlanError(
-            f"{error}; it has {_listed(found)}: name those meant with --part"
+            f"{error}; it has {_listed(polygons)}: name those meant with --part"
         ) from error
 
 
-def _listed(found: Sequence[Named]) -> str:
-    first = ", ".join(f"{k} {title}".strip() for k, (title, _) in enumerate(found[:9], start=1))
-    return f"{len(found)} polygons ({first:.200}{' ...' if len(found) > 9 else ''})"
+def _listed(polygons: Sequence[Named]) -> str:
+    first = ", ".join(f"{k} {title}".strip() for k, (title, _) in enumerate(polygons[:9], start=1))
+    return f"{len(polygons)} polygons ({first:.200}{' ...' if len(polygons) > 9 else ''})"
 
 
-def _chosen(found: Sequence[Named], parts: Sequence[str], name: str) -> list[Named]:
+def _chosen(polygons: Sequence[Named], parts: Sequence[str], name: str) -> list[Named]:
     chosen = []
     for part in parts:
-        own = [f for k, f in enumerate(found, start=1) if part in (f[0], str(k))]
+        own = [f for k, f in enumerate(polygons, start=1) if part in (f[0], str(k))]
         if not own:
-            raise PlanError(f"{name} has no part {part!r:.40}; it has {_listed(found)}")
+            raise PlanError(f"{name} has no part {part!r:.40}; it has {_listed(polygons)}")
         chosen += own
     return chosen
 
@@ -116,8 +116,8 @@ def _polygons(data: bytes, path: Path) -> list[Named]:
         raise PlanError(f"{name} has a polygon that is none ({error!s:.80})") from error
 
 
-def _bounded(found: Iterator[Named], name: str) -> list[Named]:
-    kept = list(islice(found, MOST_POLYGONS + 1))
+def _bounded(polygons: Iterator[Named], name: str) -> list[Named]:
+    kept = list(islice(polygons, MOST_POLYGONS + 1))
     if len(kept) > MOST_POLYGONS:
         raise PlanError(f"{name} has more than {MOST_POLYGONS} polygons; save those of one field")
     return kept
@@ -150,14 +150,14 @@ def _of_xml(root: Element, name: str) -> Iterator[Named]:
         raise PlanError(
             f"{name} is XML of another kind ({_kind(root)!r:.40}); KML or ISOXML is read"
         )
-    left = [(root, "")]  # no recursion: files can be nested deeper than that goes
-    while left:
-        element, title = left.pop()
+    to_visit = [(root, "")]  # no recursion: files can be nested deeper than that goes
+    while to_visit:
+        element, title = to_visit.pop()
         kind = _kind(element)
         if kind == "Placemark":
             title = next((e.text or "" for e in element if _kind(e) == "name"), "").strip()
         if kind != "Polygon":
-            left += [(child, title) for child in reversed(element)]
+            to_visit += [(child, title) for child in reversed(element)]
             continue
         rings = {"outerBoundaryIs": [], "innerBoundaryIs": []}
         for boundary in element:
@@ -240,15 +240,15 @@ def _of_geojson(content: Any, name: str) -> Iterator[Named]:
                 yield title, polygon
 
 
-def _in_system(found: list[Named], content: dict[str, Any], name: str) -> list[Named]:
+def _in_system(polygons: list[Named], content: dict[str, Any], name: str) -> list[Named]:
     """Return GeoJSON polygons in longitude and latitude, converted if "crs" states another
     system.
     """
     system = content.get("crs")
     if system is None:
-        return found
+        return polygons
     stated = str(system.get("properties", {}).get("name", ""))
-    return found if stated.endswith(WGS84) else _in_degrees(found, stated, name)
+    return polygons if stated.endswith(WGS84) else _in_degrees(polygons, stated, name)
 
 
 def _all_polygons(shape: Any) -> list[shapely.Polygon]:
@@ -278,15 +278,15 @@ def _of_shapefile(data: bytes, path: Path) -> list[Named]:
         raise PlanError(f"{path.name} is damaged ({error!s:.80}); save it again") from error
     except Exception as error:  # pyshp lets what struct and array say through
         raise PlanError(f"{path.name} is damaged; save it again") from error
-    found = [("", p) for s in shapes for p in _all_polygons(shapely.force_2d(s))]
+    polygons = [("", p) for s in shapes for p in _all_polygons(shapely.force_2d(s))]
     try:
         words = system.read_text(encoding="utf-8", errors="replace")
     except OSError as error:
         raise PlanError(f"{system} cannot be read: {error.strerror}") from error
-    return _in_degrees(found, words, path.name)
+    return _in_degrees(polygons, words, path.name)
 
 
-def _in_degrees(found: Sequence[Named], system: str, name: str) -> list[Named]:
+def _in_degrees(polygons: Sequence[Named], system: str, name: str) -> list[Named]:
     """Convert polygons from the coordinate system of this name or text to longitude and
     latitude.
     """
@@ -309,4 +309,4 @@ def _in_degrees(found: Sequence[Named], system: str, name: str) -> list[Named]:
     def degrees(points: np.ndarray) -> np.ndarray:
         return np.column_stack(to_degrees.transform(points[:, 0], points[:, 1]))
 
-    return [(title, shapely.transform(polygon, degrees)) for title, polygon in found]
+    return [(title, shapely.transform(polygon, degrees)) for title, polygon in polygons]

@@ -57,9 +57,9 @@ class LocalPlane:
             self.longitude_deg,
             0.0,
         )
-        found = np.column_stack([latitude, longitude]).round(7)
-        found[found[:, 1] > 180.0, 1] -= 360.0
-        return found
+        degrees = np.column_stack([latitude, longitude]).round(7)
+        degrees[degrees[:, 1] > 180.0, 1] -= 360.0
+        return degrees
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -126,6 +126,6 @@ def _fault(shape: shapely.Polygon, plane: LocalPlane) -> str:
     words, _, place = reason.rstrip("]").partition("[")
     if words.strip() != "Self-intersection" or not place:
         return f"is no outline ({words.strip().lower() or 'no reason given'})"
-    at = np.array([[float(x) for x in place.split()[:2]]])
-    latitude, longitude = plane.to_degrees(at)[0]
+    location = np.array([[float(x) for x in place.split()[:2]]])
+    latitude, longitude = plane.to_degrees(location)[0]
     return f"crosses itself near latitude {latitude:.6f}, longitude {longitude:.6f}"

@@ -134,9 +134,9 @@ def _newer(content: Any) -> Any:
 
 
 def _newer_item(entry: dict[str, Any]) -> dict[str, Any]:
-    found = {key: value for key, value in entry.items() if key != "id"}
-    found["params"] = [entry.get(f"param{k}") for k in range(1, 5)]
-    return found | ({"doJumpId": entry["id"]} if "id" in entry else {})
+    item = {key: value for key, value in entry.items() if key != "id"}
+    item["params"] = [entry.get(f"param{k}") for k in range(1, 5)]
+    return item | ({"doJumpId": entry["id"]} if "id" in entry else {})
 
 
 def _plan_of_waypoints(text: str, name: str) -> MissionPlan:

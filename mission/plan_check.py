@@ -133,46 +133,48 @@ def check_plan(
 
     Without `sprays` a pump that is never switched on is no fault.
     """
-    found: dict[PlanFault, list[int]] = defaultdict(list)
+    faults: dict[PlanFault, list[int]] = defaultdict(list)
     flown = steps.steps
     legs = _legs(plan, flown)
     if flown and flown[0].kind != "take-off":
-        found["take-off missing"].append(flown[0].item)
+        faults["take-off missing"].append(flown[0].item)
     areas = [(area.inside, _shape(area, plan.home)) for area in plan.fence]
     sound = [(inside, shape) for inside, shape in areas if shapely.is_valid(shape)]
-    found["fence crosses itself"] += [0] * (len(areas) - len(sound))
-    found["fence crossed"] += _crossed(plan, legs, sound)
+    faults["fence crosses itself"] += [0] * (len(areas) - len(sound))
+    faults["fence crossed"] += _crossed(plan, legs, sound)
     length = np.linalg.norm(legs.end - legs.start, axis=1)
     away = np.linalg.norm(legs.end, axis=1)
-    found["far away"] += [legs.steps[k].item for k in np.flatnonzero((length > FAR) | (away > FAR))]
+    faults["far away"] += [
+        legs.steps[k].item for k in np.flatnonzero((length > FAR) | (away > FAR))
+    ]
     if steps.pump_at_end:
-        found["pump never off"].append(flown[-1].item if flown else 0)
+        faults["pump never off"].append(flown[-1].item if flown else 0)
     if sprays and not any(step.pump for step in flown):
-        found["pump never on"].append(0)
-    found["pump on at return"] += [s.item for s in flown if s.pump and s.kind in _HOMEWARD]
+        faults["pump never on"].append(0)
+    faults["pump on at return"] += [s.item for s in flown if s.pump and s.kind in _HOMEWARD]
     first = next((k for k, s in enumerate(flown) if s.kind in _AT_HEIGHT), 0)
-    found["pump on before the first line"] += [s.item for s in flown[: first + 1] if s.pump]
-    _between_lines(legs, found)
+    faults["pump on before the first line"] += [s.item for s in flown[: first + 1] if s.pump]
+    _between_lines(legs, faults)
     heights = [s for s in flown if s.place is not None and s.kind in _AT_HEIGHT]
     usual = Counter(s.frame for s in heights).most_common(1)
-    found["mixed height frames"] += [s.item for s in heights if s.frame != usual[0][0]]
-    found["jumps back"] += jumps_back(plan)
+    faults["mixed height frames"] += [s.item for s in heights if s.frame != usual[0][0]]
+    faults["jumps back"] += jumps_back(plan)
     above = _heights(plan, steps)
     for fault, numbers in above.items():
-        found[fault] += list(numbers)
+        faults[fault] += list(numbers)
     last = flown[-1].index if flown and flown[-1].kind == "return" else math.inf
     if plan.vehicle not in MULTIROTORS:
-        found["another vehicle"].append(0)
+        faults["another vehicle"].append(0)
     after = [i for k, i in enumerate(steps.executed) if k > last]
-    found["never flown"] += [i.number for i in after if i.place is not None]
+    faults["never flown"] += [i.number for i in after if i.place is not None]
     return tuple(
         PlanFinding(
             fault=fault,
-            items=tuple(dict.fromkeys(n for n in found[fault] if n)),
+            items=tuple(dict.fromkeys(n for n in faults[fault] if n)),
             height=max(above.get(fault, {}).values(), key=abs, default=math.nan),
         )
         for fault in get_args(PlanFault)
-        if found[fault]
+        if faults[fault]
     )
 
 
@@ -182,7 +184,7 @@ def _heights(plan: MissionPlan, steps: PlanSteps) -> dict[PlanFault, dict[int, f
     Take-off and every place flown to count; the end of a landing is at home's height as it should
     be. Heights above ground or of no reference that is known are left out.
     """
-    found: dict[PlanFault, dict[int, float]] = defaultdict(dict)
+    faults: dict[PlanFault, dict[int, float]] = defaultdict(dict)
     flown = {step.index for step in steps.steps if step.kind in _WITH_HEIGHT}
     for index, item in enumerate(steps.executed):
         altitude = item.parameters[6]
@@ -193,13 +195,13 @@ def _heights(plan: MissionPlan, steps: PlanSteps) -> dict[PlanFault, dict[int, f
         if index not in flown or not known or not placed or not math.isfinite(above):
             continue
         if abs(above) <= NO_HEIGHT:
-            found["at the height of home"][item.number] = above
+            faults["at the height of home"][item.number] = above
         elif above > HIGH:
             fault: PlanFault = "far above home by sea level" if sea else "far above home"
-            found[fault][item.number] = above
+            faults[fault][item.number] = above
         elif above < -LOW:
-            found["below home"][item.number] = above
-    return found
+            faults["below home"][item.number] = above
+    return faults
 
 
 def _legs(plan: MissionPlan, steps: Sequence[Step]) -> _Legs:
@@ -244,23 +246,23 @@ def _shape(area: FencePolygon | FenceCircle, home: tuple[float, float, float]) -
     return shapely.Polygon(points)
 
 
-def _between_lines(legs: _Legs, found: dict[PlanFault, list[int]]) -> None:
-    """Add to `found` the legs with the pump on that lead from one spray line to the next."""
+def _between_lines(legs: _Legs, faults: dict[PlanFault, list[int]]) -> None:
+    """Add to `faults` the legs with the pump on that lead from one spray line to the next."""
     on = np.array([bool(s.pump) and s.kind not in _HOMEWARD for s in legs.steps], dtype=np.bool_)
-    along = (legs.end - legs.start)[:, :2]
-    length = np.hypot(*along.T)
+    vectors = (legs.end - legs.start)[:, :2]
+    length = np.hypot(*vectors.T)
     if not np.any(length[on] > 0.0):
         return
     # Axial mean: there and back are one direction, so angles are doubled before averaging.
-    doubled = 2 * np.arctan2(along[:, 1], along[:, 0])
+    doubled = 2 * np.arctan2(vectors[:, 1], vectors[:, 0])
     weight = np.where(on, length, 0.0)
     heading = np.arctan2(weight @ np.sin(doubled), weight @ np.cos(doubled)) / 2
     off = np.abs(np.sin(doubled / 2 - heading))
     line = on & (off < math.sin(math.radians(ALONG)))
     if length[line].sum() < 0.5 * length[on].sum():
         return  # no lines that are parallel
-    between = np.flatnonzero(on & ~line)
-    joins = [k for k in between if 0 < k < on.size - 1 and line[k - 1] and line[k + 1]]
+    transits = np.flatnonzero(on & ~line)
+    joins = [k for k in transits if 0 < k < on.size - 1 and line[k - 1] and line[k + 1]]
     if not joins:
         return
     spacing = float(np.median(length[joins]))
@@ -268,4 +270,4 @@ def _between_lines(legs: _Legs, found: dict[PlanFault, list[int]]) -> None:
         fault: PlanFault = "pump on in turns"
         if length[k] > TURN * spacing:
             fault = "pump on between lines"
-        found[fault].append(legs.steps[k].item)
+        faults[fault].append(legs.steps[k].item)

@@ -66,13 +66,13 @@ def with_pump_rule(
     """
     if rule == "always":
         return _switched(steps, _along_places(steps.steps)), None
-    found = spray_lines(plan, steps)
-    if not found.count:
+    lines = spray_lines(plan, steps)
+    if not lines.count:
         raise PlanError(
             "no spray lines are found: no two legs of one speed lie parallel beside each other; "
             "give --pump always, or switch the pump in the plan"
         )
-    return _switched(steps, found.spraying), found
+    return _switched(steps, lines.spraying), lines
 
 
 def pumped_by_airframe(plan: MissionPlan, steps: PlanSteps, airframe: Airframe) -> PlanSteps:
@@ -97,10 +97,10 @@ def airframe_rule(airframe: Airframe) -> PumpRule | None:
 
 
 def _switched(steps: PlanSteps, spraying: Bools) -> PlanSteps:
-    made = tuple(
+    switched = tuple(
         replace(step, pump=bool(on)) for step, on in zip(steps.steps, spraying, strict=True)
     )
-    return replace(steps, steps=made, pump_at_end=False, pump_by_rule=True)
+    return replace(steps, steps=switched, pump_at_end=False, pump_by_rule=True)
 
 
 def _along_places(steps: Sequence[Step]) -> Bools:
@@ -139,21 +139,21 @@ def spray_lines(plan: MissionPlan, steps: PlanSteps) -> SprayLines:
     runs = _runs(plan, steps.steps)
     spraying = np.zeros(len(steps.steps), dtype=np.bool_)
     nothing = SprayLines(spraying=spraying, count=0, spacing=math.nan)
-    one, two, apart = _neighbours(runs)
-    long_enough = np.maximum(runs.length[one], runs.length[two]) > apart
-    one, two, apart = one[long_enough], two[long_enough], apart[long_enough]
+    one, two, distance = _neighbours(runs)
+    long_enough = np.maximum(runs.length[one], runs.length[two]) > distance
+    one, two, distance = one[long_enough], two[long_enough], distance[long_enough]
     if not one.size:
         return nothing
     candidates = np.unique(one)
     working = _weighted_mode(runs.speed[candidates], runs.length[candidates])
     at_work = np.abs(runs.speed - working) <= SAME_SPEED * working
     both = at_work[one] & at_work[two]
-    one, two, apart = one[both], two[both], apart[both]
+    one, two, distance = one[both], two[both], distance[both]
     if not one.size:
         return nothing
-    spacing = _usual_spacing(one, apart, runs.length)
+    spacing = _usual_spacing(one, distance, runs.length)
     low, high = (share * spacing for share in SPACING_SHARES)
-    lines = np.unique(one[(apart >= low) & (apart <= high)])
+    lines = np.unique(one[(distance >= low) & (distance <= high)])
     for run in lines.tolist():
         spraying[list(runs.steps[run])] = True
     return SprayLines(spraying=spraying, count=lines.size, spacing=spacing)
@@ -211,29 +211,31 @@ def _neighbours(runs: _Runs) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats
     parallel = (one != two) & (np.abs(cross) <= math.sin(math.radians(PARALLEL_DEG)))
     one, two = one[parallel], two[parallel]
     # Along and across the first run of a pair, from its start.
-    along = [
+    projections = [
         np.sum((point[two] - runs.start[one]) * unit[one], axis=1)
         for point in (runs.start, runs.end)
     ]
     middle = 0.5 * (runs.start + runs.end)
     offset = middle[two] - middle[one]
-    apart = np.abs(offset[:, 1] * unit[one, 0] - offset[:, 0] * unit[one, 1])
-    beside = np.minimum(np.maximum(*along), runs.length[one]) - np.maximum(np.minimum(*along), 0.0)
-    enough = beside >= BESIDE_SHARE * np.minimum(runs.length[one], runs.length[two])
-    kept = enough & (apart > 0.5) & (apart <= WIDEST)
-    return one[kept], two[kept], apart[kept]
+    distance = np.abs(offset[:, 1] * unit[one, 0] - offset[:, 0] * unit[one, 1])
+    overlap = np.minimum(np.maximum(*projections), runs.length[one]) - np.maximum(
+        np.minimum(*projections), 0.0
+    )
+    enough = overlap >= BESIDE_SHARE * np.minimum(runs.length[one], runs.length[two])
+    kept = enough & (distance > 0.5) & (distance <= WIDEST)
+    return one[kept], two[kept], distance[kept]
 
 
 def _weighted_mode(values: Floats, weights: Floats) -> float:
     """Return the value with the largest sum of weights."""
-    found, which = np.unique(values, return_inverse=True)
-    return float(found[np.argmax(np.bincount(which, weights=weights))])
+    distinct, which = np.unique(values, return_inverse=True)
+    return float(distinct[np.argmax(np.bincount(which, weights=weights))])
 
 
-def _usual_spacing(one: NDArray[np.intp], apart: Floats, length: Floats) -> float:
+def _usual_spacing(one: NDArray[np.intp], distance: Floats, length: Floats) -> float:
     """Return the median, by length, of the distance of each run to its nearest neighbour, m."""
     nearest = np.full(length.size, np.inf)
-    np.minimum.at(nearest, one, apart)
+    np.minimum.at(nearest, one, distance)
     known = np.flatnonzero(np.isfinite(nearest))
     order = known[np.argsort(nearest[known])]
     share = np.cumsum(length[order])

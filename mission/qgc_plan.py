@@ -206,22 +206,22 @@ class _Items:
 
 
 def _parameters(entry: dict[str, Any], *, where: str) -> list[float]:
-    """Return MAVLink's seven parameters; older files have four, and the place apart as
+    """Return MAVLink's seven parameters; older files have four, and the place separately as
     "coordinate".
     """
     given, place = entry.get("params"), entry.get("coordinate")
     if place is None:
         return _numbers(given, 7, where=where, what="params")
-    beside = _numbers(place, 3, where=where, what="coordinate")
+    location = _numbers(place, 3, where=where, what="coordinate")
     if isinstance(given, list) and len(given) == 7:
         values = _numbers(given, 7, where=where, what="params")
-        if values[4:] != beside:
+        if values[4:] != location:
             raise PlanError(
                 f"{where} has one place in params and another in coordinate; save the plan again "
                 "from QGroundControl"
             )
         return values
-    return [*_numbers(given, 4, where=where, what="params"), *beside]
+    return [*_numbers(given, 4, where=where, what="params"), *location]
 
 
 def _item(entry: dict[str, Any], *, default_number: int, where: str) -> PlanItem:
@@ -243,7 +243,7 @@ def _fence(content: Any, where: str) -> tuple[FencePolygon | FenceCircle, ...]:
     if not isinstance(content, dict):
         raise PlanError(f"{where} is no fence; save the plan again from QGroundControl")
     _version_notes(content, _PARTS_VERSIONS, where)
-    found: list[FencePolygon | FenceCircle] = []
+    shapes: list[FencePolygon | FenceCircle] = []
     older = content.get("polygon") or []
     entries = [*_dicts(content, "polygons", where)]
     entries += [{"polygon": older, "inclusion": True}] if older else []
@@ -254,7 +254,7 @@ def _fence(content: Any, where: str) -> tuple[FencePolygon | FenceCircle, ...]:
         places = [_numbers(c, 2, where=where, what="corner") for c in corners]
         for latitude, longitude in places:
             check_place(latitude, longitude, where=f"{where} corner")
-        found.append(
+        shapes.append(
             FencePolygon(
                 inside=entry.get("inclusion", True) is True,
                 corners=tuple((a, b) for a, b in places),
@@ -269,11 +269,11 @@ def _fence(content: Any, where: str) -> tuple[FencePolygon | FenceCircle, ...]:
         if not radius > 0.0:
             raise PlanError(f"{where} has a circle of radius {radius:g} m; draw it again")
         inside = entry.get("inclusion", True) is True
-        found.append(FenceCircle(inside=inside, centre=(centre[0], centre[1]), radius=radius))
-    size = sum(len(a.corners) if isinstance(a, FencePolygon) else CIRCLE for a in found)
+        shapes.append(FenceCircle(inside=inside, centre=(centre[0], centre[1]), radius=radius))
+    size = sum(len(a.corners) if isinstance(a, FencePolygon) else CIRCLE for a in shapes)
     if size > MOST_FENCE:
         raise PlanError(f"{where} has more corners than any vehicle holds; simplify it")
-    return tuple(found)
+    return tuple(shapes)
 
 
 def _rally(content: Any, where: str) -> tuple[tuple[float, float, float], ...]:
@@ -283,10 +283,10 @@ def _rally(content: Any, where: str) -> tuple[tuple[float, float, float], ...]:
     if not isinstance(points, list) or len(points) > MOST_FENCE:
         raise PlanError(f"{where} are no points, or too many; save the plan again")
     _version_notes(content, _PARTS_VERSIONS, where)
-    found = [_numbers(p, 3, where=where, what="point") for p in points]
-    for latitude, longitude, _ in found:
+    places = [_numbers(p, 3, where=where, what="point") for p in points]
+    for latitude, longitude, _ in places:
         check_place(latitude, longitude, where=f"{where} point")
-    return tuple((a, b, c) for a, b, c in found)
+    return tuple((a, b, c) for a, b, c in places)
 
 
 def _dicts(content: dict[str, Any], key: str, where: str) -> list[dict[str, Any]]:

@@ -131,8 +131,8 @@ class Trail:
         kept = [route.first_row, route.last_row]
         for which, kind in enumerate(self._kinds):
             worst = np.append(route.worst(self.values(which), kind), np.nan)
-            found = np.flatnonzero(self.values(which) == worst[segment])
-            kept.append(found[np.unique(segment[found], return_index=True)[1]])
+            worst_rows = np.flatnonzero(self.values(which) == worst[segment])
+            kept.append(worst_rows[np.unique(segment[worst_rows], return_index=True)[1]])
         self._rows = self._rows[np.unique(np.concatenate(kept))]
 
 
@@ -140,7 +140,7 @@ class Trail:
 SLOWEST = 0.2
 #: s of the rest that are flown: about as long as a battery lasts.
 LONGEST_S = 900.0
-#: A route ahead is no flight: there is nothing in it that could speak against the airframe.
+#: A planned route is no flight: it has no measurement that could contradict the airframe.
 AHEAD = AirframeClaim(words="a route ahead")
 
 

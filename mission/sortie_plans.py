@@ -46,14 +46,14 @@ def line_ends(plan: MissionPlan, steps: PlanSteps) -> tuple[int, ...]:
     places = np.array([(flown[k].place or ())[:2] for k in known]).reshape(-1, 2)
     east, north, _ = pymap3d.geodetic2enu(places[:, 0], places[:, 1], 0.0, *plan.home[:2], 0.0)
     course = np.arctan2(np.diff(east), np.diff(north))
-    found = []
+    ends = []
     for m, (k, after) in enumerate(pairwise(known[1:])):
         if flown[k].kind not in _FLOWN or not (flown[k].pump or dry):
             continue
         bend = (course[m + 1] - course[m] + math.pi) % (2.0 * math.pi) - math.pi
         if abs(bend) > math.radians(BEND) or not (flown[after].pump or dry):
-            found.append(k)
-    return tuple(found)
+            ends.append(k)
+    return tuple(ends)
 
 
 def split_plan(
@@ -130,16 +130,16 @@ def _way_out(
     height = last.place[2]
     yaw = next((i.parameters[3] for i in plan.items if i.command == TAKEOFF), math.nan)
     climb = (0.0, 0.0, 0.0, yaw, *home[:2], height)
-    found = [PlanItem(number=0, command=TAKEOFF, frame=last.frame, parameters=climb)]
+    items = [PlanItem(number=0, command=TAKEOFF, frame=last.frame, parameters=climb)]
     for kind, speed in (
         (1.0, following.speed),
         (2.0, following.climb_speed),
         (3.0, following.descent_speed),
     ):
         if speed is not None:
-            found.append(_order(CHANGE_SPEED, kind, speed, -1.0))
-    found += off
-    found.append(
+            items.append(_order(CHANGE_SPEED, kind, speed, -1.0))
+    items += off
+    items.append(
         PlanItem(
             number=0,
             command=WAYPOINT,
@@ -147,7 +147,7 @@ def _way_out(
             parameters=(0.0, 0.0, 0.0, yaw, *last.place),
         )
     )
-    return found
+    return items
 
 
 def _order(command: int, one: float = 0.0, two: float = 0.0, three: float = 0.0) -> PlanItem:

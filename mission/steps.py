@@ -88,7 +88,7 @@ class PumpOutput:
     """The output of a vehicle's pump, besides DO_SPRAYER; no servo and no relay: none is known."""
 
     servo: int | None = None  # number of the output, from 1
-    off_us: float = 1100.0  # pulse at which the pump stands still
+    off_us: float = 1100.0  # pulse at which the pump stops
     on_us: float = 1900.0
     relay: int | None = None  # number of the relay, from 0
     known: bool = False  # the vehicle's outputs are known, so that others are not the pump
@@ -107,7 +107,7 @@ class Step:
     speed: float | None  # m/s over ground; None: the vehicle's own setting
     climb_speed: float | None  # m/s
     descent_speed: float | None  # m/s
-    pump: bool | None  # None: the plan has not said yet, so as it was before
+    pump: bool | None  # None: the plan has not switched it yet, so as it was before
     heading_deg: float | None  # that the plan orders; None: the vehicle's own rule
     wait_s: float = 0.0  # waited there once arrived
     turns: float = 0.0  # circles flown there
@@ -129,14 +129,14 @@ def pump_output(parameters: Mapping[str, float]) -> PumpOutput:
     """Return the sprayer's output by SERVOn_FUNCTION, with its limits; `known` if any function is
     set.
     """
-    found = PumpOutput(known=any(n.endswith("_FUNCTION") for n in parameters))
+    switch = PumpOutput(known=any(n.endswith("_FUNCTION") for n in parameters))
     for output in range(1, 33):
         name = f"SERVO{output}_"
         if parameters.get(f"{name}FUNCTION") == SERVO_OUTPUT_SPRAYER:
             ends = (parameters.get(f"{name}MIN", 1100.0), parameters.get(f"{name}MAX", 1900.0))
             off, on = ends[::-1] if parameters.get(f"{name}REVERSED") == 1.0 else ends
-            return replace(found, servo=output, off_us=off, on_us=on)
-    return found
+            return replace(switch, servo=output, off_us=off, on_us=on)
+    return switch
 
 
 def pump_switch(pump: PumpOutput, *, on: bool) -> PlanItem:
@@ -333,24 +333,24 @@ def _executed(plan: MissionPlan, walk: _Walk) -> list[PlanItem]:
     """Return the items in order of execution; jumps are followed, unless that takes too many."""
     items = plan.items
     targets = _jump_targets(items)
-    left: dict[int, float] = {}
+    jumps_left: dict[int, float] = {}
     done: list[PlanItem] = []
-    at = jumps = 0
+    index = jumps = 0
     before_jumps = len(items)  # executed before the first that is followed
-    while at < len(items):
-        item = items[at]
+    while index < len(items):
+        item = items[index]
         if item.command not in (DO_JUMP, DO_JUMP_TAG):
             done.append(item)
-            at += 1
+            index += 1
             continue
-        repeats, goal = item.parameters[1], targets.get(at)
+        repeats, goal = item.parameters[1], targets.get(index)
         # A jump forward comes back only by another one: it has no end of its own to reach.
-        back = goal is None or goal <= at
+        back = goal is None or goal <= index
         jumps += 1
         why: Why | None = None
         if goal is None or not math.isfinite(repeats):
             why = "jump to nothing"
-        elif goal == at:
+        elif goal == index:
             why = "jump to itself"
         elif back and repeats < 0.0:
             why = "jump without end"
@@ -359,12 +359,12 @@ def _executed(plan: MissionPlan, walk: _Walk) -> list[PlanItem]:
         if goal is None or why is not None:
             walk.name(item, why or "jump to nothing", *ALL)
             return done
-        if left.setdefault(at, math.inf if repeats < 0.0 else repeats) >= 1.0:
+        if jumps_left.setdefault(index, math.inf if repeats < 0.0 else repeats) >= 1.0:
             before_jumps = min(before_jumps, len(done)) if back else before_jumps
-            left[at] -= 1.0
-            at = goal
+            jumps_left[index] -= 1.0
+            index = goal
             continue
         if plan.firmware != FIRMWARE_ARDUPILOT:
-            del left[at]  # the others count anew when they come by again
-        at += 1
+            del jumps_left[index]  # the others count anew when they come by again
+        index += 1
     return done

@@ -86,10 +86,10 @@ def read_terrain(path: Path) -> Terrain:
         raise PlanError(f"no file {path}; check its name and folder") from error
     except OSError as error:
         raise PlanError(f"{path} cannot be read: {error.strerror}") from error
-    made = _tile(data, path) if path.suffix.lower() == ".hgt" else _grid(data, path)
-    if min(made.heights.shape) < 2 or not np.isfinite(made.heights).any():
+    terrain = _tile(data, path) if path.suffix.lower() == ".hgt" else _grid(data, path)
+    if min(terrain.heights.shape) < 2 or not np.isfinite(terrain.heights).any():
         raise PlanError(f"{path.name} has no heights; save it again")
-    return made
+    return terrain
 
 
 def _tile(data: bytes, path: Path) -> Terrain:
@@ -119,11 +119,11 @@ def _grid(data: bytes, path: Path) -> Terrain:
     lines = data.decode("ascii", errors="replace").splitlines()
     header: dict[str, float] = {}
     for line in lines:
-        found = _HEADER.fullmatch(line)
-        if found is None:
+        match = _HEADER.fullmatch(line)
+        if match is None:
             break
         try:
-            header[found[1].lower()] = float(found[2])
+            header[match[1].lower()] = float(match[2])
         except ValueError as error:
             raise PlanError(f"{path.name}: {line!r:.40} is no number; save it again") from error
     columns, rows = (int(header.get(name, 0)) for name in _SIZES)

@@ -167,13 +167,13 @@ class Listener:
     ) -> None:
         frames: list[Frame] = []
         for chunk in chunks:
-            found, passed = link.frames(chunk, chunk.stamp_us or stamp_us)
+            received, passed = link.frames(chunk, chunk.stamp_us or stamp_us)
             if passed:
                 for other in others:
                     other.transport.send(passed)
-            if learn and found and self._homes.get(found[0].system) != (link, chunk.peer):
-                self._homes[found[0].system] = (link, chunk.peer)
-            frames += found
+            if learn and received and self._homes.get(received[0].system) != (link, chunk.peer):
+                self._homes[received[0].system] = (link, chunk.peer)
+            frames += received
         if self._accept is not None:
             let_in = [f for f in frames if self._accept(f.data, link.number)]
             link.refused += len(frames) - len(let_in)

@@ -70,8 +70,8 @@ class TelemetryLog(Transport):
         self._frames = stamped_frames(path)
 
     def receive(self, timeout: float) -> list[Chunk]:  # noqa: ARG002
-        taken = itertools.islice(self._frames, AT_ONCE)
-        chunks = [Chunk(data, None, stamp_us) for stamp_us, data in taken]
+        batch = itertools.islice(self._frames, AT_ONCE)
+        chunks = [Chunk(data, None, stamp_us) for stamp_us, data in batch]
         if not chunks:
             raise EOFError
         return chunks

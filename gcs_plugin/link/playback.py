@@ -60,10 +60,10 @@ def play(
         for stamp_us, last_us, data in _in_turn(path, loop=loop):
             # A stamp that steps back (a clock set while recording) costs no time.
             log_s += min(max(stamp_us - last_us, 0) * 1e-6, LONGEST_PAUSE)
-            ahead = started + log_s / speed - time.monotonic()
-            if ahead > TICK:
-                time.sleep(ahead)
-            late = max(late, -ahead)
+            wait_s = started + log_s / speed - time.monotonic()
+            if wait_s > TICK:
+                time.sleep(wait_s)
+            late = max(late, -wait_s)
             transport.send(data)
             frames, sent = frames + 1, sent + len(data)
             if progress is not None and time.monotonic() - last_call > 0.25:

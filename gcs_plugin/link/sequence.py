@@ -38,7 +38,9 @@ class BootClocks:
     def add(self, stamp_s: float, clock_s: float) -> None:
         """Add one message: the ground's clock, and the sender's since its boot, both s."""
         booted = stamp_s - clock_s
-        same = [n for n, (at, _) in enumerate(self._lines) if abs(booted - at) <= SAME_CLOCK]
+        same = [
+            n for n, (line_s, _) in enumerate(self._lines) if abs(booted - line_s) <= SAME_CLOCK
+        ]
         if not same:
             self._lines, self._left, self._run = [*self._lines[-1:], (booted, 1)], self._run, 1
             return
@@ -57,7 +59,9 @@ class BootClocks:
         """Return whether the boot times of two vehicles have alternated recently."""
         if not self._returns:
             return False
-        recent = [at for at in self._returns if stamp_s - at < CLOCK_RETURNS_WITHIN]
+        recent = [
+            return_s for return_s in self._returns if stamp_s - return_s < CLOCK_RETURNS_WITHIN
+        ]
         self._returns = recent
         return len(recent) >= CLOCK_RETURNS
 
@@ -94,7 +98,7 @@ class SenderWatch:
         """Return whether two vehicles currently send under this id."""
         if self._by_clocks or not self._returns:
             return self._by_clocks
-        recent = [at for at in self._returns if self.frames - at < RETURNS_WITHIN]
+        recent = [frame for frame in self._returns if self.frames - frame < RETURNS_WITHIN]
         self._returns = recent
         return len(recent) >= RETURNS
 

@@ -193,8 +193,8 @@ class Signer:
         body = bytes([frame[1], frame[2] | SIGNED]) + frame[3 : HEADER + frame[1]]
         check = checksum(body, layout.crc_extra)
         with self._lock:
-            ahead = 0 if self._after is None else self._after()
-            self._stamp = max(self._stamp + 1, ahead + 1, self._clock())
+            backlog = 0 if self._after is None else self._after()
+            self._stamp = max(self._stamp + 1, backlog + 1, self._clock())
             stamp = self._stamp.to_bytes(6, "little")
         signed = bytes([V2]) + body + check.to_bytes(2, "little") + self._link_id + stamp
         digest = self._digest.copy()

@@ -158,7 +158,7 @@ class PlanWatch(Output):
             voltage=rows[:, _VOLTS],
         )
         day = day_of(rows[:, _WIND], rows[:, _TANK], rows[:, _AIR])
-        to_fly = PlanToFly.of(self._plan, flight.parameters, self._model)
+        to_fly = PlanToFly.from_plan(self._plan, flight.parameters, self._model)
         home = self._plan.home[2]
         given = self._assumed or conditions_before_take_off(
             flight.parameters,
@@ -168,14 +168,14 @@ class PlanWatch(Output):
             density=day.density,
         )
         over_s = 0.0 if ended else OVER_S
-        made = to_fly.beside(given, way, over_s=over_s)
+        made = to_fly.compare(given, way, over_s=over_s)
         new = made.stretches[flight.spoken :]
         if not new:
             return
         flight.spoken = len(made.stretches)
         for stretch in new:
             self._say(number, stretch_words(stretch))
-        off = which_was_off(lambda changed: to_fly.beside(changed, way, over_s=over_s), given, day)
+        off = which_was_off(lambda changed: to_fly.compare(changed, way, over_s=over_s), given, day)
         left = made.left_at if ended else None
         text = beside_words(off, made.stretches, left_at=left)
         # That a wind is 5.8 m/s now, and was 5.6, is no news; how it all was is said at the end.

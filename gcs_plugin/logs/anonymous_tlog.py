@@ -30,13 +30,13 @@ PLACES = {
     if rule.channel in ("geodetic", "home", "ekf_origin")
 }
 SCALES = (1e-7, 1e-7, 1e-3)
-NEW_PLACE = (0.0, -30.0)  # °; not 0, 0, which stands for no fix
+NEW_PLACE = (0.0, -30.0)  # °; not 0, 0, which means no fix
 _KEPT = {rule.message for rule in MAVLINK_RULES} | {"HEARTBEAT", "SYSTEM_TIME", "SYS_STATUS"}
 _PARAMETER = re.compile(
     r"(?!.*(SERIAL|DEVID|_SN$))(Q_)?(FRAME|SERVO|MOT_|M_|THR_M|ENABLE|BAT|CA_|SYS_AUTOSTART|SPRAY|ARSPD"
     r"|RC\d+_M(IN|AX)|RCMAP_THROTTLE|PWM_)"
 )
-_TEXT = re.compile(r"Frame: [A-Z0-9_]+(/[A-Z0-9_]+)?")  # says how many rotors there are
+_TEXT = re.compile(r"Frame: [A-Z0-9_]+(/[A-Z0-9_]+)?")  # states how many rotors there are
 
 
 def anonymous_copy(path: Path) -> bytes:
@@ -56,18 +56,23 @@ def anonymous_copy(path: Path) -> bytes:
         sequence[mine] -= np.cumsum(~kept[mine])
     out = bytearray()
     for row in sorted(payloads):
-        number, at = int(frames.id[row]), int(frames.start[row])
+        number, start = int(frames.id[row]), int(frames.start[row])
         payload = payloads[row].rstrip(b"\0") or b"\0"
         who = bytes([sequence[row] % 256, numbers[int(system[row])], component[row]])
         body = bytes([len(payload), 0, 0]) + who + number.to_bytes(3, "little") + payload
         sealed = checksum(body, layouts()[number].crc_extra)
-        out += data[at - STAMP : at].tobytes() + bytes([V2]) + body + sealed.to_bytes(2, "little")
+        out += (
+            data[start - STAMP : start].tobytes()
+            + bytes([V2])
+            + body
+            + sealed.to_bytes(2, "little")
+        )
     return bytes(out)
 
 
 def _payloads(frames: Frames, of_vehicle: NDArray[np.bool_]) -> dict[int, bytes]:
     """Return row -> payload of every frame to copy."""
-    found: dict[int, bytes] = {}
+    payloads: dict[int, bytes] = {}
     origin: tuple[float, float] | None = None
     for number in np.unique(frames.id[of_vehicle]).tolist():
         layout = layouts()[number]
@@ -87,8 +92,8 @@ def _payloads(frames: Frames, of_vehicle: NDArray[np.bool_]) -> dict[int, bytes]
             continue  # a place that is not known here must not get out
         for row, value, own in zip(rows.tolist(), values, mine, strict=True):
             if own:
-                found[row] = value.tobytes()
-    return found
+                payloads[row] = value.tobytes()
+    return payloads
 
 
 def _move(
@@ -105,8 +110,8 @@ def _move(
         return origin
     first = int(np.argmax(fixed))
     start = (float(latitude[first]), float(longitude[first])) if origin is None else origin
-    at = (latitude[fixed], longitude[fixed], altitude[fixed])
-    east, north, up = pymap3d.geodetic2enu(*at, start[0], start[1], 0.0)
+    location = (latitude[fixed], longitude[fixed], altitude[fixed])
+    east, north, up = pymap3d.geodetic2enu(*location, start[0], start[1], 0.0)
     moved = pymap3d.enu2geodetic(east, north, up, NEW_PLACE[0], NEW_PLACE[1], 0.0)
     for name, place in zip(names[:2], moved[:2], strict=True):
         values[name][fixed] = np.round(np.asarray(place) * 1e7)

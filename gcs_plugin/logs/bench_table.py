@@ -56,33 +56,33 @@ def read_bench(path: Path) -> BenchTable:
         raise DataError(f"{path.name}: no table of cells ({error}); save it as CSV") from error
     names = [name.strip() for name in rows[0]] if rows else []
     # The first with one of the words in its name; a rotor's own speed before electrical.
-    found = {
+    columns = {
         quantity: min(fitting, key=lambda name: "electrical" in name.lower())
         for quantity, words in _WORDS.items()
         if (fitting := [name for name in names if set(words) & set(_split(name))])
     }
-    for quantity, wanted in (("rotor_speed_rpm", "rpm"), ("thrust", "thrust_g, thrust_N")):
-        if quantity not in found:
+    for quantity, expected in (("rotor_speed_rpm", "rpm"), ("thrust", "thrust_g, thrust_N")):
+        if quantity not in columns:
             raise DataError(
-                f"{path.name}: no column of {quantity}; name one like {wanted} (found "
+                f"{path.name}: no column of {quantity}; name one like {expected} (found "
                 f"{', '.join(names)[:120] or 'nothing'})"
             )
-    unit = next((u for word in _split(found["thrust"]) if (u := _THRUST_UNITS.get(word))), None)
+    unit = next((u for word in _split(columns["thrust"]) if (u := _THRUST_UNITS.get(word))), None)
     if unit is None:
         raise DataError(
-            f"{path.name}: column {found['thrust']!r} does not say its unit; name it thrust_N, "
+            f"{path.name}: column {columns['thrust']!r} does not say its unit; name it thrust_N, "
             "thrust_g or thrust_kgf"
         )
     table = {
         quantity: np.array([_number(row, names.index(name)) for row in rows[1:]])
-        for quantity, name in found.items()
+        for quantity, name in columns.items()
     }
     table["thrust"] = table["thrust"] * unit
     try:
         fit = fit_bench(**table)
     except DataError as error:
         raise DataError(f"{path.name}: {error}") from error
-    return BenchTable(fit=fit, columns=found, lines_left_out=tuple(r + 2 for r in fit.left_out))
+    return BenchTable(fit=fit, columns=columns, lines_left_out=tuple(r + 2 for r in fit.left_out))
 
 
 def _split(name: str) -> list[str]:

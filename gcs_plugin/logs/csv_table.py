@@ -152,26 +152,26 @@ def in_our_columns(
     """Convert a table with foreign headings to our columns (T,); a quaternion becomes three
     angles.
     """
-    found = {
+    columns = {
         name: np.full(rows, one.offset)
         if not one.column
         else one.factor * table[one.column] + one.offset
         for name, one in stated.items()
     }
-    if all(part in found for part in QUATERNION):
-        parts = np.stack([found[part] for part in QUATERNION])
+    if all(part in columns for part in QUATERNION):
+        parts = np.stack([columns[part] for part in QUATERNION])
         with np.errstate(invalid="ignore", divide="ignore"):
             angles = attitude_from_quaternion(*(parts / np.linalg.norm(parts, axis=0)))
-        found |= dict(zip(("roll", "pitch", "yaw"), angles.T, strict=True))
-    return {name: values for name, values in found.items() if name not in QUATERNION}
+        columns |= dict(zip(("roll", "pitch", "yaw"), angles.T, strict=True))
+    return {name: values for name, values in columns.items() if name not in QUATERNION}
 
 
 def check_headings(path: Path, stated: Mapping[str, TheirColumn], names: Sequence[str]) -> None:
     """Raise LogError if a stated column is missing, or only part of a quaternion is stated."""
     absent = [one.column for one in stated.values() if one.column and one.column not in names]
     if absent:
-        found = clean(", ".join(names)[:200])
-        raise LogError(f"{path.name}: no column {absent[0]!r}, which {FILE} names; found {found}")
+        missing = clean(", ".join(names)[:200])
+        raise LogError(f"{path.name}: no column {absent[0]!r}, which {FILE} names; found {missing}")
     parts = [part for part in QUATERNION if part in stated]
     if parts and len(parts) < len(QUATERNION):
         raise LogError(
@@ -198,8 +198,8 @@ def written_sources(path: Path, written: Any) -> dict[str, Provenance]:
             for channel, data in written.items()
         }
     except ValueError as error:
-        wanted = "leave `sources` out of it, or write the table with this version again"
-        raise LogError(f"{path.name}: in its comment line {error}; {wanted}") from error
+        remedy = "leave `sources` out of it, or write the table with this version again"
+        raise LogError(f"{path.name}: in its comment line {error}; {remedy}") from error
 
 
 def _cleaned(source: Provenance) -> Provenance:
@@ -222,21 +222,21 @@ def plausible_channels(track: FlightTrack) -> tuple[dict[str, Floats], list[str]
     A column mostly out of range is dropped whole: its values in range are wrong too, as per cent
     near idle look like a share.
     """
-    found, notes = {}, []
+    passed, notes = {}, []
     for name, limit in TRACK_CHANNELS.items():
         read = getattr(track, name)
         columns, kept = (v.reshape(read.shape[0], -1) for v in (read, plausible(name, read)))
         numbers = np.isfinite(columns) & (columns != 0.0)
         outside = np.sum(numbers & np.isnan(kept), axis=0)
         other = outside > _OTHER_UNIT * np.sum(numbers, axis=0)
-        found[name] = np.where(other, np.nan, kept).reshape(read.shape)
+        passed[name] = np.where(other, np.nan, kept).reshape(read.shape)
         if other.any():
             unit = f" {limit.unit}" if limit.unit[0].isalpha() else ""
             notes.append(
                 f"{name}: {outside.max()} of {read.shape[0]} rows are not within {limit.low:g} to "
                 f"{limit.high:g}{unit}: not used; a file columns.toml beside it states units"
             )
-    return found, notes
+    return passed, notes
 
 
 _NED = ("north", "east", "down")
@@ -341,18 +341,18 @@ def _read_first(path: Path, rotor_count: int) -> tuple[FlightTrack, tuple[str, .
         reason = clean(" ".join(str(error).split())[:160])
         raise LogError(f"{path.name}: not a table of numbers: {reason}") from error
     rows = next((column.size for column in table.values()), 0)
-    found = {n: column for n, column in table.items() if _known(n) and n not in stated}
-    found |= in_our_columns(stated, table, rows)
+    columns = {n: column for n, column in table.items() if _known(n) and n not in stated}
+    columns |= in_our_columns(stated, table, rows)
     unused = [name for name in names if name not in used]
-    about, notes = _about(comments, path), []
+    stated_about, notes = _statements(comments, path), []
     if torn:
         notes.append(f"{torn} torn row(s) are left out")
     if unused:
         notes.append(clean(f"columns not used: {', '.join(unused)[:200]}"))
     unread: tuple[str, ...] = ()
-    if "flight_number" in found:
-        found, unread = _first_flight(found)
-    return _track(path, found, (*notes, *unread), about, rotor_count), unread
+    if "flight_number" in columns:
+        columns, unread = _first_flight(columns)
+    return _track(path, columns, (*notes, *unread), stated_about, rotor_count), unread
 
 
 def _known(name: str) -> bool:
@@ -388,9 +388,9 @@ def _columns(
         fit = [row for row in read if len(row) == len(names)]
         torn += sum(map(bool, read)) - sum(map(bool, fit))  # an empty line is none
         whole += len(fit)
-        for (name, place), found in zip(places.items(), pieces.values(), strict=True):
+        for (name, place), piece in zip(places.items(), pieces.values(), strict=True):
             number = _state if name in states else _number
-            found.append(np.array([number(row[place], comma, name) for row in fit]))
+            piece.append(np.array([number(row[place], comma, name) for row in fit]))
     # One is what is left when a logger is switched off, or where two writes met.
     if torn > (1 + whole // 100 if whole else 0):
         raise ValueError(
@@ -435,33 +435,33 @@ def _parts(text: str) -> tuple[list[str], list[str], str, str]:
 
 def _without_unit(heading: str) -> str:
     """Remove the unit in brackets from a heading if it is the column's own."""
-    found = _WITH_UNIT.fullmatch(heading)
-    own = None if found is None else unit_of_column(found[1])
-    return heading if found is None or own is None or found[2] != (own or "0/1") else found[1]
+    match = _WITH_UNIT.fullmatch(heading)
+    own = None if match is None else unit_of_column(match[1])
+    return heading if match is None or own is None or match[2] != (own or "0/1") else match[1]
 
 
-def _about(comments: Sequence[str], path: Path) -> dict[str, Any]:
+def _statements(comments: Sequence[str], path: Path) -> dict[str, Any]:
     """Return the JSON object of the comment lines, empty if none; raise LogError if it is not
     JSON.
     """
-    about: dict[str, Any] = {}
+    statements: dict[str, Any] = {}
     for text in comments:
         if text.startswith("{"):
             try:
-                about = json.loads(text)
+                statements = json.loads(text)
             except (ValueError, RecursionError) as error:
                 raise LogError(f"{path.name}: its comment line is not JSON: {error}") from error
-    return about
+    return statements
 
 
-def _first_flight(found: Mapping[str, Floats]) -> tuple[dict[str, Floats], tuple[str, ...]]:
+def _first_flight(columns: Mapping[str, Floats]) -> tuple[dict[str, Floats], tuple[str, ...]]:
     """Return the rows of the first flight of a report, and a note if there are others."""
-    numbers = found["flight_number"]
+    numbers = columns["flight_number"]
     first = numbers == numbers[0] if numbers.size else numbers == numbers
     count, unread = 1 + np.unique(numbers[~first]).size, ()
     if count > 1:
         unread = (f"{count} flights in the file: the first is read, the others not",)
-    kept = {name: values[first] for name, values in found.items() if name != "flight_number"}
+    kept = {name: values[first] for name, values in columns.items() if name != "flight_number"}
     # Columns that only another flight fills, of a channel or of a rotor that this one has not.
     some = {n: values for n, values in kept.items() if n == "time_s" or np.isfinite(values).any()}
     return some, unread
@@ -469,12 +469,12 @@ def _first_flight(found: Mapping[str, Floats]) -> tuple[dict[str, Floats], tuple
 
 def _track(
     path: Path,
-    found: Mapping[str, Floats],
+    columns: Mapping[str, Floats],
     notes: Sequence[str],
-    about: Mapping[str, Any],
+    statements: Mapping[str, Any],
     rotor_count: int,
 ) -> FlightTrack:
-    time_s = found["time_s"]
+    time_s = columns["time_s"]
     if time_s.size == 0:
         raise LogError(f"{path.name}: a header and no rows; there is no flight to show")
     wrong = np.flatnonzero(~np.isfinite(time_s) | (np.diff(time_s, prepend=-np.inf) <= 0))
@@ -483,17 +483,17 @@ def _track(
             f"{path.name}: time_s must grow from row to row; row {wrong[0] + 1} has "
             f"{time_s[wrong[0]]:g}"
         )
-    numbers = [int(m[2]) for m in map(_ROTOR.fullmatch, found) if m]
+    numbers = [int(m[2]) for m in map(_ROTOR.fullmatch, columns) if m]
     rotors = max(numbers, default=rotor_count)
     channels: dict[str, Floats] = {}
     nothing = np.full(time_s.size, np.nan)
     for channel, names in COLUMNS.items():
-        if any(name in found for name in names):
-            parts = [found.get(name, nothing) for name in names]
+        if any(name in columns for name in names):
+            parts = [columns.get(name, nothing) for name in names]
             channels[channel] = parts[0] if len(parts) == 1 else np.stack(parts, axis=-1)
     sources: dict[str, Provenance] = {}
     # A file that we wrote has every channel that its track has.
-    if not about and "velocity_ned" in channels and "airspeed" not in channels:
+    if not statements and "velocity_ned" in channels and "airspeed" not in channels:
         wind, over_ground = channels.get("wind_ned"), column_source("velocity_north")
         sources["airspeed"] = replace(over_ground, meaning=Meaning.GROUND_SPEED)
         if wind is not None:
@@ -503,13 +503,13 @@ def _track(
         channels["airspeed"] = np.linalg.norm(relative, axis=1)
     for channel in ("rotor_speed_rpm", "throttle"):
         names = [f"{channel}_{k + 1}" for k in range(rotors)]
-        if any(name in found for name in names):
-            channels[channel] = np.stack([found.get(n, nothing) for n in names], axis=-1)
+        if any(name in columns for name in names):
+            channels[channel] = np.stack([columns.get(n, nothing) for n in names], axis=-1)
     if not channels:
         raise LogError(f"{path.name}: no column but time_s is known; docs/tables.md has the names")
-    flying, name = found.get("flying"), about.get("name")
-    start = about.get("start_unix_s")
-    written = about.get("notes")
+    flying, name = columns.get("flying"), statements.get("name")
+    start = statements.get("start_unix_s")
+    written = statements.get("notes")
     written = written if isinstance(written, list) else []
     notes = (*(clean(n) for n in written if isinstance(n, str)), *notes)
     for channel in channels.keys() - sources.keys():
@@ -520,9 +520,9 @@ def _track(
         rotor_count=rotors,
         flying=np.ones(time_s.size, dtype=np.bool_) if flying is None else flying > 0.5,
         flying_by=FlyingBy.NOT_KNOWN if flying is None else FlyingBy.GIVEN,
-        origin=_origin(path, about.get("origin")),
+        origin=_origin(path, statements.get("origin")),
         start_unix_s=known_date(start) if isinstance(start, int | float) else None,
-        sources=sources | written_sources(path, about.get("sources")),
+        sources=sources | written_sources(path, statements.get("sources")),
         notes=notes,
         **channels,
     )
@@ -543,5 +543,5 @@ def _origin(path: Path, given: Any) -> Origin | None:
             raise ValueError(f"origin is at {origin.latitude_deg}, {origin.longitude_deg} degrees")
         return origin
     except ValueError as error:
-        wanted = "give latitude_deg, longitude_deg and altitude"
-        raise LogError(f"{path.name}: in its comment line {error}; {wanted}") from error
+        remedy = "give latitude_deg, longitude_deg and altitude"
+        raise LogError(f"{path.name}: in its comment line {error}; {remedy}") from error

@@ -56,7 +56,7 @@ _GRAVE = (
     *(EventKind.CRASH, EventKind.LOST_CONTROL, EventKind.TERMINATED, EventKind.ATTITUDE_FAILURE),
     *(EventKind.THRUST_LOSS, EventKind.YAW_IMBALANCE),
 )
-#: Said in the list of channels and times, and no fault.
+#: Reported in the list of channels and times, and no fault.
 _PLAIN = (EventKind.ARMED, EventKind.DISARMED, EventKind.RESOLVED)
 
 
@@ -91,10 +91,10 @@ def event_findings(events: Iterable[VehicleEvent]) -> list[Finding]:
     """Return one finding for each kind and subject of the vehicle's events: the first, and the
     count.
     """
-    alike: dict[tuple[EventKind, str], list[VehicleEvent]] = {}
+    equal_events: dict[tuple[EventKind, str], list[VehicleEvent]] = {}
     for event in events:
         if event.kind not in _PLAIN:
-            alike.setdefault((event.kind, event.subject), []).append(event)
+            equal_events.setdefault((event.kind, event.subject), []).append(event)
     return [
         Finding(
             check="vehicle reported",
@@ -103,7 +103,7 @@ def event_findings(events: Iterable[VehicleEvent]) -> list[Finding]:
             time_s=same[0].time_s,
             values={"count": float(len(same))},
         )
-        for (kind, subject), same in alike.items()
+        for (kind, subject), same in equal_events.items()
     ]
 
 

@@ -98,8 +98,8 @@ class Inspection:
     speed_scale: SpeedScale | None
 
     def __repr__(self) -> str:
-        found = [f"  {f.level}: {f.check}: {f.words}" for f in self.findings]
-        return "\n".join([f"Inspection of {self.log!r}", *found])
+        lines = [f"  {f.level}: {f.check}: {f.words}" for f in self.findings]
+        return "\n".join([f"Inspection of {self.log!r}", *lines])
 
 
 def inspect_log(
@@ -114,7 +114,7 @@ def inspect_log(
     findings += [Finding("units", Severity.WARNING, words) for words in log.other_units]
     findings += [*_vehicles(log), _whole(log.quality), _continuous(log)]
     order = scale = None
-    found = comparisons(log.track, airframe, log.facts, log.parameters)
+    compared = comparisons(log.track, airframe, log.facts, log.parameters)
     if claim is None:
         claim = airframe_claim(log.track, airframe, log.facts, log.parameters, given=True)
     # Of a flight without a claim a report has an airframe of which nothing is known.
@@ -125,7 +125,7 @@ def inspect_log(
             findings.append(Finding("motors", Severity.WARNING, log.facts.words))
         for reason in filter(None, (*claim.withheld, claim.unlike, claim.remedy)):
             findings.append(Finding("airframe", Severity.UNKNOWN, reason))
-        findings += [_compared(c) for c in found if c.check in OF_ANY_AIRFRAME]
+        findings += [_compared(c) for c in compared if c.check in OF_ANY_AIRFRAME]
     else:
         if log.track.rotor_count == airframe.rotor_count:
             # An aircraft out of control answers to the ground and the air, not to its rotors.
@@ -133,7 +133,7 @@ def inspect_log(
             scale = check_speed_scale(flown, airframe)
             order = check_motor_order(flown, airframe)
             findings.append(_order(order))
-        findings += [_compared(c) for c in found]
+        findings += [_compared(c) for c in compared]
         findings += [*_tank(log.track, airframe), *_pump(log, airframe)]
     findings += [*left_out_findings(log.track), _speed_readings(log), _sensor(log.track)]
     findings += _gyro(log.track)
@@ -232,13 +232,13 @@ def _order(order: MotorOrder) -> Finding:
 
 def left_out_findings(track: FlightTrack) -> list[Finding]:
     """List the instruments whose readings were removed as impossible."""
-    found = {
+    findings = {
         (instrument, words): Finding(instrument, Severity.WARNING, say(words))
         for channel, instrument in INSTRUMENTS.items()
         for reason, words in LEFT_OUT.items()
         if any(one.reason is reason for one in track.source(channel).rejected)
     }
-    return list(found.values())
+    return list(findings.values())
 
 
 def _speed_readings(log: FlightLog) -> Finding:
@@ -276,15 +276,15 @@ def _tank(track: FlightTrack, airframe: Airframe) -> list[Finding]:
 
 def _pump(log: FlightLog, airframe: Airframe) -> list[Finding]:
     """Return a warning if the pump ran and the thrust shows no loss of mass."""
-    found = sprayed_by_thrust(log.track, airframe, log.parameters)
+    source = sprayed_by_thrust(log.track, airframe, log.parameters)
     least_l_s = LEAST_FLOW * airframe.pump_max_flow_l_min / 60.0
-    if found is None or not found.most_kg < least_l_s * airframe.liquid_density * found.pump_s:
+    if source is None or not source.most_kg < least_l_s * airframe.liquid_density * source.pump_s:
         return []
     words = say(
         "the pump ran {seconds} s, and by thrust at most {kg} kg left the aircraft: look at tank, "
         "pump and nozzles",
-        seconds=f"{found.pump_s:.0f}",
-        kg=f"{max(found.most_kg, 0.0):.1f}",
+        seconds=f"{source.pump_s:.0f}",
+        kg=f"{max(source.most_kg, 0.0):.1f}",
     )
     return [Finding("pump", Severity.WARNING, words)]
 
@@ -385,7 +385,7 @@ def _absent(log: FlightLog) -> list[Finding]:
 
 def as_json(inspection: Inspection) -> dict[str, Any]:
     """Return the inspection as JSON values; None where unknown."""
-    log, plain = inspection.log, to_json_values(inspection.log.quality)
+    log, values = inspection.log, to_json_values(inspection.log.quality)
     order, scale = inspection.motor_order, inspection.speed_scale
     return {
         "file": clean(log.path.name),
@@ -410,9 +410,9 @@ def as_json(inspection: Inspection) -> dict[str, Any]:
         "notes": list(log.track.notes),
         "channels": to_json_values(log.channels),
         "quality": {
-            "bytes": plain.pop("bytes"),
-            "messages": plain.pop("frames"),
-            **plain,
+            "bytes": values.pop("bytes"),
+            "messages": values.pop("frames"),
+            **values,
         },
         "motor_order": None
         if order is None

@@ -40,14 +40,14 @@ def answer_log(log: FlightLog, analysis: FlightAnalysis, limit: float) -> LogAns
     lasting use.
     """
     inspection = inspect_log(log, analysis.model.airframe, analysis.claim)
-    found, order = inspection.findings, inspection.motor_order
+    findings, order = inspection.findings, inspection.motor_order
     claim = replace(
         analysis.claim,
-        other_order=bool(names_wrong(found)),
+        other_order=bool(names_wrong(findings)),
         open_pairs=() if order is None else order.open_pairs,
     )
     return LogAnswer(
-        findings=found,
+        findings=findings,
         made=advise(replace(analysis, claim=claim), limit=limit),
         contact=first_contact_of(log, analysis.claim),
     )
@@ -57,18 +57,18 @@ def verdict_findings(advice: Advice) -> tuple[Finding, ...]:
     """Return what the report of a flight finds at fault, for `inspect`: bad rotors, an ESC that
     misreads, a model that the speeds contradict.
     """
-    found = [
+    findings = [
         Finding("rotors", Severity.GRAVE, fault_found(advice, episode)) for episode in advice.faults
     ]
     if advice.faults:
-        found.append(Finding("what to do", Severity.GRAVE, action(advice)))
+        findings.append(Finding("what to do", Severity.GRAVE, action(advice)))
     if advice.misread is not None:
-        found.append(Finding("ESC speed", Severity.WARNING, misread_words(advice.misread)))
+        findings.append(Finding("ESC speed", Severity.WARNING, misread_words(advice.misread)))
     if Caveat.MODEL in advice.caveats:
-        found.append(Finding("model", Severity.WARNING, misfit_words(advice)))
-    if not found and not advice.withheld and Caveat.ROTORS_NOT_SOUGHT not in advice.caveats:
-        found.append(Finding("rotors", Severity.OK, headline(advice)))
-    return tuple(found)
+        findings.append(Finding("model", Severity.WARNING, misfit_words(advice)))
+    if not findings and not advice.withheld and Caveat.ROTORS_NOT_SOUGHT not in advice.caveats:
+        findings.append(Finding("rotors", Severity.OK, headline(advice)))
+    return tuple(findings)
 
 
 def first_contact_of(log: FlightLog, claim: AirframeClaim) -> FirstContact | None:

@@ -37,15 +37,15 @@ class LogFormat:
     suffixes: tuple[str, ...]  # that fit it
     is_text: bool = False
     likeness: Callable[[Beginning], float]  # 0 it is not, to 1 it surely is
-    #: Its sorties, of the vehicle of this system id; None: the likeliest.
+    #: Its sorties, of the vehicle of this system id; None: the most probable.
     read: Callable[[Path, int | None, Options], tuple[FlightLog, ...]]
 
 
 def read_log(path: str | Path, **options: Any) -> FlightLog:
     """Read one vehicle's flight from a .tlog, DataFlash .BIN or .log, PX4 .ulg or .csv file.
 
-    Of a log with several sorties it is the one that was longest in the air; its `sorties` says how
-    many there are. `options` and what is raised as of `read_sorties`, which gives all.
+    Of a log with several sorties it is the one that was longest in the air; its `sorties` states
+    how many there are. `options` and what is raised as of `read_sorties`, which gives all.
 
         >>> log = read_log("sitl_logs/campaign/v4_m16_q2.5.tlog")
         >>> log.track.rotor_speed_rpm.shape
@@ -81,14 +81,14 @@ def read_sorties(
         >>> len(read_sorties("sitl_logs/campaign/v4_m16_q2.5.tlog"))
         1
     """
-    path, made = Path(path), Options(**options)
+    path, reading = Path(path), Options(**options)
     try:
         try:
-            kind, logs = _read_as(path, vehicle, made)
+            kind, logs = _read_as(path, vehicle, reading)
         except AirframeError:
             if vehicle is not None or not sought:
                 raise
-            kind, logs = _read_as(path, _fitting_vehicle(path, made), made)
+            kind, logs = _read_as(path, _fitting_vehicle(path, reading), reading)
     except FileNotFoundError as error:
         raise LogError(f"{path}: no such file; check the name") from error
     except OSError as error:
@@ -157,8 +157,8 @@ def formats(path: Path) -> list[LogFormat]:
 def _known() -> Iterator[LogFormat]:
     folder = __name__.rpartition(".")[0]
     for module in walk_packages(import_module(folder).__path__, f"{folder}."):
-        if (found := getattr(import_module(module.name), "FORMAT", None)) is not None:
-            yield found
+        if (log_format := getattr(import_module(module.name), "FORMAT", None)) is not None:
+            yield log_format
 
 
 def log_endings() -> set[str]:

@@ -77,10 +77,10 @@ def tlog_boots(
     notes: list[str] = []
     vehicles = vehicle_systems(frames)
     chosen = _choose(path, frames, vehicles, vehicle)
-    again = copies(frames) & (frames.system == chosen)
-    came_twice = int(np.count_nonzero(again))
+    repeated = copies(frames) & (frames.system == chosen)
+    came_twice = int(np.count_nonzero(repeated))
     if came_twice:
-        frames = frames.among(~again)
+        frames = frames.select(~repeated)
         notes.append(copies_words(came_twice))
     system, component = frames.system, frames.component
     mine = system == chosen
@@ -91,9 +91,9 @@ def tlog_boots(
     if others := [number for number in autopilots if number != pilot]:
         mine &= ~np.isin(component, others)
         notes.append(two_autopilots(chosen, pilot, others))
-    if between := two_of_one_id(frames, mine & (component == pilot)):
+    if note := two_of_one_id(frames, mine & (component == pilot)):
         raise LogError(
-            f"{path.name}: it leaps between {between}, as when two vehicles share one system id; "
+            f"{path.name}: it leaps between {note}, as when two vehicles share one system id; "
             "give each its own and record again"
         )
     clocks = vehicle_clocks(
@@ -106,13 +106,13 @@ def tlog_boots(
     clock = next(clocks, None)
     while clock is not None:
         boot = _boot(path, frames, mine, pilot, clock, came_twice)
-        made = [replace(boot, vehicles=tuple(vehicles), notes=(*notes, *clock.notes))]
+        boots = [replace(boot, vehicles=tuple(vehicles), notes=(*notes, *clock.notes))]
         # Neither the messages nor, behind the last restart, the file stay while a table is made.
         del boot
         clock = next(clocks, None)
         if clock is None:
-            del data, frames, system, component, mine, again
-        yield made.pop()
+            del data, frames, system, component, mine, repeated
+        yield boots.pop()
 
 
 def _boot(
@@ -151,11 +151,11 @@ def _boot(
     maker = int(heart.columns["autopilot"][-1]) if heart else -1
 
     parameters, whole = _parameters(frames, mine, clock.last_row)
-    said, sent = streams.get("SYSTEM_TIME"), streams.get("PARAM_VALUE")
+    times, sent = streams.get("SYSTEM_TIME"), streams.get("PARAM_VALUE")
     values = () if sent is None else _named_values(sent.columns)
     sent_s = () if sent is None else sent.time_s.tolist()
-    changes = tuple((at, *one) for at, one in zip(sent_s, values, strict=True))
-    by_gps = None if said is None else unix_minus_clock(said.columns)
+    changes = tuple((time_s, *one) for time_s, one in zip(sent_s, values, strict=True))
+    by_gps = None if times is None else unix_minus_clock(times.columns)
     return Recording(
         path=path,
         format="tlog",
@@ -179,8 +179,8 @@ def _hardware_id(frames: Frames, mine: Bools) -> str:
     """Return the serial number of AUTOPILOT_VERSION, the longer if it contains two; empty if
     none.
     """
-    for said in reversed(named(frames, "AUTOPILOT_VERSION", mine)[1]):
-        long, short = said["uid2"].tobytes().hex(), said["uid"].tobytes().hex()
+    for version in reversed(named(frames, "AUTOPILOT_VERSION", mine)[1]):
+        long, short = version["uid2"].tobytes().hex(), version["uid"].tobytes().hex()
         if serial := serial_digits(long) or serial_digits(short):
             return serial
     return ""
@@ -200,14 +200,14 @@ def vehicle_systems(frames: Frames) -> list[int]:
     return flown.tolist()
 
 
-def _choose(path: Path, frames: Frames, vehicles: list[int], wanted: int | None) -> int:
+def _choose(path: Path, frames: Frames, vehicles: list[int], number: int | None) -> int:
     if not vehicles:
         raise LogError(f"{path.name}: no autopilot sends in it; no vehicle was recorded")
-    if wanted is not None:
-        if wanted not in vehicles:
+    if number is not None:
+        if number not in vehicles:
             there = ", ".join(map(str, vehicles))
-            raise LogError(f"{path.name}: no vehicle {wanted}; it holds vehicle {there}")
-        return wanted
+            raise LogError(f"{path.name}: no vehicle {number}; it holds vehicle {there}")
+        return number
     system = frames.system
     escs = [message_ids()[r.message] for r in MAVLINK_RULES if r.channel == "esc_rpm"]
     sends_rpm = np.isin(frames.id, escs)
@@ -222,9 +222,9 @@ def _main_component(
     """Return the autopilot among the components of one vehicle: the one that sends most
     ATTITUDE.
     """
-    for among in (mine & np.isin(component, autopilots), mine):
+    for candidates in (mine & np.isin(component, autopilots), mine):
         for name in ("ATTITUDE", "GLOBAL_POSITION_INT"):
-            sources = component[among & (frames.id == message_ids()[name])]
+            sources = component[candidates & (frames.id == message_ids()[name])]
             if sources.size:
                 return int(np.bincount(sources).argmax())
     if autopilots:
@@ -241,8 +241,8 @@ def _parameters(frames: Frames, mine: Bools, last_row: int) -> tuple[dict[str, f
     """
     rows, fields = named(frames, "PARAM_VALUE", mine)
     fields = np.concatenate([fields[rows > last_row][::-1], fields[rows <= last_row]])
-    found = dict(_named_values(fields))
-    return found, 0 < int(fields["param_count"].max(initial=0)) <= len(found)
+    values = dict(_named_values(fields))
+    return values, 0 < int(fields["param_count"].max(initial=0)) <= len(values)
 
 
 def _named_values(fields: Columns | NDArray[np.void]) -> Iterator[tuple[str, float]]:

@@ -104,17 +104,17 @@ class _Rows:
         self._note_needed()
         self.least[number], self.most[number], self.needs[number] = least, most, needed
 
-    def behind(self, at: int, kept: bytearray) -> int:
-        """Return the offset behind consecutive valid data rows from `at`; needed ones are
+    def behind(self, start: int, kept: bytearray) -> int:
+        """Return the offset behind consecutive valid data rows from `start`; needed ones are
         recorded.
         """
         begun = None
-        while begun != at and self.data[at + 2 : at + 3] == b"D":
-            begun = at
-            if not self.begin <= at < self.stop:
-                self._look(at)
-            first = int(self.heads.searchsorted(at))
-            while first < self.heads.size and self.heads[first] == at:
+        while begun != start and self.data[start + 2 : start + 3] == b"D":
+            begun = start
+            if not self.begin <= start < self.stop:
+                self._look(start)
+            first = int(self.heads.searchsorted(start))
+            while first < self.heads.size and self.heads[first] == start:
                 last = self.broken[bisect_left(self.broken, first)]
                 self.passed[first : last + 1] = True
                 new = self.begins[self.number[first : last + 1]]
@@ -122,20 +122,20 @@ class _Rows:
                     if self.begins[self.number[k]]:
                         kept += self.data[self.heads[k] : self.ends[k]]
                         self.begins[self.number[k]] = False
-                at = int(self.ends[last])
-                first = int(self.heads.searchsorted(at))
-        return at
+                start = int(self.ends[last])
+                first = int(self.heads.searchsorted(start))
+        return start
 
-    def _look(self, at: int) -> None:
+    def _look(self, start: int) -> None:
         """Find candidate rows, some within others, from an offset on.
 
         The window is twice the length that the last one was good for, so that the time grows
         linearly.
         """
         self._note_needed()
-        far = min(max(2 * (at - self.begin), _LOOKS[0]), _LOOKS[1])
-        self.begin, self.stop = at, min(at + far, len(self.data) - 4)
-        heads = at + np.flatnonzero(self.bytes[at + 2 : self.stop + 2] == 68)
+        far = min(max(2 * (start - self.begin), _LOOKS[0]), _LOOKS[1])
+        self.begin, self.stop = start, min(start + far, len(self.data) - 4)
+        heads = start + np.flatnonzero(self.bytes[start + 2 : self.stop + 2] == 68)
         size, number = self.words[heads].astype(np.int64), self.words[heads + 3]
         good = (self.least[number] <= size - 2) & (size - 2 <= self.most[number])
         good &= heads + 3 + size <= len(self.data)
@@ -149,13 +149,13 @@ class _Rows:
         self.needed.append(self.heads[self.passed & self.needs[self.number]])
         self.passed[:], self.stop = False, 0
 
-    def of(self, topics: Mapping[int, tuple[int, int]]) -> dict[int, NDArray[np.uint8]]:
+    def topic_rows(self, topics: Mapping[int, tuple[int, int]]) -> dict[int, NDArray[np.uint8]]:
         """Return the recorded rows of each topic, uint8 (rows, bytes).
 
         `topics` maps an id to its row size and first offset.
         """
         self._note_needed()
-        heads, found = np.concatenate(self.needed), {}
+        heads, of_topics = np.concatenate(self.needed), {}
         heads = heads[np.argsort(self.words[heads + 3], kind="stable")]
         number = self.words[heads + 3]
         for topic, (least, since) in topics.items():
@@ -163,8 +163,8 @@ class _Rows:
             places = max(len(self.data) - least + 1, 0)
             any_place = np.ndarray(places, f"V{least}", self.data, strides=(1,))
             rows = any_place[own[own.searchsorted(since) :] + 5]
-            found[topic] = rows.view(np.uint8).reshape(-1, least)
-        return found
+            of_topics[topic] = rows.view(np.uint8).reshape(-1, least)
+        return of_topics
 
 
 @dataclass(slots=True)
@@ -175,13 +175,13 @@ class _Log:
     rows: _Rows
     formats: dict[bytes, list[tuple[bytes, int, bytes]]] = field(default_factory=dict)
 
-    def end(self, at: int) -> int:
+    def end(self, begin: int) -> int:
         """Return the end of the message at an offset; 0 if it is invalid."""
         data = self.data
-        if at + 3 > len(data):
+        if begin + 3 > len(data):
             return 0
-        size, kind = _HEAD.unpack_from(data, at)
-        start, end = at + 3, at + 3 + size
+        size, kind = _HEAD.unpack_from(data, begin)
+        start, end = begin + 3, begin + 3 + size
         if end > len(data):
             return 0
         if kind == 68:  # D, by far the most
@@ -208,7 +208,7 @@ class _Log:
             case "O" | "R":
                 good = size == 2
             case "B":
-                good = at == HEADER and size >= 40
+                good = begin == HEADER and size >= 40
             case _:
                 good = False
         return end if good else 0
@@ -234,19 +234,19 @@ class _Log:
 
 def whole_messages(data: bytes, topics: Container[str]) -> WholeMessages:
     """Return the valid messages of a log, with data of `topics` only."""
-    table, kept, at = _Rows(data), bytearray(data[:HEADER]), HEADER
+    table, kept, start = _Rows(data), bytearray(data[:HEADER]), HEADER
     log = _Log(data, table)
     skipped: list[tuple[int, int]] = []
-    wanted: dict[int, bytes] = {}  # topics by id
-    found: dict[int, tuple[int, int]] = {}  # bytes of a row, and from where on
-    while (at := table.behind(at, kept)) < len(data):
-        end = log.end(at)
+    topic_names: dict[int, bytes] = {}  # topics by id
+    layouts: dict[int, tuple[int, int]] = {}  # bytes of a row, and from where on
+    while (start := table.behind(start, kept)) < len(data):
+        end = log.end(start)
         if not end:
-            end = _next_whole(log, at + 1)
-            skipped.append((at, end - at))
-            at = end
+            end = _next_whole(log, start + 1)
+            skipped.append((start, end - start))
+            start = end
             continue
-        kind, body = data[at + 2], data[at + 3 : end]
+        kind, body = data[start + 2], data[start + 3 : end]
         keep = kind in b"PLO"
         if kind == 70:
             name, fields = body.split(b":", 1)
@@ -257,29 +257,29 @@ def whole_messages(data: bytes, topics: Container[str]) -> WholeMessages:
             least, most = log.size_of(name) or _NONE[:2]
             needed = name.decode("utf-8", "replace") in topics and _TIMED in log.formats[name]
             # At a topic that is added again pyulog would drop what it has of it.
-            keep = needed and wanted.get(number) != name
-            wanted |= {number: name if needed else b""}
+            keep = needed and topic_names.get(number) != name
+            topic_names |= {number: name if needed else b""}
             if keep:
-                found[number], table.begins[number] = (least, at), True
+                layouts[number], table.begins[number] = (least, start), True
             # What is needed and has another size now is not what pyulog takes it for.
-            same = needed and found[number][0] == least
+            same = needed and layouts[number][0] == least
             table.know(number, least, most, needed=same)
         elif kind == 66:
             # What was written behind a crash needs no offset: whatever is damaged is left out.
             body, keep = body[:16] + bytes(len(body) - 16), True
         if keep:
-            kept += data[at : at + 3] + body
-        at = end
-    return WholeMessages(data=bytes(kept), rows=table.of(found), skipped=tuple(skipped))
+            kept += data[start : start + 3] + body
+        start = end
+    return WholeMessages(data=bytes(kept), rows=table.topic_rows(layouts), skipped=tuple(skipped))
 
 
-def _next_whole(log: _Log, at: int) -> int:
+def _next_whole(log: _Log, start: int) -> int:
     """Return the first offset from which several messages in a row, or all to the end, are
     valid.
     """
     size = len(log.data)
-    for found in _TYPE.finditer(log.data, at + 2):
-        place = end = found.start() - 2
+    for match in _TYPE.finditer(log.data, start + 2):
+        place = end = match.start() - 2
         for _ in range(_CHAIN):
             end = log.end(end)
             if end in (0, size):
@@ -341,7 +341,10 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
     if vehicle is not None and vehicle != own:
         raise LogError(f"{path.name}: no vehicle {vehicle}; it is the log of vehicle {own}")
     initial = [(-np.inf, name, value) for name, value in parameters.items()]
-    changed = [(at * 1e-6, str(name), float(to)) for at, name, to in log.changed_parameters]
+    changed = [
+        (time_us * 1e-6, str(name), float(set_to))
+        for time_us, name, set_to in log.changed_parameters
+    ]
     motors = ulog_motors(topics, parameters)
     signals = {**ulog_signals(topics), **signals_by_channel(motors.signals)}
     notes = motors.notes

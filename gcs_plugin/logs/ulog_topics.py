@@ -51,21 +51,21 @@ class UlogMotors:
 
 def ulog_motors(topics: Mapping[str, list[Topic]], parameters: Mapping[str, float]) -> UlogMotors:
     """Return the motor signals of the topics (each a list of its instances, in order)."""
-    found = UlogMotors(motor_order="by PX4's actuator functions")
+    motors = UlogMotors(motor_order="by PX4's actuator functions")
     for topic in topics.get("actuator_motors", [])[:1]:
-        found = _throttle(topic, found)
-    if not found.signals and "actuator_outputs" in topics:
-        found = _outputs(topics["actuator_outputs"], parameters)
+        motors = _throttle(topic, motors)
+    if not motors.signals and "actuator_outputs" in topics:
+        motors = _outputs(topics["actuator_outputs"], parameters)
     for topic in topics.get("esc_status", [])[:1]:
-        found = _with_escs(found, topic)
-    return found
+        motors = _with_escs(motors, topic)
+    return motors
 
 
-def _throttle(topic: Topic, found: UlogMotors) -> UlogMotors:
+def _throttle(topic: Topic, so_far: UlogMotors) -> UlogMotors:
     if "control" not in topic:
-        return found
-    asked = in_si(topic, "control", "1")
-    duty = np.clip(asked, 0.0, 1.0)
+        return so_far
+    commanded = in_si(topic, "control", "1")
+    duty = np.clip(commanded, 0.0, 1.0)
     source = topic_source("actuator_motors", "control", meaning=Meaning.THRUST_DEMAND)
     motors = np.flatnonzero(np.isfinite(duty).any(axis=0)).tolist()
     signals = [topic_signal("throttle", source, topic, duty[:, k], k) for k in motors]
@@ -73,22 +73,22 @@ def _throttle(topic: Topic, found: UlogMotors) -> UlogMotors:
         f"actuator_motors asks motor {k + 1} for {low:.2f} to {high:.2f} of full output; "
         "what is beyond 0 to 1 is taken as none or full"
         for k in motors
-        for low, high in [(float(np.nanmin(asked[:, k])), float(np.nanmax(asked[:, k])))]
+        for low, high in [(float(np.nanmin(commanded[:, k])), float(np.nanmax(commanded[:, k])))]
         if low < -0.001 or high > 1.001
     ]
-    return replace(found, signals=signals, notes=notes)
+    return replace(so_far, signals=signals, notes=notes)
 
 
 def _outputs(instances: Sequence[Topic], parameters: Mapping[str, float]) -> UlogMotors:
     """Return the motor outputs of the instance that has most of them."""
     best: tuple[list[Signal], str] = ([], "")
     for number, topic in enumerate(instances):
-        made = _of_instance(topic, number, parameters)
-        best = max(best, made, key=lambda signals_and_order: len(signals_and_order[0]))
+        signals = _of_instance(topic, number, parameters)
+        best = max(best, signals, key=lambda signals_and_order: len(signals_and_order[0]))
     if len(best[0]) < _FEWEST:
         why = "none of its instances drives motors in a known unit"
-        said = f"in the log (actuator_outputs), not used: {why}"
-        return UlogMotors(unused={"throttle": said})
+        note = f"in the log (actuator_outputs), not used: {why}"
+        return UlogMotors(unused={"throttle": note})
     return UlogMotors(signals=best[0], motor_order=best[1])
 
 
@@ -115,16 +115,16 @@ def _of_instance(
     ranges = ranges_of_span(span_of(values[k] for k in outputs), outputs, parameters, bank=bank)
     source = topic_source("actuator_outputs", "output", meaning=Meaning.PX4_OUTPUT)
     source = source.of_instance(number or None).remarked(range_words(ranges))
-    made = [
+    signals = [
         topic_signal("throttle", source, topic, pulses.share(values[output]), motor)
         for (motor, output), pulses in zip(on_output.items(), ranges, strict=False)
     ]
-    return made, order
+    return signals, order
 
 
-def _with_escs(found: UlogMotors, topic: Topic) -> UlogMotors:
+def _with_escs(motors: UlogMotors, topic: Topic) -> UlogMotors:
     """Add ESC channels by motor number from 0, whatever their place in the message."""
-    made: list[Signal] = []
+    signals: list[Signal] = []
     notes: list[str] = []
     seen: dict[int, int] = {}  # motor -> its place
     fields = [f"esc[{place}]." for place in range(MOST_MOTORS)]
@@ -146,22 +146,24 @@ def _with_escs(found: UlogMotors, topic: Topic) -> UlogMotors:
         if online is not None:
             rpm = np.where((online.astype(np.int64) >> place) & 1, rpm, np.nan)
         source = topic_source("esc_status", "esc_rpm", "rpm")
-        made.append(topic_signal("esc_rpm", source, topic, rpm, motor))
+        signals.append(topic_signal("esc_rpm", source, topic, rpm, motor))
         for name, unit in (("esc_voltage", "V"), ("esc_current", "A")):
             if (column := f"{start}{name}") in topic:
                 values = in_si(topic, column, unit)
                 source = topic_source("esc_status", name, unit)
-                made.append(topic_signal(name, source, topic, values, motor))
+                signals.append(topic_signal(name, source, topic, values, motor))
     stated = int(topic["esc_count"].max(initial=0)) if "esc_count" in topic else 0
     if stated and stated != len(seen):
         notes.append(f"esc_status says {stated} ESCs; {len(seen)} of them are motors that report")
-    unused = {} if made else {"rotor_speed_rpm": "in the log (esc_status), not used: all at 0 rpm"}
+    unused = (
+        {} if signals else {"rotor_speed_rpm": "in the log (esc_status), not used: all at 0 rpm"}
+    )
     return replace(
-        found,
-        signals=[*found.signals, *made],
-        notes=[*found.notes, *notes],
+        motors,
+        signals=[*motors.signals, *signals],
+        notes=[*motors.notes, *notes],
         esc_order="by PX4's actuator functions" if named else "motor n taken to have ESC n",
-        unused=found.unused | unused,
+        unused=motors.unused | unused,
     )
 
 

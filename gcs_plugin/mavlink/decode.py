@@ -35,8 +35,8 @@ def asked_by_quaternion(wxyz: Floats) -> Floats:
     """Return the demanded roll and pitch (n, 2), rad, of quaternions (n, 4); NaN for zero, no
     demand.
     """
-    asked = np.any(wxyz != 0.0, axis=1, keepdims=True)
-    return np.where(asked, attitude_from_quaternion(*wxyz.T)[:, :2], np.nan)
+    stated = np.any(wxyz != 0.0, axis=1, keepdims=True)
+    return np.where(stated, attitude_from_quaternion(*wxyz.T)[:, :2], np.nan)
 
 
 def _asked_attitude(columns: Columns) -> Floats:
@@ -57,9 +57,11 @@ def _wind_from_direction(columns: Columns) -> Floats:
 def _battery_voltage(columns: Columns) -> Floats:
     # More than 65.5 V is spread over several cells; 65535 and (in the extension) 0 are unused.
     cells = columns["voltages"].astype(np.float64)
-    more = columns["voltages_ext"].astype(np.float64)
+    further = columns["voltages_ext"].astype(np.float64)
     used = cells != 65535
-    total = np.where(used, cells, 0.0).sum(axis=-1) + np.where(more < 65535, more, 0.0).sum(axis=-1)
+    total = np.where(used, cells, 0.0).sum(axis=-1) + np.where(further < 65535, further, 0.0).sum(
+        axis=-1
+    )
     return np.where(used.any(axis=-1), total * 1e-3, np.nan)
 
 

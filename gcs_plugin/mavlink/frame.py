@@ -71,16 +71,16 @@ class Header(NamedTuple):
     possible: Any  # False: no frame has such a header
 
 
-def header(data: Any, at: Any, sizes: Any) -> Header:
-    """Return the header at offset `at` of bytes, or at each of the offsets (n,) of a uint8 array.
+def header(data: Any, start: Any, sizes: Any) -> Header:
+    """Return the header at offset `start` of bytes, or at each offset (n,) of a uint8 array.
 
     `data` must extend HEADER_PADDING bytes beyond; `sizes` is the payload size by id, -1 unknown.
     """
-    version2 = data[at] == V2
-    payload = data[at + 1]
-    flags = version2 * data[at + 2]
-    number = data[at + 5 + 2 * version2] + version2 * 256 * data[at + 8]
-    number = number + version2 * 65536 * data[at + 9]
+    version2 = data[start] == V2
+    payload = data[start + 1]
+    flags = version2 * data[start + 2]
+    number = data[start + 5 + 2 * version2] + version2 * 256 * data[start + 8]
+    number = number + version2 * 65536 * data[start + 9]
     covered = 5 + 4 * version2 + payload
     largest = sizes[number - (number >= ID_LIMIT) * (number - ID_LIMIT + 1)]
     possible = (flags <= SIGNED) & ((largest < 0) | (payload <= largest))
@@ -133,26 +133,28 @@ def _tables() -> tuple[memoryview, memoryview]:
 
 def examine(
     data: bytes,
-    at: int,
+    start: int,
     size: int,
     *,
     gap: int = 0,
     closed: bool = False,
     cleared: Cleared | None = None,
 ) -> tuple[FrameKind, Header | None]:
-    """Classify the bytes from `at` of the first `size`; `data` has HEADER_PADDING more.
+    """Classify the bytes from `start` of the first `size`; `data` has HEADER_PADDING more.
 
     `gap` bytes lie between two frames (the time stamps of a .tlog). `closed`: another frame may
     begin behind the last byte, as behind a datagram or a file. `cleared` is the state from
-    examining the bytes before `at`, and is updated.
+    examining the bytes before `start`, and is updated.
     """
-    verdict, head = _checked(data, at, size)
+    verdict, head = _checked(data, start, size)
     if verdict is not FrameKind.UNVERIFIED or head is None:
         return verdict, head
-    end = at + head.length
-    within = _within(data, at + 1, end, size, closed, Cleared() if cleared is None else cleared)
-    if within is not FrameKind.NOTHING:
-        return (FrameKind.NOTHING if within is FrameKind.GOOD else within), head
+    end = start + head.length
+    inner = _inner_frame(
+        data, start + 1, end, size, closed, Cleared() if cleared is None else cleared
+    )
+    if inner is not FrameKind.NOTHING:
+        return (FrameKind.NOTHING if inner is FrameKind.GOOD else inner), head
     following = end + gap
     if following >= size and not closed:
         return FrameKind.UNFINISHED, head
@@ -164,7 +166,7 @@ def examine(
     return (FrameKind.NOTHING if after is FrameKind.NOTHING else FrameKind.UNVERIFIED), head
 
 
-def _within(
+def _inner_frame(
     data: bytes, low: int, high: int, size: int, closed: bool, cleared: Cleared
 ) -> FrameKind:
     """Return GOOD or UNFINISHED by the first frame that begins between `low` and `high`, else
@@ -173,8 +175,8 @@ def _within(
     With `closed` an unfinished frame does not count.
     """
     inner = max(low, cleared.to)
-    while inner < high and (found := _MAGIC.search(data, inner, high)):
-        inner = found.start()
+    while inner < high and (magic := _MAGIC.search(data, inner, high)):
+        inner = magic.start()
         verdict, _ = _checked(data, inner, size)
         if verdict is FrameKind.GOOD or (verdict is FrameKind.UNFINISHED and not closed):
             cleared.to = inner
@@ -184,26 +186,26 @@ def _within(
     return FrameKind.NOTHING
 
 
-def _checked(data: bytes, at: int, size: int) -> tuple[FrameKind, Header | None]:
+def _checked(data: bytes, start: int, size: int) -> tuple[FrameKind, Header | None]:
     """Classify bytes by header and checksum alone: any frame of unknown id is UNVERIFIED."""
-    magic = data[at]
+    magic = data[start]
     if magic not in (V1, V2):
         return FrameKind.NOTHING, None
-    if at + (10 if magic == V2 else 6) > size:
+    if start + (10 if magic == V2 else 6) > size:
         return FrameKind.UNFINISHED, None
     if magic == V2:
-        head = _header2(data[at : at + 3], data[at + 7 : at + 10])
+        head = _header2(data[start : start + 3], data[start + 7 : start + 10])
     else:
-        head = _header1(data[at : at + 2], data[at + 5])
+        head = _header1(data[start : start + 2], data[start + 5])
     if not head.possible:
         return FrameKind.NOTHING, head
-    if at + head.length > size:
+    if start + head.length > size:
         return FrameKind.UNFINISHED, head
     if head.largest < 0:
         return FrameKind.UNVERIFIED, head
-    end = at + 1 + head.covered
+    end = start + 1 + head.covered
     stated = data[end] | data[end + 1] << 8
-    if checksum(data[at + 1 : end], _tables()[1][head.id]) == stated:
+    if checksum(data[start + 1 : end], _tables()[1][head.id]) == stated:
         return FrameKind.GOOD, head
     return FrameKind.BAD_CHECKSUM, head
 
@@ -220,7 +222,7 @@ class Walk:
         self.expected = at if expected is None else expected
         self.cleared = Cleared(cleared)
 
-    def over(
+    def frames(
         self, data: bytes, stop: int, size: int, *, gap: int = 0, closed: bool, wait: bool
     ) -> Iterator[tuple[FrameKind, int, Header]]:
         """Yield class, offset (of the stamp, else the frame) and header of frames that begin before
@@ -232,8 +234,8 @@ class Walk:
         while self.at + gap < stop:
             start = self.at + gap
             if data[start] not in (V1, V2):
-                found = _MAGIC.search(data, start, stop)
-                self.at = (found.start() if found else stop) - gap
+                magic = _MAGIC.search(data, start, stop)
+                self.at = (magic.start() if magic else stop) - gap
                 continue
             verdict, head = examine(data, start, size, gap=gap, closed=closed, cleared=self.cleared)
             if verdict is FrameKind.UNFINISHED and wait:
@@ -261,10 +263,10 @@ def frame_of(data: bytes, *, stamp_us: int = 0, link: int = 0) -> Frame | None:
         return None
     if head.length != len(data):
         return None
-    return made(data, verdict, head, stamp_us, link)
+    return build_frame(data, verdict, head, stamp_us, link)
 
 
-def made(data: bytes, verdict: FrameKind, head: Header, stamp_us: int, link: int) -> Frame:
+def build_frame(data: bytes, verdict: FrameKind, head: Header, stamp_us: int, link: int) -> Frame:
     """Return the Frame of exactly these bytes, already classified."""
     place = 4 if data[0] == V2 else 2
     sequence, system, component = data[place : place + 3]

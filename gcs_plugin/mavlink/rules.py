@@ -32,8 +32,8 @@ FEW = 64  # messages, of which Python is quicker than numpy to say what numbers 
 class Rule:
     """One source of one channel: these fields of this message become that channel.
 
-    `unit` holds for all `fields`, or is one unit for each. `meaning` is what the channel is where
-    its name says more, `note` what else people should know of this source. `unknown` are wire
+    `unit` is that of all `fields`, or is one unit for each. `meaning` is what the channel is where
+    its name is more special, `note` what else people should know of this source. `unknown` are wire
     values that mean "not known". `index` names the field that distinguishes several sources
     (battery id, IMU number); `only` keeps the rows in which it has that value. `convert` replaces
     the scaling: it takes the columns, of which it may read more than `fields`, and returns (n,) or

@@ -30,11 +30,11 @@ from thrustmargin.gcs_plugin.mavlink.frame import (
     Frame,
     FrameKind,
     Walk,
+    build_frame,
     checksum_rows,
     examine,
     frame_of,
     header,
-    made,
 )
 from thrustmargin.gcs_plugin.mavlink.layouts import Layout, layout_table, layouts, message_ids
 from thrustmargin.models.errors import LogError
@@ -75,7 +75,7 @@ class Frames:
         """Return the number of frames of each unknown id."""
         return dict(Counter(number for _, number in self.unverified))
 
-    def among(self, kept: Bools) -> Frames:
+    def select(self, kept: Bools) -> Frames:
         """Return only the frames flagged in `kept` (n,)."""
         names = ("start", "id", "length", "sequence", "system", "component")
         return replace(self, **{name: getattr(self, name)[kept] for name in names})
@@ -94,10 +94,10 @@ class Frames:
         return gather(self.data, self.start - STAMP, STAMP).view(">u8").ravel() * 1e-6
 
 
-def gather(data: Bytes, at: Index, width: int) -> Bytes:
-    """Return the `width` bytes from each offset in `at`, as (n, width)."""
+def gather(data: Bytes, start: Index, width: int) -> Bytes:
+    """Return the `width` bytes from each offset in `start`, as (n, width)."""
     window = np.ndarray((data.size - width + 1,), f"V{width}", data, strides=(1,))
-    return window[at].view(np.uint8).reshape(at.size, width)
+    return window[start].view(np.uint8).reshape(start.size, width)
 
 
 def columns(frames: Frames, rows: Index, layout: Layout) -> NDArray[np.void]:
@@ -115,10 +115,10 @@ def columns(frames: Frames, rows: Index, layout: Layout) -> NDArray[np.void]:
     return payload.view(layout.dtype).reshape(rows.size)
 
 
-def named(frames: Frames, name: str, among: Bools | bool = True) -> tuple[Index, NDArray[np.void]]:
+def named(frames: Frames, name: str, where: Bools | bool = True) -> tuple[Index, NDArray[np.void]]:
     """Return the rows of the messages called `name` among those flagged (n,), and their fields."""
     number = message_ids()[name]
-    rows = np.flatnonzero(among & (frames.id == number))
+    rows = np.flatnonzero(where & (frames.id == number))
     return rows, columns(frames, rows, layouts()[number])
 
 
@@ -145,7 +145,9 @@ def stamped_frames(path: Path) -> Generator[tuple[int, bytes]]:
     frames = scan(data, size)
     if not frames.start.size:
         raise LogError(f"{path.name}: no MAVLink frame in it; is it a telemetry log (.tlog)?")
-    start = np.concatenate([frames.start, [at for at, _ in frames.unverified]]).astype(np.int64)
+    start = np.concatenate([frames.start, [offset for offset, _ in frames.unverified]]).astype(
+        np.int64
+    )
     start.sort()
     end = start + header(data, start, layout_table().size).length
     boot_ms, system = np.full(start.size, np.nan), np.zeros(start.size, dtype=np.uint8)
@@ -205,8 +207,8 @@ def _checked(data: Bytes, start: Index, covered: Index, extra: Bytes) -> NDArray
         if group.size == 0:
             continue
         width = int(covered[group[0]])
-        for at in range(0, group.size, _ROWS):
-            rows = group[at : at + _ROWS]
+        for first in range(0, group.size, _ROWS):
+            rows = group[first : first + _ROWS]
             block = gather(data, start[rows] + 1, width + 2)
             stated = block[:, width] | (block[:, width + 1].astype(np.uint16) << 8)
             good[rows] = checksum_rows(block[:, :width], extra[rows]) == stated
@@ -248,18 +250,18 @@ def _explain_gaps(
     for low, high in gaps:
         lost_from = low
         # Two of the longest frames may have to be read behind the gap to know what is in it.
-        ahead = min(high + _AHEAD, size)
-        raw = data[low : ahead + HEADER_PADDING].tobytes()
-        walk = Walk().over(raw, high - low, ahead - low, gap=stamp, closed=True, wait=False)
+        end = min(high + _AHEAD, size)
+        raw = data[low : end + HEADER_PADDING].tobytes()
+        walk = Walk().frames(raw, high - low, end - low, gap=stamp, closed=True, wait=False)
         for verdict, place, head in walk:
-            at = low + place
+            start = low + place
             if verdict is FrameKind.BAD_CHECKSUM:
                 bad += 1
                 continue
-            unverified.append((at + stamp, head.id))
-            if at > lost_from:
-                skipped.append((lost_from, at - lost_from))
-            lost_from = at + stamp + head.length
+            unverified.append((start + stamp, head.id))
+            if start > lost_from:
+                skipped.append((lost_from, start - lost_from))
+            lost_from = start + stamp + head.length
         if lost_from < high:
             skipped.append((lost_from, high - lost_from))
     return skipped, bad, unverified
@@ -335,12 +337,12 @@ class FrameSplitter:
         kept = 0
         walk = Walk(0, self._expected, self._cleared)
         padded = buffer + _PADDING
-        for verdict, at, head in walk.over(padded, size, size, closed=closed, wait=True):
+        for verdict, start, head in walk.frames(padded, size, size, closed=closed, wait=True):
             if verdict is FrameKind.BAD_CHECKSUM:
                 counts.bad_checksum += 1
                 continue
-            end = at + head.length
-            frames.append(made(buffer[at:end], verdict, head, stamp_us, link))
+            end = start + head.length
+            frames.append(build_frame(buffer[start:end], verdict, head, stamp_us, link))
             kept += head.length
             counts.unknown += verdict is FrameKind.UNVERIFIED
         counts.frames += len(frames)
@@ -390,9 +392,9 @@ def _went_by(
         return None
     before = int(clocked[place - 1])
     later = clocked[place:]
-    again = later[system[later] == system[before]]
-    if not again.size:
+    repeated = later[system[later] == system[before]]
+    if not repeated.size:
         return None
-    after = int(again[0])
+    after = int(repeated[0])
     around = (stamps_us[row] - stamps_us[before]) + (stamps_us[after] - stamps_us[row + 1])
     return round(1000.0 * (boot_ms[after] - boot_ms[before])) - int(around)

@@ -71,21 +71,21 @@ def copies(frames: Frames) -> Bools:
     for one in np.unique(sender[after]).tolist():
         pairs = sender[after] == one
         equal[pairs] &= np.mean(equal[pairs]) > 0.5
-    again = np.zeros(frames.start.size, dtype=np.bool_)
-    again[after[equal]] = True
-    return again
+    repeated = np.zeros(frames.start.size, dtype=np.bool_)
+    repeated[after[equal]] = True
+    return repeated
 
 
 def _equal(frames: Frames, one: Index, other: Index) -> Bools:
     """Flag pairs of frames (n,) with equal bytes up to their checksums: a router signs anew."""
     sizes = layout_table().size
     length = header(frames.data, frames.start[one], sizes).covered + 3
-    alike = length == header(frames.data, frames.start[other], sizes).covered + 3
-    for size in np.unique(length[alike]).tolist():
-        rows = np.flatnonzero(alike & (length == size))
+    equal = length == header(frames.data, frames.start[other], sizes).covered + 3
+    for size in np.unique(length[equal]).tolist():
+        rows = np.flatnonzero(equal & (length == size))
         first, second = (gather(frames.data, frames.start[r[rows]], size) for r in (one, other))
-        alike[rows] = (first == second).all(axis=1)
-    return alike
+        equal[rows] = (first == second).all(axis=1)
+    return equal
 
 
 #: Share of a leap by which it misses where it was before. Of noise one in five comes so near.
@@ -101,7 +101,7 @@ class _Sign(NamedTuple):
     message: str
     instance: str  # field that numbers its senders within a vehicle; empty: there is one
     values: Callable[[NDArray[np.void]], Floats]  # (n, any)
-    apart: float  # that two differ by, and one does not from one message to the next
+    difference: float  # that two differ by, and one does not from one message to the next
     share: float  # of the messages that leap back
     fewest: int
 
@@ -131,14 +131,14 @@ _SIGNS = (
 )
 
 
-def two_of_one_id(frames: Frames, among: Bools) -> str:
+def two_of_one_id(frames: Frames, where: Bools) -> str:
     """Return the value that alternates between two levels, as with two vehicles of one id; empty if
     none.
 
-    `among` (n,) flags the frames of its autopilot.
+    `where` (n,) flags the frames of its autopilot.
     """
     for sign in _SIGNS:
-        fields = named(frames, sign.message, among)[1]
+        fields = named(frames, sign.message, where)[1]
         instances = fields[sign.instance] if sign.instance else np.zeros(fields.size, np.uint8)
         for one in np.unique(instances).tolist():
             if _leaps(sign, fields[instances == one]):
@@ -151,4 +151,4 @@ def _leaps(sign: _Sign, fields: NDArray[np.void]) -> bool:
         return False
     values = sign.values(fields)
     once, twice = (np.abs(values[2:] - values[k:-step]).max(axis=1) for k, step in ((1, 1), (0, 2)))
-    return bool(np.mean((once > sign.apart) & (twice < BACK * once)) > sign.share)
+    return bool(np.mean((once > sign.difference) & (twice < BACK * once)) > sign.share)

@@ -132,11 +132,11 @@ def vehicle_clocks(
         yield Clock(0, last, stamps_s - stamps_s[first], None, notes=(note,))
         return
     own = own[rows]
-    found = stretches(own, name)
-    jumps = restarts(own, found)
-    for stretch in found:
+    clocks = stretches(own, name)
+    jumps = restarts(own, clocks)
+    for stretch in clocks:
         clock = _clock_of(stretch, rows, own, stamps_s, listened)
-        if stretch is found[-1]:  # it waits while as much is read of the messages
+        if stretch is clocks[-1]:  # it waits while as much is read of the messages
             del rows, own, stamps_s
         yield replace(clock, jumps=jumps)
 
@@ -162,9 +162,9 @@ def _clock_of(
     estimate = stamps_s - np.repeat(offset, counts)
     for step in steps.tolist():
         # Frames between a clocked one before the ground's clock was set and one after it.
-        between = np.arange(int(rows[step - 1]) + 1, int(rows[step]))
-        after = np.abs(estimate[between] - own[step]) > TRUST
-        estimate[between[after]] = stamps_s[between[after]] - offset[step]
+        rows_between = np.arange(int(rows[step - 1]) + 1, int(rows[step]))
+        after = np.abs(estimate[rows_between] - own[step]) > TRUST
+        estimate[rows_between[after]] = stamps_s[rows_between[after]] - offset[step]
     if listened is not None:
         own_s = np.full(stamps_s.size, np.nan)
         own_s[rows] = own
@@ -247,8 +247,8 @@ class ArrivalClock:
         """
         if not self.known:
             return replace(self, offsets=(stamp - own,), newest=own, stamp=stamp), ""
-        ahead, note = own - self.newest, ""
-        if ahead < -1e9 * BACKWARD:
+        jump, note = own - self.newest, ""
+        if jump < -1e9 * BACKWARD:
             before, times = self.earlier or (own, 0)
             times = times + 1 if -1e9 * BACKWARD <= own - before < 1e9 * JUMP else 1
             if times < RESTART_AFTER:
@@ -257,10 +257,8 @@ class ArrivalClock:
             note = f"the vehicle restarted: its clock went from {self.newest * 1e-9:.0f} s to "
             new = ArrivalClock((stamp - own,), own, stamp, boot=self.boot + 1, late=self.late)
             return new, f"{note}{own * 1e-9:.0f} s"
-        if ahead - (stamp - self.stamp) > 1e9 * JUMP:
-            note = (
-                f"the vehicle's clock jumped {ahead * 1e-9:.0f} s ahead; older readings are stale"
-            )
+        if jump - (stamp - self.stamp) > 1e9 * JUMP:
+            note = f"the vehicle's clock jumped {jump * 1e-9:.0f} s ahead; older readings are stale"
         offsets = (*self.offsets, stamp - own)[-WINDOW:]
         newest = max(own, self.newest)
         return ArrivalClock(offsets, newest, stamp, self.last, self.boot, None, self.late), note
@@ -307,23 +305,23 @@ def arrival_times(
         states[0] = replace(states[1], last=_LONG_AGO)
     boots = np.array([state.boot for state in states], dtype=np.int64)[which]
     known = np.array([state.goes_by for state in states], dtype=np.int64)
-    held = _held_back(known[which].T, stamps)
-    held[:early] = stamps[:early] - states[0].offsets[0]
+    delayed = _held_back(known[which].T, stamps)
+    delayed[:early] = stamps[:early] - states[0].offsets[0]
     for boot in np.unique(boots).tolist():
         rows = np.flatnonzero(boots == boot)
-        held[rows] = _rising(held[rows], states[0].last if boot == clock.boot else _LONG_AGO)
+        delayed[rows] = _rising(delayed[rows], states[0].last if boot == clock.boot else _LONG_AGO)
     # While a clock that went back may be a restart, nothing is sure of either start.
     boots[np.array([state.earlier is not None for state in states])[which]] = -1
-    after = replace(states[-1], last=int(held[-1])) if held.size else states[-1]
-    return held.astype(np.float64) * 1e-9, boots, after, tuple(notes)
+    after = replace(states[-1], last=int(delayed[-1])) if delayed.size else states[-1]
+    return delayed.astype(np.float64) * 1e-9, boots, after, tuple(notes)
 
 
-def _rising(held: NDArray[np.int64], last: int) -> NDArray[np.int64]:
+def _rising(delayed: NDArray[np.int64], last: int) -> NDArray[np.int64]:
     """Return times (n,), ns, each raised to at least one more than that before, to keep the order
     of messages.
     """
-    count = np.arange(1, held.size + 1)
-    return np.maximum.accumulate(np.concatenate([[last], held - count]))[1:] + count
+    count = np.arange(1, delayed.size + 1)
+    return np.maximum.accumulate(np.concatenate([[last], delayed - count]))[1:] + count
 
 
 def _steps(offset: Floats) -> Index:

@@ -102,7 +102,7 @@ def open_questions(reported: ReportedAirframe, *, gauge: bool) -> tuple[str, ...
     A guessed number of cells is asked for too.
     """
     nominal = reported.quantities.get("nominal_voltage")
-    asked = {
+    questions = {
         "layout": reported.layout is None,
         "cells": nominal is None or nominal.guessed,
         "mass": True,
@@ -111,7 +111,7 @@ def open_questions(reported: ReportedAirframe, *, gauge: bool) -> tuple[str, ...
         "tank_litres": True,
         "load": not gauge,
     }
-    return tuple(name for name, is_open in asked.items() if is_open)
+    return tuple(name for name, is_open in questions.items() if is_open)
 
 
 def _hover(track: FlightTrack) -> np.ndarray:

@@ -180,8 +180,8 @@ def _with_absences(track: FlightTrack) -> FlightTrack:
     """Add notes of missing rotor speeds to the track."""
     if not track.reports("rotor_speed_rpm"):
         silent = "rotor_speed_rpm" not in track.sources
-        found = "no ESC telemetry of its motors" if silent else "no ESC telemetry that measures"
-        note = f"{found} in the log: rotor speeds are unknown"
+        absence = "no ESC telemetry of its motors" if silent else "no ESC telemetry that measures"
+        note = f"{absence} in the log: rotor speeds are unknown"
         return replace(track, notes=(*track.notes, note))
     silent = [
         str(k + 1)

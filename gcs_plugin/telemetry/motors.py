@@ -39,7 +39,7 @@ from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.provenance import Provenance
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
-FAILURES_AGE = 5.0  # s for which an ESC's report on itself holds; PX4 sends one a second
+FAILURES_AGE = 5.0  # s for which an ESC's report on itself is valid; PX4 sends one a second
 _PUMP_FUNCTION = 22
 NO_OUTPUT = -1  # of a motor: it is on none that is known
 _FIRST_AUX = 8  # output, from 0; the eight before it are on the board's second processor
@@ -55,7 +55,7 @@ class MotorMap:
     order_words: str  # how motors were matched to outputs
     notes: tuple[str, ...]
     facts: VehicleFacts = field(default_factory=VehicleFacts)
-    assumed: bool = False  # nothing says which output is which motor
+    assumed: bool = False  # nothing states which output is which motor
     escs: tuple[int, ...] = ()
     esc_words: str = ""  # how motors were matched to ESCs
     any_port: bool = False  # outputs are numbered on whichever port drives them
@@ -65,10 +65,10 @@ class MotorMap:
         ones below 0.
         """
         escs = by_index(signals, "esc_rpm")
-        found = (escs.get(esc) for esc in self.escs)
+        of_rotors = (escs.get(esc) for esc in self.escs)
         return [
             s._replace(values=np.abs(s.values)) if s and np.isfinite(s.values).any() else None
-            for s in found
+            for s in of_rotors
         ]
 
     def throttle(
@@ -85,15 +85,15 @@ class MotorMap:
         sent = self._sent(signals)
         span = span_of((s.values for s in sent if s), before)
         ranges = self._ranges(span, signals, parameters) or (None,) * len(sent)
-        # No pulse at all says nothing about a motor.
-        found = [
+        # No pulse at all is no information about a motor.
+        of_rotors = [
             s._replace(channel="throttle", values=pulses.share(s.values))
             if s and pulses and np.any(s.values > 0)
             else None
             for s, pulses in zip(sent, ranges, strict=True)
         ]
         # An output that never has a pulse is no motor's: then the others need not be either.
-        return [None] * self.rotor_count if self.assumed and None in found else found
+        return [None] * self.rotor_count if self.assumed and None in of_rotors else of_rotors
 
     def span(self, signals: Signals, before: Span = NOTHING_SENT) -> Span:
         """Return the smallest and largest value sent to the motors, `before` included."""
@@ -132,20 +132,20 @@ class MotorMap:
                 result[fresh, rotor] = last_before(signal, clock_s)[fresh]
         return result
 
-    def rotor_speed_source(self, found: list[Signal | None]) -> Provenance:
-        first, *others = dict.fromkeys(s.source for s in found if s is not None)
+    def rotor_speed_source(self, signals: list[Signal | None]) -> Provenance:
+        first, *others = dict.fromkeys(s.source for s in signals if s is not None)
         if others:
             first = Provenance(kind=first.kind, name=first.name, parts=(first, *others))
         return replace(first, assumed=self.assumed).remarked(self.esc_words)
 
     def throttle_source(
         self,
-        found: list[Signal | None],
+        of_rotors: list[Signal | None],
         signals: Signals,
         parameters: Mapping[str, float],
         before: Span = NOTHING_SENT,
     ) -> Provenance:
-        source = next(s.source for s in found if s is not None)
+        source = next(s.source for s in of_rotors if s is not None)
         source = replace(source, assumed=self.assumed)
         if source.unit != "us":
             return source.remarked(self.order_words)
@@ -220,15 +220,15 @@ def motor_map(
     esc_words = esc_order or motor_order
     if not esc_words:
         escs = _escs_of(outputs, turned_escs(signals) if turned is None else turned)
-        by = f"; ESCs {_listed(escs)} turned and are taken for theirs, in order of the outputs"
+        mapping = f"; ESCs {_listed(escs)} turned and are taken for theirs, in order of the outputs"
         if -1 in escs:
-            by = ", but other ESCs turned: which is whose is not known, and none is used"
-            notes.append(f"{words}{by}")
-        esc_words = words if escs == outputs else words + by
+            mapping = ", but other ESCs turned: which is whose is not known, and none is used"
+            notes.append(f"{words}{mapping}")
+        esc_words = words if escs == outputs else words + mapping
     any_port = not motor_order and (assumed or bool(on_bank))
     if assumed and not esc_order and (moved := moved_motors(parameters, count)):
-        by = "not on the output of that number by SERVOn_FUNCTION: no motor output is used"
-        notes.append(f"motor {_listed(moved)} {by}")
+        mapping = "not on the output of that number by SERVOn_FUNCTION: no motor output is used"
+        notes.append(f"motor {_listed(moved)} {mapping}")
         outputs, any_port = (NO_OUTPUT,) * count, False
     return MotorMap(
         count, outputs, pump, words, tuple(notes), facts, assumed, escs, esc_words, any_port
@@ -240,9 +240,9 @@ def _px4_bank(parameters: Mapping[str, float], count: int) -> tuple[dict[int, in
     has.
     """
     for bank in ("MAIN", "AUX"):
-        found = px4_motor_outputs(parameters, bank)
-        if count and all(k in found for k in range(count)):
-            return found, bank
+        outputs = px4_motor_outputs(parameters, bank)
+        if count and all(k in outputs for k in range(count)):
+            return outputs, bank
     return {}, ""
 
 

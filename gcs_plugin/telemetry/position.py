@@ -38,7 +38,7 @@ IDLE_SHARE = 0.5
 IDLE_OUTPUT = 0.1
 #: Share of gravity in the specific force, and m/s of climb, of an aircraft that rests on its legs.
 AT_REST, STEADY = 0.9, 1.0
-#: s at idle after which an aircraft stands
+#: s at idle after which an aircraft is on the ground
 IDLE_S = 3.0
 #: s between two reports of the landed state
 HEARD_S = 3.0
@@ -63,12 +63,12 @@ def airborne(
 ) -> Airborne:
     """Return which of T rows are off the ground, the last one only if no landing is reported after
     it: many logs end with that report, less than a row later."""
-    found = _airborne(signals, clock_s, channels, airframe)
-    if not found.flying[-1:].any() or not _down_after(signals, float(clock_s[-1])):
-        return found
-    flying = found.flying.copy()
+    result = _airborne(signals, clock_s, channels, airframe)
+    if not result.flying[-1:].any() or not _down_after(signals, float(clock_s[-1])):
+        return result
+    flying = result.flying.copy()
     flying[-1] = False
-    return replace(found, flying=flying)
+    return replace(result, flying=flying)
 
 
 def _disarmed_since(signals: Signals, landed: Signal, clock_s: Floats) -> Bools:
@@ -79,20 +79,20 @@ def _disarmed_since(signals: Signals, landed: Signal, clock_s: Floats) -> Bools:
         return np.zeros(clock_s.size, dtype=np.bool_)
     off_s = armed.time_s[known_rows(armed.values) & (armed.values <= 0)]
     said_s = landed.time_s[known_rows(landed.values)]
-    off, said = (
+    off, reported = (
         np.append(-np.inf, times)[np.searchsorted(times, clock_s, side="right")]
         for times in (off_s, said_s)
     )
-    return off > said
+    return off > reported
 
 
 def _down_after(signals: Signals, end: float) -> bool:
     """Return whether the vehicle reports that it landed or was disarmed at `end` s or later."""
     for channel, down in (("landed", (ON_GROUND,)), ("armed", (0.0,))):
-        found = best(signals, channel)
-        if found is None or not found.time_s.size:
+        heights = best(signals, channel)
+        if heights is None or not heights.time_s.size:
             continue
-        if found.time_s[-1] >= end and found.values[-1] in down:
+        if heights.time_s[-1] >= end and heights.values[-1] in down:
             return True
     return False
 
@@ -118,7 +118,7 @@ def _airborne(
     if driven.any() and idle.sum() == driven.sum():
         return _grounded(clock_s, FlyingBy.IDLE_OUTPUTS)
     turning = on & (squares > 0.0)
-    if turning.any():  # whatever the landed state says: with a tenth of its thrust it falls
+    if turning.any():  # whatever the landed state: with a tenth of its thrust it falls
         cruise = np.percentile(squares[turning], 75)
         idle |= turning & (squares <= IDLE_OUTPUT * cruise)
         idle |= turning & (squares <= IDLE_SHARE * cruise) & _borne(channels, squares.size)
@@ -132,16 +132,16 @@ def _airborne(
         if first.size == 2 and first[0] == first[1]:
             close = ~np.isfinite(state) & (first_s - clock_s <= HEARD_S)
             state = np.where(close, first[0], state)
-        said = np.isin(state, (IN_AIR, TAKING_OFF, LANDING)) & on
-        said &= ~_disarmed_since(signals, landed, clock_s)
+        reported = np.isin(state, (IN_AIR, TAKING_OFF, LANDING)) & on
+        reported &= ~_disarmed_since(signals, landed, clock_s)
         if height is None:
-            return Airborne(said, FlyingBy.LANDED_STATE, landed.source.words)
+            return Airborne(reported, FlyingBy.LANDED_STATE, landed.source.words)
         body = _body(channels, squares, output)
-        flying = _clear_of_ground(said, height)
-        if said.any() and not flying.any():
+        flying = _clear_of_ground(reported, height)
+        if reported.any() and not flying.any():
             return _grounded(clock_s, FlyingBy.NEVER_ROSE)
-        flying &= drop_held(said, stretches(said), clock_s, body)
-        if said.any() and not flying.any():
+        flying &= drop_held(reported, stretches(reported), clock_s, body)
+        if reported.any() and not flying.any():
             return _grounded(clock_s, FlyingBy.HELD)
         words = f"{landed.source.words}, and {CLEAR:g} m clear of it"
         return Airborne(flying, FlyingBy.LANDED_STATE, words)
@@ -151,9 +151,9 @@ def _airborne(
         spread = np.ptp(channels["throttle"][driven], axis=0)
         if np.all(spread[np.isfinite(spread)] == 0):
             return _grounded(clock_s, FlyingBy.CONSTANT_OUTPUTS)
-    thrust, by = output, FlyingBy.MOTOR_OUTPUTS
+    thrust, source = output, FlyingBy.MOTOR_OUTPUTS
     if measured:
-        thrust, by = squares, FlyingBy.ROTOR_SPEEDS
+        thrust, source = squares, FlyingBy.ROTOR_SPEEDS
         # Beside outputs a wrong unit of the speeds would do the same: then a height must deny it.
         sure = not driven.any() or (height is not None and bool(np.isfinite(height).any()))
         if sure and _too_slow(thrust[on], speeds.shape[1], height, airframe):
@@ -168,16 +168,16 @@ def _airborne(
         free = drop_held(flying, stretches(on), clock_s, body)
         if flying.any() and not free.any():
             return _grounded(clock_s, FlyingBy.HELD)
-        words = f"{by} above {IDLE_SHARE:g} of the thrust in cruise (no landed state)"
-        return Airborne(free, by, words)
+        words = f"{source} above {IDLE_SHARE:g} of the thrust in cruise (no landed state)"
+        return Airborne(free, source, words)
     if height is not None and np.isfinite(height).any():
         words = "more than 1 m above home (no landed state, no rotor speeds)"
         return Airborne(on & (height > RISEN), FlyingBy.HEIGHT, words)
     return _grounded(clock_s, FlyingBy.NOT_KNOWN)
 
 
-def _grounded(clock_s: Floats, by: FlyingBy) -> Airborne:
-    return Airborne(np.zeros(clock_s.size, dtype=np.bool_), by, GROUNDED_BY[by])
+def _grounded(clock_s: Floats, source: FlyingBy) -> Airborne:
+    return Airborne(np.zeros(clock_s.size, dtype=np.bool_), source, GROUNDED_BY[source])
 
 
 def _borne(channels: Mapping[str, Floats], rows: int) -> Bools:
@@ -201,7 +201,7 @@ def _motors_on(signals: Signals, clock_s: Floats) -> Bools:
     state = last_before(armed, clock_s)
     rows = known_rows(armed.values)
     known = armed.values[rows]
-    # Before its first report it was as that says.
+    # Before its first report the state was the reported one.
     on = np.where(np.isfinite(state), state, known[0]) > 0
     # Disarmed and armed again in a pause of the log, the row after it is the first of another time.
     off_s = armed.time_s[rows][known <= 0]
@@ -274,13 +274,13 @@ def airborne_so_far(
     armed = best(signals, "armed")
     motors_on = np.full(clock_s.size, NAN) if armed is None else last_before(armed, clock_s)
     speeds = channels["rotor_speed_rpm"]
-    # Zero says nothing: most ESCs report it while they have not measured.
-    carried = (np.abs(speeds) > 0.0).any(axis=1) & (airframe is not None)
+    # Zero is no measurement: most ESCs report it while they have not measured.
+    turning = (np.abs(speeds) > 0.0).any(axis=1) & (airframe is not None)
     heights = channels.get("height_agl", np.full(clock_s.size, NAN))
     flying = np.where(np.isfinite(motors_on), motors_on > 0, heights > RISEN)
     if airframe is not None:
         thrust = airframe.thrust_coefficient * np.nansum(np.square(speeds), axis=1)
-        flying = np.where(carried, thrust > IDLE_SHARE * airframe.empty_mass * G0, flying)
+        flying = np.where(turning, thrust > IDLE_SHARE * airframe.empty_mass * G0, flying)
     for row in np.flatnonzero(np.isfinite(state)).tolist():
         flying[row] = int(state[row]) in (IN_AIR, TAKING_OFF, LANDING)
         if not flying[row]:
@@ -295,7 +295,7 @@ def airborne_so_far(
             flying[row] = np.isnan(contact.height)
     output = known_means(channels["throttle"])
     idle = output <= IDLE_OUTPUT
-    flying &= ~idle | np.isfinite(state) | carried
+    flying &= ~idle | np.isfinite(state) | turning
     flying &= ~(motors_on == 0)
     words = "rotor speeds, else armed" if landed is None else landed.source.words
     squares = known_means(np.square(speeds))
@@ -338,7 +338,7 @@ def _clear_of_ground(flying: Bools, height: Floats) -> Bools:
 
 
 def _body(channels: Mapping[str, Floats], squares: Floats, output: Floats | None = None) -> Floats:
-    """Return (T, 15) as of `held`: a speed of 0 says nothing."""
+    """Return (T, 15) as of `held`: a speed of 0 is no measurement."""
     nothing = np.full((squares.size, 3), NAN)
     return np.column_stack(
         (

@@ -51,16 +51,18 @@ def power(signals: Signals, sampling: Sampling, notes: list[str]) -> dict[str, I
 
 def stated_battery(signals: Signals) -> StatedBattery:
     """Return cells, nominal voltage and capacity that the flight battery last reported."""
-    of = {name: by_index(signals, f"battery_{name}") for name in ("cells", "nominal", "capacity")}
-    if not any(of.values()):
+    statements = {
+        name: by_index(signals, f"battery_{name}") for name in ("cells", "nominal", "capacity")
+    }
+    if not any(statements.values()):
         return StatedBattery()
     flown = flight_battery(signals)
     if flown is None:  # its voltage comes in a message without a number
-        flown = min((int(number) for found in of.values() for number in found), default=0)
+        flown = min((int(number) for stated in statements.values() for number in stated), default=0)
     last: dict[str, float] = {}
     sources: list[Provenance] = []
-    for name, found in of.items():
-        if (signal := found.get(flown)) is not None:
+    for name, stated in statements.items():
+        if (signal := stated.get(flown)) is not None:
             known = signal.values[np.isfinite(signal.values) & (signal.values > 0.0)]
             if known.size:
                 last[name] = float(known[-1])
@@ -107,9 +109,9 @@ def esc_voltage_offsets(signals: Signals, outputs: Sequence[int]) -> tuple[float
     instrument does not. At least three ESCs are needed, and all but one must agree.
     """
     escs = by_index(signals, "esc_voltage")
-    found = [escs.get(output) for output in outputs]
+    of_rotors = [escs.get(output) for output in outputs]
     nothing = (float("nan"),) * len(outputs)
-    heard = [s for s in found if s is not None and np.mean(s.values > SENDER_VOLTAGE) > 0.5]
+    heard = [s for s in of_rotors if s is not None and np.mean(s.values > SENDER_VOLTAGE) > 0.5]
     if len(heard) < max(3, len(outputs)):
         return nothing
     time_s = heard[0].time_s

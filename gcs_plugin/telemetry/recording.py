@@ -264,16 +264,16 @@ def stretches(time_s: Floats, name: str) -> tuple[Stretch, ...]:
     return tuple(Stretch(int(a), int(b) - 1) for a, b in pairwise(edges))
 
 
-def longest(found: Sequence[Stretch]) -> Stretch:
+def longest(stretches: Sequence[Stretch]) -> Stretch:
     """Return the stretch with most rows; a jump of the clock would distort its length in
     seconds.
     """
-    return max(found, key=lambda stretch: stretch.last - stretch.first)
+    return max(stretches, key=lambda stretch: stretch.last - stretch.first)
 
 
-def restarts(time_s: Floats, found: Sequence[Stretch]) -> tuple[tuple[float, float], ...]:
+def restarts(time_s: Floats, stretches: Sequence[Stretch]) -> tuple[tuple[float, float], ...]:
     """Return the times before and after, s, of every restart between the stretches."""
-    return tuple((float(time_s[a.last]), float(time_s[b.first])) for a, b in pairwise(found))
+    return tuple((float(time_s[a.last]), float(time_s[b.first])) for a, b in pairwise(stretches))
 
 
 def without_leaps(time_s: Floats) -> Floats:

@@ -63,12 +63,12 @@ def sample(channel: str, signal: Signal, time_s: Floats, sampling: Sampling) -> 
     if averaged and np.median(np.diff(when)) < GRID / 2:
         when, values = _averaged(when, values)
     if time_s.size <= _BLOCK:
-        return _at(TRACK_CHANNELS[channel], when, values, time_s, sampling)
+        return _interpolate(TRACK_CHANNELS[channel], when, values, time_s, sampling)
     # In blocks: the steps between take several times the memory of the result.
     result = np.empty((time_s.size, *values.shape[1:]))
     for low in range(0, time_s.size, _BLOCK):
         rows = slice(low, low + _BLOCK)
-        result[rows] = _at(TRACK_CHANNELS[channel], when, values, time_s[rows], sampling)
+        result[rows] = _interpolate(TRACK_CHANNELS[channel], when, values, time_s[rows], sampling)
     return result
 
 
@@ -93,12 +93,12 @@ def _averaged(when: Floats, values: Floats) -> tuple[Floats, Floats]:
     return np.add.reduceat(when, edges) / counts, sums / _shaped(counts, values)
 
 
-def _at(
+def _interpolate(
     limit: TrackChannel, when: Floats, values: Floats, time_s: Floats, sampling: Sampling
 ) -> Floats:
     after = when.searchsorted(time_s, side="right")
-    left = np.maximum(after - 1, 0)
-    before, earlier = values.take(left, axis=0), when.take(left)
+    previous = np.maximum(after - 1, 0)
+    before, earlier = values.take(previous, axis=0), when.take(previous)
     fresh = (after > 0) & (time_s - earlier <= limit.max_age)
     if sampling == "hold" or limit.kind == "state":
         return _masked(before, fresh)
@@ -110,10 +110,10 @@ def _at(
     share[near & ~fresh] = 1.0
     step = values.take(right, axis=0) - before
     if limit.kind == "angle":
-        between = _wrapped(before + _shaped(share, values) * _wrapped(step))
+        interpolated = _wrapped(before + _shaped(share, values) * _wrapped(step))
     else:
-        between = before + _shaped(share, values) * step
-    return _masked(between, fresh | near)
+        interpolated = before + _shaped(share, values) * step
+    return _masked(interpolated, fresh | near)
 
 
 def _wrapped(angle: Floats) -> Floats:
@@ -139,13 +139,13 @@ def first_known(
     """
     values, used = None, []
     for signal in sources:
-        held = sample(channel, signal, time_s, "hold")
+        sampled = sample(channel, signal, time_s, "hold")
         if values is None:
-            values, used = held, [signal]
+            values, used = sampled, [signal]
         else:
             missing = ~known_rows(values)
-            if np.any(known_rows(held) & missing):
-                values = np.where(_shaped(missing, values), held, values)
+            if np.any(known_rows(sampled) & missing):
+                values = np.where(_shaped(missing, values), sampled, values)
                 used.append(signal)
         if all_true(np.isfinite(values)):
             break
@@ -176,10 +176,10 @@ def thinned(time_s: Floats, after_s: float = -np.inf) -> Floats:
     if np.all(np.diff(time_s) >= ROW_SPACING):
         return time_s
     kept = []
-    at = 0
-    while at < time_s.size:
-        kept.append(at)
-        at = max(int(np.searchsorted(time_s, time_s[at] + ROW_SPACING)), at + 1)
+    row = 0
+    while row < time_s.size:
+        kept.append(row)
+        row = max(int(np.searchsorted(time_s, time_s[row] + ROW_SPACING)), row + 1)
     return time_s[np.array(kept)]
 
 

@@ -23,7 +23,7 @@ from thrustmargin.models.flight import TRACK_CHANNELS, Bools, Floats
 from thrustmargin.models.physics.airframe import Airframe
 
 IDLE = 0.12  # of the motor output; ArduPilot's motors turn when armed at 0.1
-SPIN_UP = 1.0  # s for which the output must be above idle before a standing rotor is a surprise
+SPIN_UP = 1.0  # s for which the output must be above idle before a stopped rotor is a surprise
 FEW_BESIDE = 0.1  # of the readings of another rotor: fewer are left out beside those
 SILENT = 0.05  # of the rows with a speed: from here on a rotor without one is reported
 FRESH = 2.0  # s for which a motor output is believed without being repeated
@@ -79,14 +79,14 @@ def measured_speeds(
         time_s, rpm = signal.time_s[first:], signal.values[first:]
         if not last_rpm.size or not np.array_equal(time_s, at_s):  # most report all rotors at once
             at_s, last_rpm, tails = time_s, _last_speeds(known, time_s), {}
-        output, asked = _demand(outputs[rotor], at_s)
+        output, demand = _demand(outputs[rotor], at_s)
         others = _median(last_rpm[[k for k in range(len(known)) if k != rotor]])
         before = memory[rotor]
         verdict, last = checked_readings(
             at_s,
             rpm,
             output=output,
-            asked=asked,
+            asked=demand,
             others=others,
             before=before.last,
             look_ahead=look_ahead,
@@ -97,8 +97,8 @@ def measured_speeds(
         whole = bool(good.all())
         new = signal._replace(time_s=at_s if whole else at_s[good], values=rpm[good])
         since = (at_s[-1] if at_s.size else heard_s) - _TAIL
-        made, tail = _after_tail(before.tail, new, since, tails if whole else {})
-        signals.append(made)
+        tail_ended, tail = _after_tail(before.tail, new, since, tails if whole else {})
+        signals.append(tail_ended)
         after.append(RotorMemory(last, tail))
         for why in set(verdict[~good].tolist()):
             rejected[rotor, why] = time_s[verdict == why]
@@ -154,31 +154,31 @@ def rejected_words(
     the number of readings, which a listener cannot know yet, and the rotors without a reading for
     SILENT of the rows (`speeds`, (T, R)) in which another has one.
     """
-    found: dict[int, dict[int, int]] = {why: {} for why in REASONS}
+    rows_by_rotor: dict[int, dict[int, int]] = {why: {} for why in REASONS}
     for (rotor, why), time_s in measured.rejected.items():
         row = np.searchsorted(clock_s, time_s, side="right") - 1
         count = int(np.sum(flying[np.maximum(row, 0)]))
         if count:
-            found[why][rotor] = count
+            rows_by_rotor[why][rotor] = count
     for rotor in np.flatnonzero(hidden.any(axis=0)).tolist():
-        found[ZERO][rotor] = found[ZERO].get(rotor, 0) + int(hidden[:, rotor].sum())
-    said = []
-    for why, counts in found.items():
+        rows_by_rotor[ZERO][rotor] = rows_by_rotor[ZERO].get(rotor, 0) + int(hidden[:, rotor].sum())
+    sentences = []
+    for why, counts in rows_by_rotor.items():
         counts = {r: n for r, n in counts.items() if n >= FEW_BESIDE * max(counts.values())}
         whole = {-1: sum(counts.values())} if len(counts) == hidden.shape[1] > 1 else counts
         for rotor, count in sorted(whole.items()):
             whose = "every rotor" if rotor < 0 else f"rotor {rotor + 1}"
             many = f"{count} readings in flight, " if counted else ""
-            said.append(f"{whose}: {many}no measurement: {REASONS[why]}")
+            sentences.append(f"{whose}: {many}no measurement: {REASONS[why]}")
     rows = np.isfinite(speeds[flying & np.isfinite(speeds).any(axis=1)])
     lacks = 1.0 - rows.mean(axis=0) if counted and len(rows) else np.zeros(speeds.shape[1])
-    rejected = {rotor for rotors in found.values() for rotor in rotors}
+    rejected = {rotor for rotors in rows_by_rotor.values() for rotor in rotors}
     for rotor in np.flatnonzero((lacks > SILENT) & (lacks < 1.0)).tolist():
         if rotor not in rejected:
-            said.append(
+            sentences.append(
                 f"rotor {rotor + 1}: no reading for {100 * lacks[rotor]:.0f} % of the flight"
             )
-    return tuple(said)
+    return tuple(sentences)
 
 
 def _known(signal: Signal) -> Signal:
@@ -195,9 +195,9 @@ def _demand(output: Signal | None, time_s: Floats) -> tuple[Floats, Bools]:
     if output is None:
         return np.full(time_s.size, np.nan), np.zeros(time_s.size, dtype=np.bool_)
     output = _known(output)
-    at = output.time_s.searchsorted(time_s, side="right")
-    said_s = np.append(-np.inf, output.time_s)[at]
-    share = np.where(time_s - said_s <= FRESH, np.append(np.nan, output.values)[at], np.nan)
+    places = output.time_s.searchsorted(time_s, side="right")
+    said_s = np.append(-np.inf, output.time_s)[places]
+    share = np.where(time_s - said_s <= FRESH, np.append(np.nan, output.values)[places], np.nan)
     idle = output.time_s[output.values <= IDLE]
     idle_s = np.append(-np.inf, idle)[idle.searchsorted(time_s, side="right")]
     return share, (share > IDLE) & ~(time_s - idle_s < SPIN_UP)
@@ -210,8 +210,8 @@ def _last_speeds(known: Sequence[Signal | None], time_s: Floats) -> Floats:
     last = np.full((len(known), time_s.size), np.nan)
     for values, signal in zip(last, known, strict=True):
         if signal is not None and signal.time_s.size:
-            at = signal.time_s.searchsorted(time_s, side="right")
-            values[:] = np.where(at > 0, np.abs(signal.values)[at - 1], np.nan)
+            places = signal.time_s.searchsorted(time_s, side="right")
+            values[:] = np.where(places > 0, np.abs(signal.values)[places - 1], np.nan)
     return last
 
 
@@ -220,5 +220,5 @@ def _median(values: Floats) -> Floats:
     if not values.size:
         return np.full(values.shape[1], np.nan)
     stack = np.sort(values, axis=0)  # NaN at the end; np.nanmedian takes ten times as long
-    count, at = np.isfinite(stack).sum(axis=0), np.arange(stack.shape[1])
-    return (stack[np.maximum(count - 1, 0) // 2, at] + stack[count // 2, at]) / 2.0
+    count, columns = np.isfinite(stack).sum(axis=0), np.arange(stack.shape[1])
+    return (stack[np.maximum(count - 1, 0) // 2, columns] + stack[count // 2, columns]) / 2.0

@@ -135,10 +135,10 @@ def flight_rows(
             rejected: tuple[Rejected, ...] = ()
         else:
             there = tuple(candidates)
-            found = best({channel: there}, channel)
-            used = [] if found is None else [found]
-            values = None if found is None else sample(channel, found, clock_s, "linear")
-            rejected = () if found is None else rejected_sources(there, found)
+            signal = best({channel: there}, channel)
+            used = [] if signal is None else [signal]
+            values = None if signal is None else sample(channel, signal, clock_s, "linear")
+            rejected = () if signal is None else rejected_sources(there, signal)
         if values is not None:
             channels[channel], reported[channel] = values, used
             source = used[0].source
@@ -179,25 +179,25 @@ def flight_rows(
         heard_s=before.heard_s,
         memory=before.rotors,
     )
-    for channel, found in (("rotor_speed_rpm", measured.signals), ("throttle", outputs)):
-        channels[channel] = _columns(channel, found, clock_s, options.sampling)
-        reported[channel] = [signal for signal in found if signal is not None]
+    for channel, of_rotors in (("rotor_speed_rpm", measured.signals), ("throttle", outputs)):
+        channels[channel] = _columns(channel, of_rotors, clock_s, options.sampling)
+        reported[channel] = [signal for signal in of_rotors if signal is not None]
     if reported["rotor_speed_rpm"]:
         sources["rotor_speed_rpm"] = motors.rotor_speed_source(measured.signals)
     if reported["throttle"]:
         sources["throttle"] = motors.throttle_source(outputs, signals, parameters, before.sent)
-    contact, held, flying_by = before.contact, before.held, FlyingBy.GIVEN
+    contact, held_so_far, flying_by = before.contact, before.held, FlyingBy.GIVEN
     if live:
-        flying, by, contact, held = airborne_so_far(
-            signals, clock_s, channels, options.airframe, contact, held
+        flying, flying_source, contact, held_so_far = airborne_so_far(
+            signals, clock_s, channels, options.airframe, contact, held_so_far
         )
     else:
         off = airborne(signals, clock_s, channels, options.airframe)
-        flying, flying_by, by = off.flying, off.by, off.words
+        flying, flying_by, flying_source = off.flying, off.by, off.words
     if motors.facts.kind == "quadplane":
         flying &= lifting(channels["rotor_speed_rpm"], channels["throttle"])
-        by += "; hover motors driven"
-    sources["flying"] = Provenance(kind=SourceKind.INFERRED, name=by)
+        flying_source += "; hover motors driven"
+    sources["flying"] = Provenance(kind=SourceKind.INFERRED, name=flying_source)
     speeds = channels["rotor_speed_rpm"]
     hidden = standing_in_flight(speeds, channels["throttle"], flying)
     channels["rotor_speed_rpm"] = np.where(hidden, np.nan, speeds)
@@ -246,7 +246,7 @@ def flight_rows(
             start_s=start_s,
             row_s=float(clock_s[-1]),
             contact=contact,
-            held=held,
+            held=held_so_far,
             rotors=measured.memory,
             sent=motors.span(signals, before.sent),
             zero=zero,
@@ -315,7 +315,12 @@ def _covers(triggers: Floats, since_s: float, signals: Signals) -> bool:
     report.
     """
     first = int(np.searchsorted(triggers, since_s, side="right")) - 1
-    newest = max(float(s.time_s[-1]) for found in signals.values() for s in found if s.time_s.size)
+    newest = max(
+        float(s.time_s[-1])
+        for channel_signals in signals.values()
+        for s in channel_signals
+        if s.time_s.size
+    )
     return first >= 0 and bool(np.all(np.diff(triggers[first:], append=newest) <= SILENT))
 
 

@@ -69,16 +69,16 @@ def best(signals: Signals, channel: str) -> Signal | None:
 
 def rejected_sources(there: Iterable[Signal], used: Signal) -> tuple[Rejected, ...]:
     """List the sources of a channel other than `used`, each with the reason."""
-    found, before = [], True
+    rejected, before = [], True
     for signal in there:
         if signal is used:
             before = False
         elif not known_rows(signal.values).any():
-            found.append(Rejected(signal.source, Reason.NO_NUMBERS))
+            rejected.append(Rejected(signal.source, Reason.NO_NUMBERS))
         else:
             why = Reason.COVERS_LESS if before else Reason.LESS_PREFERRED
-            found.append(Rejected(signal.source, why))
-    return tuple(found)
+            rejected.append(Rejected(signal.source, why))
+    return tuple(rejected)
 
 
 def by_index(signals: Signals, channel: str) -> dict[int | str, Signal]:
@@ -87,16 +87,16 @@ def by_index(signals: Signals, channel: str) -> dict[int | str, Signal]:
     Of several with one index the first with a value other than 0 is used. Those of a battery are
     joined, because BATTERY_STATUS_V2 replaces BATTERY_STATUS once a ground station requests it.
     """
-    found: dict[int | str, Signal] = {}
+    by_number: dict[int | str, Signal] = {}
     for signal in signals.get(channel, ()):
         if signal.index is None:
             continue
-        first = found.setdefault(signal.index, signal)
+        first = by_number.setdefault(signal.index, signal)
         if first is not signal and channel.startswith("battery_"):
-            found[signal.index] = _together(first, signal)
+            by_number[signal.index] = _together(first, signal)
         elif first is not signal and not np.nan_to_num(first.values).any():
-            found[signal.index] = signal
-    return found
+            by_number[signal.index] = signal
+    return by_number
 
 
 def _together(first: Signal, second: Signal) -> Signal:
@@ -116,8 +116,10 @@ def mavlink_signals(streams: dict[str, Stream], airspeed: Provenance) -> Signals
 
     `streams` is emptied in the process to limit memory.
     """
-    found = sorted(decoded(streams, airspeed), key=lambda item: item[0])
-    return signals_by_channel(_used_outputs(s) if s.channel == "servo_us" else s for _, s in found)
+    signals = sorted(decoded(streams, airspeed), key=lambda item: item[0])
+    return signals_by_channel(
+        _used_outputs(s) if s.channel == "servo_us" else s for _, s in signals
+    )
 
 
 def decoded(streams: dict[str, Stream], airspeed: Provenance) -> Iterator[tuple[int, Signal]]:
@@ -149,8 +151,8 @@ def decoded(streams: dict[str, Stream], airspeed: Provenance) -> Iterator[tuple[
 @cache
 def _ranked(message: str) -> tuple[tuple[int, Rule, Provenance], ...]:
     """Return rank in the table, rule and source of each rule for a message, preferred first."""
-    found = ((n, rule) for n, rule in enumerate(MAVLINK_RULES) if rule.message == message)
-    return tuple((n, rule, rule.source) for n, rule in found)
+    ranked = ((n, rule) for n, rule in enumerate(MAVLINK_RULES) if rule.message == message)
+    return tuple((n, rule, rule.source) for n, rule in ranked)
 
 
 class _Times:
@@ -251,15 +253,15 @@ def output_pulses(signals: Signals, output: int) -> Signal | None:
 
 def _by_name(stream: Stream, values: Floats) -> list[Signal]:
     names = stream.columns["name"]
-    made = []
+    signals = []
     for raw in np.unique(names):
         rows = names == raw
         name = printable(raw)
         source = Provenance(kind=SourceKind.MESSAGE, name="NAMED_VALUE_FLOAT", fields=(name,))
         of_esc = _ESC_SPEED.fullmatch(name)
         channel, index = ("esc_rpm", int(of_esc[1]) - 1) if of_esc else ("named_value", name)
-        made.append(ordered_signal(channel, source, stream.time_s[rows], values[rows], index))
-    return made
+        signals.append(ordered_signal(channel, source, stream.time_s[rows], values[rows], index))
+    return signals
 
 
 def ordered_signal(

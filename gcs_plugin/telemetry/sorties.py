@@ -30,7 +30,7 @@ FRESH = 0.05  # share of voltage, the same of the battery; one that rests recove
 LOOK = 5.0  # s of flight whose medians are compared
 REST = 30.0  # s on the ground that belong to the flight before or after
 _ON_GROUND = 1  # MAV_LANDED_STATE
-#: Channels that are reported when they change: a sortie needs what they said before it.
+#: Channels that are reported when they change: a sortie needs their last report before it.
 _LASTING = (
     *("home", "ekf_origin", "landed", "armed"),
     *("battery_cells", "battery_nominal", "battery_capacity"),
@@ -133,12 +133,12 @@ def _stay(track: FlightTrack, clock_s: Floats, rows: slice, signals: Signals) ->
     """
     down, up = float(clock_s[rows.start]), float(clock_s[rows.stop - 1])
     # In a pause of the log it may have been disarmed before the first row on the ground.
-    armed_s, armed = _within(signals, "armed", float(clock_s[rows.start - 1]), up)
+    armed_s, armed = _samples_between(signals, "armed", float(clock_s[rows.start - 1]), up)
     if np.any(armed == 0):
         off = np.flatnonzero(armed == 0)
-        again = armed_s[off[-1] + 1 :]
-        return float(armed_s[off[0]]), float(again[0]) if again.size else up
-    landed_s, landed = _within(signals, "landed", down, up)
+        rearmed = armed_s[off[-1] + 1 :]
+        return float(armed_s[off[0]]), float(rearmed[0]) if rearmed.size else up
+    landed_s, landed = _samples_between(signals, "landed", down, up)
     on_ground = landed_s[landed == _ON_GROUND]
     if on_ground.size and up - on_ground[0] >= LONG_DOWN:
         return float(on_ground[0]), up
@@ -158,13 +158,15 @@ def serviced(track: FlightTrack, clock_s: Floats, down: float, up: float) -> boo
     return up - down >= SERVICE and bool(refilled or fresh)
 
 
-def _within(signals: Signals, channel: str, start: float, end: float) -> tuple[Floats, Floats]:
+def _samples_between(
+    signals: Signals, channel: str, start: float, end: float
+) -> tuple[Floats, Floats]:
     """Return times and finite values (n,) of the channel's reports from `start` to `end`."""
-    found = best(signals, channel)
-    if found is None:
+    signal = best(signals, channel)
+    if signal is None:
         return np.empty(0), np.empty(0)
-    rows = (found.time_s >= start) & (found.time_s <= end) & np.isfinite(found.values)
-    return found.time_s[rows], found.values[rows]
+    rows = (signal.time_s >= start) & (signal.time_s <= end) & np.isfinite(signal.values)
+    return signal.time_s[rows], signal.values[rows]
 
 
 def _cut(recording: Recording, signals: Signals, span: Span) -> tuple[Recording, Signals]:
@@ -175,7 +177,7 @@ def _cut(recording: Recording, signals: Signals, span: Span) -> tuple[Recording,
     start, end = span
     quality = recording.quality
     gaps = tuple(gap for gap in quality.gaps if start <= gap[0] < end)
-    messages = tuple(said for said in recording.messages if start <= said[0] < end)
+    messages = tuple(message for message in recording.messages if start <= message[0] < end)
     part = replace(
         recording,
         messages=messages,
@@ -203,11 +205,11 @@ def _parameters_at(recording: Recording, end: float) -> dict[str, float]:
 
 
 def _cut_signals(signals: Signals, span: Span) -> Iterator[tuple[str, tuple[Signal, ...]]]:
-    for channel, found in signals.items():
+    for channel, channel_signals in signals.items():
         start = -np.inf if channel in _LASTING else span[0]
         kept: list[Signal] = []
         whole, time_s, rows = None, np.empty(0), slice(0)
-        for signal in found:
+        for signal in channel_signals:
             if signal.time_s is not whole:
                 whole = signal.time_s
                 rows = slice(*whole.searchsorted((start, span[1])))

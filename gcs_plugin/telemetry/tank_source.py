@@ -82,10 +82,10 @@ def flight_battery(signals: Signals) -> int | None:
 def first_level(levels: Iterator[TankLevel]) -> TankLevel:
     """Return the first level with a signal, with the notes of all levels tried before it."""
     notes: tuple[str, ...] = ()
-    for found in levels:
-        notes += found.notes
-        if found.signal is not None:
-            return replace(found, notes=notes)
+    for level in levels:
+        notes += level.notes
+        if level.signal is not None:
+            return replace(level, notes=notes)
     return TankLevel(None, notes)
 
 
@@ -108,18 +108,20 @@ def tank_levels(
             yield TankLevel(None, (LEFT_OUT,))
             return
         case "NAMED_VALUE_FLOAT":
-            found = _named(signals, context, rest or "TANK")
+            levels = _named(signals, context, rest or "TANK")
         case "FUEL_STATUS":
-            found = _fuel(signals, context, number)
+            levels = _fuel(signals, context, number)
         case "BATTERY_STATUS":
-            found = _battery(signals, context, number)
+            levels = _battery(signals, context, number)
         case _:
-            found = _pump(signals, context)
-    if found is None:
+            levels = _pump(signals, context)
+    if levels is None:
         named = context.airframe is not None and source == context.airframe.tank_source
-        by = f", which airframe {context.airframe.name} names" if named and context.airframe else ""
-        raise LogError(f"no tank level from {source!r}{by} reported; name another with --tank")
-    yield found
+        choice = (
+            f", which airframe {context.airframe.name} names" if named and context.airframe else ""
+        )
+        raise LogError(f"no tank level from {source!r}{choice} reported; name another with --tank")
+    yield levels
 
 
 def check_source(source: str) -> tuple[str, str]:
@@ -145,12 +147,12 @@ def _automatic(signals: Signals, context: TankContext) -> Iterator[TankLevel]:
     named = by_index(signals, "named_value")
     for name in (n for n in named if str(n).upper() in NAMES):
         unit = ":l" if NAMES[str(name).upper()] else ""
-        found = _named(signals, context, f"{name}{unit}")
-        if found is not None:
-            yield found
-    for found in (_fuel(signals, context, None), _battery(signals, context, None)):
-        if found is not None:
-            yield found
+        levels = _named(signals, context, f"{name}{unit}")
+        if levels is not None:
+            yield levels
+    for levels in (_fuel(signals, context, None), _battery(signals, context, None)):
+        if levels is not None:
+            yield levels
     unknown = ("no tank gauge and no pump output reported: tank level unknown",)
     no_tank = context.airframe is not None and context.airframe.tank_volume_l == 0.0
     yield _pump(signals, context) or TankLevel(None, () if no_tank else unknown)
@@ -182,13 +184,15 @@ def _heard(signals: Signals, channel: str) -> dict[int, Signal]:
     """Return the sources of a channel with a numeric index and a finite value, by index,
     ascending.
     """
-    found = sorted((int(number), signal) for number, signal in by_index(signals, channel).items())
-    return {number: signal for number, signal in found if np.isfinite(signal.values).any()}
+    numbered = sorted(
+        (int(number), signal) for number, signal in by_index(signals, channel).items()
+    )
+    return {number: signal for number, signal in numbered if np.isfinite(signal.values).any()}
 
 
-def _fuel(signals: Signals, context: TankContext, wanted: int | None) -> TankLevel | None:
+def _fuel(signals: Signals, context: TankContext, chosen: int | None) -> TankLevel | None:
     remaining, percent = (_heard(signals, f"fuel_{what}") for what in ("remaining", "percent"))
-    number = min({*remaining, *percent} if wanted is None else {wanted}, default=-1)
+    number = min({*remaining, *percent} if chosen is None else {chosen}, default=-1)
     if signal := remaining.get(number):
         kilograms = signal.values * 1e-3 * context.liquid_density
         return TankLevel(_in_kg(signal, kilograms, "ml"), _density_notes(context))
@@ -200,13 +204,13 @@ def _fuel(signals: Signals, context: TankContext, wanted: int | None) -> TankLev
     return None
 
 
-def _battery(signals: Signals, context: TankContext, wanted: int | None) -> TankLevel | None:
+def _battery(signals: Signals, context: TankContext, chosen: int | None) -> TankLevel | None:
     volts, flown = _heard(signals, "battery_voltage"), flight_battery(signals)
     for number, percent in _heard(signals, "battery_percent").items():
         level_v = known_median(volts[number].values) if number in volts else np.nan
         dead = flown is None and not level_v > 0.0  # it may be flown on, its voltmeter dead
         no_tank = number in (MARGIN_ID, TANK_ID, flown) or level_v > SENDER_VOLTAGE or dead
-        if number == wanted or (wanted is None and not no_tank):
+        if number == chosen or (chosen is None and not no_tank):
             used = _heard(signals, "battery_consumed").get(number)
             return _battery_level(percent, used, context, number)
     return None
@@ -230,12 +234,12 @@ def _battery_level(
     notes = _density_notes(context)
     capacity_kg = capacity_l * context.liquid_density
     if used is not None and used.values.size == percent.values.size:
-        left = 1.0 - used.values * 1e-3 / capacity_l
+        remaining = 1.0 - used.values * 1e-3 / capacity_l
         with np.errstate(invalid="ignore"):
-            agrees = np.abs(left * 100.0 - percent.values) <= AGREEMENT
+            agrees = np.abs(remaining * 100.0 - percent.values) <= AGREEMENT
         if agrees.any():
             # Report by report: a tank that is refilled leaves the ml used behind.
-            share = np.where(agrees, left, percent.values * 1e-2)
+            share = np.where(agrees, remaining, percent.values * 1e-2)
             return TankLevel(
                 _in_kg(used, share * capacity_kg, f"a tank: ml used of {whose}"), notes
             )
@@ -293,8 +297,8 @@ def pumped(share: Signal, context: TankContext) -> Signal:
         flow = context.airframe.pump_max_flow_l_min / 60.0 * context.liquid_density  # kg/s
     step = np.diff(time_s, prepend=time_s[:1])
     # Held from report to report; a pause in the reports longer than this is not summed over.
-    held = np.concatenate([[0.0], output[:-1]]) * np.minimum(step, LONGEST_STEP)
-    kilograms = before + flow * np.cumsum(held)
+    volumes = np.concatenate([[0.0], output[:-1]]) * np.minimum(step, LONGEST_STEP)
+    kilograms = before + flow * np.cumsum(volumes)
     return Signal("pumped_kg", share.source, time_s, kilograms)
 
 
@@ -310,7 +314,7 @@ def pump_share(signals: Signals, context: TankContext) -> Signal | None:
     pulse = sent.values
     if high <= low or not np.any(pulse > 0):
         return None
-    # No pulse at all says nothing about the pump.
+    # No pulse at all is no information about the pump.
     share = np.where(pulse > 0, np.clip((pulse - low) / (high - low), 0.0, 1.0), np.nan)
     source = replace(sent.source, fields=(f"servo {number}",)).remarked("pump")
     return Signal("spraying", source, sent.time_s, share)

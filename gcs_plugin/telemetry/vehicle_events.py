@@ -241,17 +241,17 @@ _MODULE = re.compile(r"^\[[^\]]*\]\s*")
 def text_events(messages: Iterable[tuple[float, str]]) -> Iterator[VehicleEvent]:
     """Yield the event of each text with a known beginning, at its time; ignore other texts."""
     for time_s, text in messages:
-        if said := _said(text):
-            yield VehicleEvent(said[0], time_s, said[1], text)
+        if event := _event_in(text):
+            yield VehicleEvent(event[0], time_s, event[1], text)
 
 
-@lru_cache(maxsize=4096)  # a log says the same many times over
-def _said(text: str) -> tuple[EventKind, str] | None:
+@lru_cache(maxsize=4096)  # a log repeats the same text many times
+def _event_in(text: str) -> tuple[EventKind, str] | None:
     """Return the kind and subject of a text; None if its beginning is unknown."""
-    said = _MODULE.sub("", text.lower()).strip()
+    lowered = _MODULE.sub("", text.lower()).strip()
     for pattern, kind in _BEGINNINGS:
-        if found := pattern.match(said):
-            return kind, found[1] if found.re.groups and found[1] else ""
+        if match := pattern.match(lowered):
+            return kind, match[1] if match.re.groups and match[1] else ""
     return None
 
 
@@ -269,10 +269,10 @@ def parameter_events(
     `first` states, for the text, that the log is read with the first value instead of the last.
     """
     known: dict[str, float] = {}
-    taken = "first" if first else "last"
+    which = "first" if first else "last"
     for time_s, name, value in changes:
         if change := parameter_change(name, known.get(name, value), value):
-            text = f"{change}; the whole log is read by the {taken}"
+            text = f"{change}; the whole log is read by the {which}"
             yield VehicleEvent(EventKind.PARAMETER, time_s, name, text)
         known[name] = value
 

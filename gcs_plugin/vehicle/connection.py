@@ -80,7 +80,7 @@ class VehicleLink:
         return link
 
     @classmethod
-    def over(cls, send: Callable[[bytes], None], *, name: str) -> Self:
+    def from_sender(cls, send: Callable[[bytes], None], *, name: str) -> Self:
         """Open a link over a socket owned by the caller; `send` is called with whole frames for the
         vehicle.
 
@@ -142,23 +142,25 @@ class VehicleLink:
         heard = time.monotonic() + timeout
         settled = math.inf
         while (now := time.monotonic()) < min(heard, settled):
-            found = {s.get_system_id(): s for s in self._mavsdk.get_systems() if s.has_autopilot()}
-            if number is not None and number in found:
-                return found[number]
-            if found and number is None and math.isinf(settled):
+            vehicles = {
+                s.get_system_id(): s for s in self._mavsdk.get_systems() if s.has_autopilot()
+            }
+            if number is not None and number in vehicles:
+                return vehicles[number]
+            if vehicles and number is None and math.isinf(settled):
                 settled = heard = now + SECOND_VEHICLE
             self._check_cancelled()
             time.sleep(POLL)
-        found = {s.get_system_id(): s for s in self._mavsdk.get_systems() if s.has_autopilot()}
-        ids = ", ".join(str(i) for i in sorted(found))
-        if number is None and len(found) == 1:
-            return next(iter(found.values()))
-        if number is None and found:
+        vehicles = {s.get_system_id(): s for s in self._mavsdk.get_systems() if s.has_autopilot()}
+        ids = ", ".join(str(i) for i in sorted(vehicles))
+        if number is None and len(vehicles) == 1:
+            return next(iter(vehicles.values()))
+        if number is None and vehicles:
             raise LinkError(f"{self.name} carries vehicles {ids}; choose one with --vehicle")
-        wanted = "no vehicle" if number is None else f"no vehicle {number}"
-        others = f" (heard: {ids})" if found else ""
+        missing = "no vehicle" if number is None else f"no vehicle {number}"
+        others = f" (heard: {ids})" if vehicles else ""
         raise LinkError(
-            f"{self.name}: {wanted} heard in {timeout:g} s{others}; check that the vehicle is on, "
+            f"{self.name}: {missing} heard in {timeout:g} s{others}; check that the vehicle is on, "
             "that its radio or ground station sends here, and that the URL is right"
         )
 
@@ -182,10 +184,10 @@ class VehicleLink:
         if self._cancelled.is_set():
             raise LinkError(f"{self.name}: stopped before the transfer was complete")
 
-    def too_much(self, found: str) -> LinkError:
+    def too_much(self, content: str) -> LinkError:
         """Return the error for a transfer that does not end."""
         return LinkError(
-            f"{self.name}: {found}; restart the autopilot, or upload the mission to it again"
+            f"{self.name}: {content}; restart the autopilot, or upload the mission to it again"
         )
 
     def refused(self, what: str, result: str) -> LinkError:
@@ -207,9 +209,9 @@ def autopilot_of(vehicle: System) -> Autopilot:
 
     named = (Autopilot.ARDUPILOT, Autopilot.PX4)
     until = time.monotonic() + HEARTBEATS
-    while (found := vehicle.autopilot_type()) not in named and time.monotonic() < until:
+    while (kind := vehicle.autopilot_type()) not in named and time.monotonic() < until:
         time.sleep(POLL)
-    return found
+    return kind
 
 
 def _reason(result: Any) -> str:
@@ -292,7 +294,7 @@ def signed_link(url: str, key: bytes) -> Iterator[VehicleLink]:
 
     listener = Listener([url], on_frames=receive, accept=door.accept)
     try:
-        with VehicleLink.over(send, name=url) as link:
+        with VehicleLink.from_sender(send, name=url) as link:
             listener.start()
             try:
                 yield link

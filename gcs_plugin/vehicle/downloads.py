@@ -100,9 +100,9 @@ def _home(
     fields |= {f"param{i}": 0 for i in range(2, 8)}
     direct.send_message(MavlinkMessage("COMMAND_LONG", 0, 0, number, 1, json.dumps(fields)))
     deadline = time.monotonic() + HOME_WAIT
-    while (left := deadline - time.monotonic()) > 0.0:
+    while (remaining_s := deadline - time.monotonic()) > 0.0:
         try:
-            kind, value = events.get(timeout=left)
+            kind, value = events.get(timeout=remaining_s)
         except Empty:
             return None
         if kind == "HOME_POSITION":
@@ -159,18 +159,18 @@ class VehicleLogs:
         # One object: it downloads only what it has listed.
         self._files = link.hold(LogFiles(vehicle))
         events: Queue[tuple[Any, list[Any]]] = Queue()
-        self._files.get_entries_async(lambda result, found, _: events.put((result, found)))
-        result, found = link.next_event(events, "its list of logs")
+        self._files.get_entries_async(lambda result, entries, _: events.put((result, entries)))
+        result, entries = link.next_event(events, "its list of logs")
         if result not in (LogFilesResult.SUCCESS, LogFilesResult.NO_LOGFILES):
             raise link.refused("its list of logs", result.name)
-        self._found = {entry.id: entry for entry in found}
+        self._found = {entry.id: entry for entry in entries}
         self.entries = tuple(
             LogEntry(
                 number=entry.id,
                 date=None if entry.date.startswith("1970") else entry.date or None,
                 size_bytes=entry.size_bytes,
             )
-            for entry in found
+            for entry in entries
         )
 
     def choose(self, number: int | None = None) -> LogEntry:
@@ -264,7 +264,7 @@ def download_parameters(
         direct.send_message(MavlinkMessage(message, 0, 0, number, 1, json.dumps(fields)))
 
     bits = autopilot_of(vehicle) == Autopilot.PX4
-    found: dict[str, float] = {}
+    parameters: dict[str, float] = {}
     missing: set[int] | None = None
     ask("PARAM_REQUEST_LIST")
     for _ in range(_ROUNDS):
@@ -277,7 +277,7 @@ def download_parameters(
                 missing = set(range(int(fields["param_count"])))
                 total = len(missing)
             missing.discard(int(fields["param_index"]))
-            found[str(fields["param_id"])] = _value(fields, bits)
+            parameters[str(fields["param_id"])] = _value(fields, bits)
             if progress is not None:
                 progress(total - len(missing), total)
         if missing is None:
@@ -287,9 +287,9 @@ def download_parameters(
             break
         for index in sorted(missing)[:_AT_ONCE]:
             ask("PARAM_REQUEST_READ", param_id="", param_index=index)
-    if not found:
+    if not parameters:
         raise link.refused("its parameters", "no answer")
-    return found
+    return parameters
 
 
 def _value(fields: dict[str, object], bits: bool) -> float:

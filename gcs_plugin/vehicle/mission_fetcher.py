@@ -87,36 +87,36 @@ class MissionFetcher(Output):
     def on_round(self, fleet: Fleet, now_us: int) -> None:
         """Request new missions, and hand over those that have arrived."""
         for number, watch in fleet.vehicles.items():
-            asked = self._asked.setdefault(number, _Asked())
+            request = self._asked.setdefault(number, _Asked())
             now = (watch.state.mission_changes, watch.telemetry.clock.boot, watch.link.back_us)
-            if now != asked.seen:
+            if now != request.seen:
                 # One that appears is asked at once.
-                asked.seen_us = now_us if asked.seen else now_us - round(SETTLED * 1e6)
-                asked.seen = now
-            settled = now_us - asked.seen_us >= SETTLED * 1e6
-            other = now != asked.of or (asked.failures and now_us >= asked.again_us)
-            if other and settled and not asked.pending:
-                asked.of, asked.pending = now, True
+                request.seen_us = now_us if request.seen else now_us - round(SETTLED * 1e6)
+                request.seen = now
+            settled = now_us - request.seen_us >= SETTLED * 1e6
+            other = now != request.of or (request.failures and now_us >= request.again_us)
+            if other and settled and not request.pending:
+                request.of, request.pending = now, True
                 self._wanted.put(number)
         while self._found:
-            number, found = self._found.popleft()
-            asked, watch = self._asked[number], fleet.vehicles.get(number)
-            asked.pending = False
+            number, mission = self._found.popleft()
+            request, watch = self._asked[number], fleet.vehicles.get(number)
+            request.pending = False
             if watch is None:
                 continue
-            if isinstance(found, ThrustMarginError):
+            if isinstance(mission, ThrustMarginError):
                 # A vehicle that holds no mission has answered.
-                none = isinstance(found, PlanError)
-                asked.failures = 0 if none else asked.failures + 1
-                wait = min(AGAIN * 2.0 ** (asked.failures - 1), RAREST)
-                asked.again_us = now_us + round(wait * 1e6)
+                none = isinstance(mission, PlanError)
+                request.failures = 0 if none else request.failures + 1
+                wait = min(AGAIN * 2.0 ** (request.failures - 1), RAREST)
+                request.again_us = now_us + round(wait * 1e6)
                 if none:
                     watch.use_plan(None)
-                watch.notes.append((now_us, f"no mission fetched: {found}"))
+                watch.notes.append((now_us, f"no mission fetched: {mission}"))
             else:
-                asked.failures = 0
-                watch.use_plan(found)
-                watch.notes.append((now_us, f"mission of {len(found.items)} items fetched"))
+                request.failures = 0
+                watch.use_plan(mission)
+                watch.notes.append((now_us, f"mission of {len(mission.items)} items fetched"))
 
     def on_links_closing(self) -> None:
         self.close()
@@ -150,7 +150,7 @@ class MissionFetcher(Output):
             signed = frame if self._sign is None else self._sign(frame)
             self._listener.send(signed, system=number)
 
-        link = VehicleLink.over(send, name=f"vehicle {number}")
+        link = VehicleLink.from_sender(send, name=f"vehicle {number}")
         self._vehicle = number
         with self._lock:
             self._link = link

@@ -15,7 +15,7 @@ from thrustmargin.gcs_plugin.wording.alarm_words import place_words
 from thrustmargin.gcs_plugin.wording.language import Verbatim, clock, joined, number, say, within
 
 if TYPE_CHECKING:
-    from thrustmargin.models.identification.answer.result import Found, Identification
+    from thrustmargin.models.identification.answer.result import Identification, ReportedEffect
 
 
 CLIMB_RATE = 2.0  # m/s at which the climb effect is described
@@ -31,7 +31,7 @@ def rotor_words(rotor: int, names: tuple[str, ...]) -> str:
 class DescribedEffect:
     """One effect, with the identification that found it."""
 
-    found: Found
+    found: ReportedEffect
     whole: Identification
 
     def ends(self, name: str) -> tuple[float, float, float]:
@@ -469,7 +469,7 @@ def _winds(it: DescribedEffect) -> Verbatim:
     return Verbatim(", ".join(winds))
 
 
-def _wind_of(found: Found, flight: int) -> str:
+def _wind_of(found: ReportedEffect, flight: int) -> str:
     """Return speed with interval, and direction, of the wind in one flight."""
     north, east = found.value[flight, :2]
     half = (found.upper[flight, :2] - found.lower[flight, :2]) / 2

@@ -22,7 +22,7 @@ from thrustmargin.models.effects.unnamed import CONSTANT, NAME, place_of
 from thrustmargin.models.model.rotor_model import RotorModel
 
 if TYPE_CHECKING:
-    from thrustmargin.models.identification.answer.result import Found, Identification
+    from thrustmargin.models.identification.answer.result import Identification, ReportedEffect
     from thrustmargin.models.identification.rows.candidates import Term
 
 
@@ -35,7 +35,7 @@ class EffectWords:
     action: Action | None = actions.KEEP  # None if nothing is to be done
 
 
-def effect_sentence(found: Found, whole: Identification) -> str:
+def effect_sentence(found: ReportedEffect, whole: Identification) -> str:
     """Return part, amount and action of one effect as a sentence without a full stop."""
     action = action_of(found, whole)
     asked = [action] if action else []
@@ -44,12 +44,12 @@ def effect_sentence(found: Found, whole: Identification) -> str:
     return ": ".join(filter(None, (amount_of(found, whole), ", ".join(a.text for a in asked))))
 
 
-def amount_of(found: Found, whole: Identification) -> str:
+def amount_of(found: ReportedEffect, whole: Identification) -> str:
     """Return the part and amount of one effect in words."""
     return words_of(found.term).sentence(DescribedEffect(found, whole))
 
 
-def action_of(found: Found, whole: Identification) -> Action | None:
+def action_of(found: ReportedEffect, whole: Identification) -> Action | None:
     """Return the action that an effect requests, or None.
 
     A rotor with more thrust than expected requests a propeller of the same kind, a weak one what a

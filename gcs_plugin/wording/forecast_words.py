@@ -193,7 +193,7 @@ def place_words(made: PlanForecast) -> tuple[str, ...]:
             _PLACES[place.kind],
             item=place.item,
             amount=f"{place.amount:.1f}",
-            beside=f"{place.beside:.1f}",
+            beside=f"{place.secondary:.1f}",
             percent=percent(place.amount),
         )
         for place in found

@@ -4,7 +4,7 @@
 
 The coefficient k is that of the flights that measured it (`RotorModel.power`). Without any, P is
 the sum of torque x rotor speed over an efficiency. `electric_power` is the one function that
-computes power, and `power_error` the one that says how sure it is.
+computes power, and `power_error` the one that computes its error.
 
 The cells are lithium polymer. Without a capacity the voltage is constant, and the forecast lists
 that as an assumption.
@@ -32,7 +32,7 @@ _CHARGE = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 _AT_REST = (3.30, 3.68, 3.74, 3.77, 3.80, 3.84, 3.88, 3.94, 4.01, 4.09, 4.20)
 CELL = 3.7  # V, nominal
 FULL = 4.2  # V a cell
-#: Ohm x Ah of a cell: usual for packs of sprayers (about 1.5 mOhm at 16 Ah).
+#: Ohm x Ah of a cell: usual for batteries of sprayers (about 1.5 mOhm at 16 Ah).
 RESISTANCE = 0.025
 #: Standard error of ln of that. Source: a heavy quad, Quiver PT1, 2.2 times as much.
 RESISTANCE_ERROR = 0.5
@@ -49,7 +49,7 @@ class FlightBattery:
 
     voltage: float = math.nan  # V at rest; with no capacity: V under load, held
     capacity_ah: float = math.nan
-    resistance: float = math.nan  # ohm of the whole pack
+    resistance: float = math.nan  # ohm of the whole battery
     voltage_error: float = 0.0  # standard error, V
     resistance_error: float = 0.0  # standard error, ohm
 
@@ -168,8 +168,8 @@ def discharge(
     energy = np.cumsum(np.nan_to_num(power) * seconds) / 3600.0
     cells = round(airframe.nominal_voltage / CELL) if airframe.nominal_voltage > 0.0 else 0
     if not battery.falls or not cells:
-        held = battery.voltage if battery.voltage > 0.0 else airframe.nominal_voltage
-        return np.full(power.size, held), energy
+        load_voltage = battery.voltage if battery.voltage > 0.0 else airframe.nominal_voltage
+        return np.full(power.size, load_voltage), energy
     start = battery.voltage if battery.voltage > 0.0 else FULL * cells
     full = charge_at_rest(start / cells)
     resistance = pack_resistance(battery, cells)[0]
@@ -193,7 +193,7 @@ def charge_at_rest(cell_voltage: float) -> float:
 
 
 def pack_resistance(battery: FlightBattery, cells: int) -> tuple[float, float]:
-    """Return the resistance of a pack, ohm, and its standard error, ohm.
+    """Return the resistance of a battery, ohm, and its standard error, ohm.
 
     Without a measured or stated one it is the usual one of the capacity, as unsure as
     RESISTANCE_ERROR.
@@ -252,17 +252,17 @@ def voltage_ends(
     def volts(one: FlightBattery, factor: float = 1.0) -> Floats:
         return discharge(one, airframe, factor * power, seconds, changed, before_wh)[0]
 
-    middle, (less, more) = volts(battery), power_factors(error)
+    middle, (factor_less, factor_more) = volts(battery), power_factors(error)
     by_rest, by_ohm = NORMAL * battery.voltage_error, NORMAL * unsure
     # Of a battery no emptier than empty and no fuller than full, and of no negative resistance.
     fuller = min(rest + by_rest, max(FULL * cells, rest))
     low = [
-        volts(battery, more),
+        volts(battery, factor_more),
         volts(replace(battery, voltage=rest - by_rest)),
         volts(replace(battery, resistance=resistance + by_ohm)),
     ]
     high = [
-        volts(battery, less),
+        volts(battery, factor_less),
         volts(replace(battery, voltage=fuller)),
         volts(replace(battery, resistance=max(resistance - by_ohm, 0.0))),
     ]

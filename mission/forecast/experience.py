@@ -23,19 +23,19 @@ TIME_SCATTER, ENERGY_SCATTER, USE_SCATTER = 0.08, 0.12, 0.06
 
 @dataclass(frozen=True, slots=True)
 class SaidFlown:
-    """A value of a mission as its forecast said it and as it was flown; NaN where unknown."""
+    """A value of a mission as it was forecast and as it was flown; NaN where unknown."""
 
     said: float = math.nan
     flown: float = math.nan
 
     @property
     def difference(self) -> float:
-        """Return flown minus said."""
+        """Return flown minus forecast."""
         return self.flown - self.said
 
     @property
     def log_ratio(self) -> float:
-        """Return ln of flown over said; NaN where one is not above 0."""
+        """Return ln of flown over forecast; NaN where one is not above 0."""
         known = self.said > 0.0 and self.flown > 0.0
         return math.log(self.flown / self.said) if known else math.nan
 
@@ -54,9 +54,9 @@ class FlownMission:
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """A mean difference of flown from said, and its standard error for one mission more."""
+    """A mean difference of flown from forecast, and its standard error for one mission more."""
 
-    by: float
+    mean: float
     error: float
 
 
@@ -111,18 +111,18 @@ class AsFlown:
     peak: Interval  # utilisation
 
 
-def corrected_factor(value: float, by: Correction, error: float = 0.0) -> Interval:
+def corrected_factor(value: float, correction: Correction, error: float = 0.0) -> Interval:
     """Return a positive value with its 90 % interval after a correction of its ln.
 
     `error` is the standard error of ln of the value itself.
     """
-    middle, reach = value * math.exp(by.by), NORMAL * math.hypot(error, by.error)
+    middle, reach = value * math.exp(correction.mean), NORMAL * math.hypot(error, correction.error)
     return middle, middle * math.exp(-reach), middle * math.exp(reach)
 
 
-def corrected_use(value: float, low: float, high: float, by: Correction) -> Interval:
+def corrected_use(value: float, low: float, high: float, correction: Correction) -> Interval:
     """Return a utilisation with its 90 % interval (`low`, `high`) after a correction."""
-    middle, spread = value + by.by, NORMAL * by.error
+    middle, spread = value + correction.mean, NORMAL * correction.error
     return (
         middle,
         middle - math.hypot(value - low, spread),

@@ -82,8 +82,8 @@ def worst_use(analysis: FlightAnalysis, rows: slice) -> tuple[Floats, Floats]:
     use = analysis.utilisation_predicted[rows]
     worst, which = worst_rotor(use)
     error = analysis.utilisation_error[rows]
-    at = np.nan_to_num(which).astype(int)
-    model_error = error[np.arange(worst.size), at]
+    places = np.nan_to_num(which).astype(int)
+    model_error = error[np.arange(worst.size), places]
     return worst, INTERVAL * np.hypot(model_error, FLOWN_ERROR * worst)
 
 
@@ -101,8 +101,8 @@ def weakest_place(flight: PlanFlight, analysis: FlightAnalysis) -> Weakest | Non
     fresh = float(known.max()) if known.size else math.nan
 
     def level(kg: float, airspeed: float, voltage: float) -> float:
-        made = steady_flight(model, flight.density[row], voltage, airspeed, np.array([kg]))
-        return float(np.max(made.utilisation_predicted))
+        prediction = steady_flight(model, flight.density[row], voltage, airspeed, np.array([kg]))
+        return float(np.max(prediction.utilisation_predicted))
 
     steady = level(tank, float(track.airspeed[row]), volts)
     return Weakest(
@@ -191,5 +191,5 @@ def _room(advised: Advised, limit: float) -> float:
     mass = identified_airframe(analysis.model).empty_mass + analysis.track.tank_kg
     sure = analysis.redundancy_yaw_uncontrolled * np.exp(-INTERVAL * analysis.redundancy_error)
     by_use = mass * limit / (use.lasting + use.reach) - mass
-    found = np.concatenate([by_use, mass * sure - mass])
-    return float(np.nanmin(found))
+    room = np.concatenate([by_use, mass * sure - mass])
+    return float(np.nanmin(room))

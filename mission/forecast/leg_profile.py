@@ -76,12 +76,12 @@ class LegProfile:
         """Return distance m, speed m/s and acceleration m/s², each (N,), at times (N,) s after the
         leg starts.
         """
-        pulse, left = self.pulse, self.seconds - time_s
-        first, last = time_s < pulse.seconds, left < pulse.seconds
-        way, speed, gained = pulse.at(np.where(first, time_s, left))
-        between = (time_s - pulse.seconds) * self.top_speed + pulse.length
+        pulse, remaining_s = self.pulse, self.seconds - time_s
+        first, last = time_s < pulse.seconds, remaining_s < pulse.seconds
+        way, speed, gained = pulse.at(np.where(first, time_s, remaining_s))
+        cruise_length = (time_s - pulse.seconds) * self.top_speed + pulse.length
         return (
-            np.where(first, way, np.where(last, self.length - way, between)),
+            np.where(first, way, np.where(last, self.length - way, cruise_length)),
             np.where(first | last, speed, self.top_speed),
             np.where(first, gained, np.where(last, -gained, 0.0)),
         )
@@ -112,11 +112,11 @@ def leg_profile(
 @lru_cache(maxsize=4096)
 def speeding_up(speed: float, acceleration: float, jerk: float, snap: float) -> Pulse:
     """Return the acceleration from rest to `speed`, m/s; cached by its limits."""
-    peak, steep, ramp, held, flat = _pulse(speed, acceleration, jerk, snap)
-    seconds = 2.0 * (2.0 * ramp + held) + flat
+    peak, steep, ramp, constant_s, flat = _pulse(speed, acceleration, jerk, snap)
+    seconds = 2.0 * (2.0 * ramp + constant_s) + flat
     at_s = np.linspace(0.0, seconds, SAMPLES)
     rise = np.minimum(at_s, seconds - at_s)
-    gained = _rise(rise, steep, ramp, held)
+    gained = _rise(rise, steep, ramp, constant_s)
     # The sums are those of the pulse to the last digit, so that legs end where they should.
     step = at_s[1]
     gain = np.append(0.0, np.cumsum(0.5 * (gained[1:] + gained[:-1]) * step))
@@ -134,8 +134,8 @@ def speeding_up(speed: float, acceleration: float, jerk: float, snap: float) -> 
 
 def _pulse_seconds(speed: float, acceleration: float, jerk: float, snap: float) -> float:
     """Return the duration of an acceleration pulse, s."""
-    _, _, ramp, held, flat = _pulse(speed, acceleration, jerk, snap)
-    return 2.0 * (2.0 * ramp + held) + flat
+    _, _, ramp, constant_s, flat = _pulse(speed, acceleration, jerk, snap)
+    return 2.0 * (2.0 * ramp + constant_s) + flat
 
 
 def _pulse(
@@ -155,15 +155,15 @@ def _pulse(
         )
         jerk = 2.0 * snap * ramp / math.pi
         peak = jerk * ramp
-    held = peak / jerk - ramp
-    return peak, jerk, ramp, held, max(speed / peak - peak / jerk - ramp, 0.0)
+    constant_s = peak / jerk - ramp
+    return peak, jerk, ramp, constant_s, max(speed / peak - peak / jerk - ramp, 0.0)
 
 
-def _rise(time_s: Floats, jerk: float, ramp: float, held: float) -> Floats:
+def _rise(time_s: Floats, jerk: float, ramp: float, constant_s: float) -> Floats:
     """Compute the acceleration (N,), m/s², at times (N,) s after it began to rise."""
     up = np.clip(time_s, 0.0, ramp)
-    down = np.clip(time_s - ramp - held, 0.0, ramp)
+    down = np.clip(time_s - ramp - constant_s, 0.0, ramp)
     bent = ramp / (2.0 * math.pi)
     first = 0.5 * jerk * (up - 2.0 * bent * np.sin(0.5 * up / bent))
     last = 0.5 * jerk * (down + 2.0 * bent * np.sin(0.5 * down / bent))
-    return first + jerk * np.clip(time_s - ramp, 0.0, held) + last
+    return first + jerk * np.clip(time_s - ramp, 0.0, constant_s) + last

@@ -109,15 +109,15 @@ def leg_ends(
     )
 
 
-def needs(taken: LegEnds, line_ends: Sequence[int], *, fill_kg: float, usable_wh: float) -> Needs:
+def needs(of_legs: LegEnds, line_ends: Sequence[int], *, fill_kg: float, usable_wh: float) -> Needs:
     """Divide a plan into sorties; a refill may follow the items in `line_ends`, in any order.
 
     `usable_wh` is the energy that a battery may give; NaN where it is unknown, and then only the
     tank limits a sortie. Each sortie but the last includes the energy of the way home; each but the
     first, of the way back to its start.
     """
-    ends, used, given = taken.time_s, taken.sprayed_kg, taken.energy_wh
-    at_line_end = np.isin(taken.items, list(line_ends))
+    ends, used, given = of_legs.time_s, of_legs.sprayed_kg, of_legs.energy_wh
+    at_line_end = np.isin(of_legs.items, list(line_ends))
     most = (1.0 - TANK_KEPT) * fill_kg
     refills: list[int] = []
     short, before, last = "", -1, -1
@@ -127,30 +127,30 @@ def needs(taken: LegEnds, line_ends: Sequence[int], *, fill_kg: float, usable_wh
 
         The ways from and to the refills are included.
         """
-        out = float(given[a] - taken.home_wh[a]) if a >= 0 else 0.0
-        home = float(taken.home_wh[b]) if b + 1 < ends.size else 0.0
+        out = float(given[a] - of_legs.home_wh[a]) if a >= 0 else 0.0
+        home = float(of_legs.home_wh[b]) if b + 1 < ends.size else 0.0
         return float(given[b]) - out + home
 
     for k in range(ends.size):
-        over = ""
+        exceeded = ""
         if used[k] - (used[before] if before >= 0 else 0.0) > most + 1e-6:
-            over = "tank"
+            exceeded = "tank"
         elif energy(before, k) > usable_wh:
-            over = "battery"
-        if over and last > before:
+            exceeded = "battery"
+        if exceeded and last > before:
             refills.append(last)
             before = last
-        elif over:
-            short = short or over
+        elif exceeded:
+            short = short or exceeded
         if at_line_end[k]:
             last = k
     cuts = [-1, *refills, ends.size - 1]
     sorties = [
         Sortie(
-            first_item=int(taken.items[a + 1]),
-            last_item=int(taken.items[b]),
+            first_item=int(of_legs.items[a + 1]),
+            last_item=int(of_legs.items[b]),
             kg=float(used[b] - (used[a] if a >= 0 else 0.0)),
-            lines=float(taken.lines[b] - (taken.lines[a] if a >= 0 else 0.0)),
+            lines=float(of_legs.lines[b] - (of_legs.lines[a] if a >= 0 else 0.0)),
             seconds=float(ends[b] - (ends[a] if a >= 0 else 0.0)),
             energy_wh=energy(a, b),
         )
@@ -172,14 +172,14 @@ class PartsFlown:
     """
 
     legs: tuple[WayLeg, ...]
-    anew: dict[int, Used]
-    unlike: int  # legs that none of them stands for
+    renewed: dict[int, Used]
+    unlike: int  # legs that none of them represents
 
 
 def parts_flown(
     legs: Sequence[TimedLeg],
     first: int,
-    taken: LegEnds,
+    ends: LegEnds,
     refill_after: Sequence[int],
     *,
     mass: float,
@@ -190,12 +190,12 @@ def parts_flown(
     """Choose the legs to simulate: the `first` ones, and later ones that none before them
     represents.
 
-    `taken` covers all `legs`. Tank and battery are fresh after the legs numbered `refill_after`,
+    `ends` covers all `legs`. Tank and battery are fresh after the legs numbered `refill_after`,
     from 0; `mass` kg is at take-off. A chosen leg comes with its neighbours. The later legs last
     `longest_s` at most; those beyond are counted in `unlike`.
     """
     fresh = np.asarray(refill_after, dtype=np.intp)
-    kg, wh = used_since_change(taken.sprayed_kg, fresh), used_since_change(taken.energy_wh, fresh)
+    kg, wh = used_since_change(ends.sprayed_kg, fresh), used_since_change(ends.energy_wh, fresh)
     # The state at the start of a leg is that at the end of the one before.
     kg, wh = (np.append(0.0, used)[:-1] for used in (kg, wh))
     # In steps of mass and energy; a leg one step harder represents a leg too.
@@ -222,37 +222,37 @@ def parts_flown(
         chosen |= part
         there.add((kind, i, j))
     numbers = [*range(first), *sorted(chosen)]
-    anew: dict[int, Used] = {}
-    made: list[WayLeg] = []
+    renewed: dict[int, Used] = {}
+    legs_flown: list[WayLeg] = []
     for place, (k, following) in enumerate(pairwise([*numbers, -1])):
-        apart = following != k + 1 and following >= 0
-        made.append(replace(legs[k].leg, stops=True) if apart else legs[k].leg)
-        if apart:
-            anew[place + 1] = Used(float(kg[following]), float(wh[following]))
+        separate = following != k + 1 and following >= 0
+        legs_flown.append(replace(legs[k].leg, stops=True) if separate else legs[k].leg)
+        if separate:
+            renewed[place + 1] = Used(float(kg[following]), float(wh[following]))
         elif k in refill_after and following >= 0:
-            anew[place + 1] = Used(0.0, 0.0)
-    return PartsFlown(legs=tuple(made), anew=anew, unlike=unlike)
+            renewed[place + 1] = Used(0.0, 0.0)
+    return PartsFlown(legs=tuple(legs_flown), renewed=renewed, unlike=unlike)
 
 
 def _kind(one: TimedLeg, two: TimedLeg | None, *, windy: bool) -> Hashable:
     """Return the key that two legs share if they are flown alike, the corner after them
     included.
     """
-    made: list[float | None] = [one.leg.stops]
+    key: list[float | None] = [one.leg.stops]
     for timed in (one, two):
         if timed is None:
-            made.append(None)
+            key.append(None)
             continue
         north, east, down = timed.leg.vector.tolist()
-        made += [
+        key += [
             round(timed.profile.top_speed / SPEED),
             round(math.degrees(math.atan2(-down, math.hypot(north, east))) / ANGLE),
             timed.leg.heading is None,
         ]
         if windy or timed.leg.heading is not None:
-            made.append(round(math.degrees(math.atan2(east, north)) / ANGLE))
+            key.append(round(math.degrees(math.atan2(east, north)) / ANGLE))
     if two is not None:
         (a, b, _), (c, d, _) = one.leg.vector.tolist(), two.leg.vector.tolist()
         bend = math.degrees(math.atan2(a * d - b * c, a * c + b * d))
-        made.append(round(bend / CORNER))
-    return tuple(made)
+        key.append(round(bend / CORNER))
+    return tuple(key)

@@ -92,10 +92,12 @@ def _values(
     """Return the value of each field of `table`, and the parameters, with default, that were
     missing.
     """
-    said = {name: parameter(parameters, name) for name, _ in table.values()}
-    unknown = [(name, default) for name, default in table.values() if not math.isfinite(said[name])]
-    found = {key: said[n] if math.isfinite(said[n]) else d for key, (n, d) in table.items()}
-    return found, tuple(f"{name} {default:g}" for name, default in unknown)
+    stated = {name: parameter(parameters, name) for name, _ in table.values()}
+    unknown = [
+        (name, default) for name, default in table.values() if not math.isfinite(stated[name])
+    ]
+    values = {key: stated[n] if math.isfinite(stated[n]) else d for key, (n, d) in table.items()}
+    return values, tuple(f"{name} {default:g}" for name, default in unknown)
 
 
 def flight_limits(parameters: Mapping[str, float], *, px4: bool = False) -> FlightLimits:
@@ -107,19 +109,19 @@ def flight_limits(parameters: Mapping[str, float], *, px4: bool = False) -> Flig
 
 def _ardupilot(parameters: Mapping[str, float]) -> FlightLimits:
     """Return the limits from ArduPilot's parameters."""
-    found, assumed = _values(_ARDUPILOT, parameters)
-    slew = math.radians(found.pop("slew_deg"))
-    rate = math.radians(found.pop("yaw_rate_deg"))
-    behaviour = found.pop("yaw_behaviour")
-    spray = 0.01 * found.pop("spray_cm_s")
-    turning = math.radians(found.pop("yaw_acceleration_deg"))
-    found["corner_acceleration"] = found["corner_acceleration"] or 2.0 * found["acceleration"]
+    values, assumed = _values(_ARDUPILOT, parameters)
+    slew = math.radians(values.pop("slew_deg"))
+    rate = math.radians(values.pop("yaw_rate_deg"))
+    behaviour = values.pop("yaw_behaviour")
+    spray = 0.01 * values.pop("spray_cm_s")
+    turning = math.radians(values.pop("yaw_acceleration_deg"))
+    values["corner_acceleration"] = values["corner_acceleration"] or 2.0 * values["acceleration"]
     return FlightLimits(
-        **found,
+        **values,
         spray_speed=spray,
         # Half of what leaning takes in the time of the attitude controller (AC_WPNav).
-        snap=found["jerk"] * math.pi / (4.0 * max(found["yaw_time"], 0.1)),
-        take_off_speed=found["climb_speed"],
+        snap=values["jerk"] * math.pi / (4.0 * max(values["yaw_time"], 0.1)),
+        take_off_speed=values["climb_speed"],
         yaw_rate=min(slew, rate) if rate > 0.0 else slew,
         yaw_acceleration=turning,
         nose_ahead=behaviour in (1.0, 2.0, 3.0),
@@ -130,15 +132,15 @@ def _ardupilot(parameters: Mapping[str, float]) -> FlightLimits:
 
 def _px4(parameters: Mapping[str, float]) -> FlightLimits:
     """Return the limits from PX4's parameters."""
-    found, assumed = _values(_PX4, parameters)
-    behaviour = found.pop("yaw_behaviour")
+    values, assumed = _values(_PX4, parameters)
+    behaviour = values.pop("yaw_behaviour")
     rate, turning = (
-        math.radians(found.pop(name)) for name in ("yaw_rate_deg", "yaw_acceleration_deg")
+        math.radians(values.pop(name)) for name in ("yaw_rate_deg", "yaw_acceleration_deg")
     )
     return FlightLimits(
-        **found,
-        corner_acceleration=found["acceleration"],
-        snap=found["jerk"] * math.pi / (4.0 * PX4_YAW_TIME),
+        **values,
+        corner_acceleration=values["acceleration"],
+        snap=values["jerk"] * math.pi / (4.0 * PX4_YAW_TIME),
         yaw_rate=rate,
         yaw_acceleration=turning,
         yaw_time=PX4_YAW_TIME,

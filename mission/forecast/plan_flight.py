@@ -55,7 +55,7 @@ from thrustmargin.models.physics.forward_flight import steady_slowing
 from thrustmargin.models.physics.margin import ceiling, utilisation
 from thrustmargin.models.provenance import Provenance, SourceKind
 
-#: A plan is no flight: there is nothing in it that could speak against the airframe.
+#: A plan is no flight: it has no measurement that could contradict the airframe.
 PLANNED = AirframeClaim(words="a plan")
 
 
@@ -74,7 +74,7 @@ class TakeOff:
     """The conditions that a user states for a plan; NaN where unknown, and the forecast lists what
     it assumed.
 
-    `known` is what a log, a link or the user's memory says of the day beside that.
+    `known` is what a log, a link or the user's memory states of the day besides.
     """
 
     fill_kg: float
@@ -154,16 +154,16 @@ def conditions(
     if day.battery_voltage.source is DaySource.EARLIER:
         assumed["earlier battery"] = (f"{battery.voltage:.1f}",)
     if not battery.falls:
-        held = voltage_under_load(model, day, given.fill_kg, 0.0)
-        battery = replace(battery, voltage=held)
-        assumed["no capacity"] = (f"{held:.1f}",)
+        loaded_voltage = voltage_under_load(model, day, given.fill_kg, 0.0)
+        battery = replace(battery, voltage=loaded_voltage)
+        assumed["no capacity"] = (f"{loaded_voltage:.1f}",)
     else:
         if day.battery_assumed:
             assumed["full battery"] = (f"{battery.voltage:.1f}",)
         if not battery.resistance >= 0.0:
             assumed["resistance"] = ()
     windy = day.wind.value if day.wind.value > 0.0 else 0.0
-    made = PlanConditions(
+    planned = PlanConditions(
         fill_kg=given.fill_kg,
         density=day.density,
         density_error=day.density_error,
@@ -172,7 +172,7 @@ def conditions(
         wind_ned=wind_ned(windy, given.wind_from_deg if windy > 0.0 else 0.0),
         battery=battery,
     )
-    return made, assumed
+    return planned, assumed
 
 
 def wind_ned(speed: float, from_deg: float) -> tuple[float, float, float]:
@@ -228,7 +228,7 @@ class PlanFlight:
     course: Course
     rotor_speed_rpm: Floats  # (T, R) predicted
     energy_wh: Floats  # (T,) given so far, of all batteries
-    sprayed_kg: Floats  # (T,) asked of the pump so far, of all tanks
+    sprayed_kg: Floats  # (T,) commanded of the pump so far, of all tanks
     battery_wh: Floats  # (T,) given so far, of the present battery
     power: Floats  # (T,) W
     power_error: float  # standard error of ln of its mean
@@ -243,7 +243,7 @@ def fly_plan(
     given: PlanConditions,
     *,
     origin: Origin | None = None,
-    anew: Mapping[int, Used] | None = None,
+    renewed: Mapping[int, Used] | None = None,
 ) -> PlanFlight:
     """Simulate the flight along `course`, from the ground to the end of its last leg.
 
@@ -253,9 +253,9 @@ def fly_plan(
     """
     time_s, velocity, active = course.time_s, course.velocity_ned, course.active
     seconds = np.diff(time_s, append=time_s[-1])
-    anew = anew or {}
-    changed = np.searchsorted(active, sorted(k for k in anew if k <= active[-1]))
-    before = np.array([anew[int(k)] for k in active[changed]]).reshape(-1, 2)
+    renewed = renewed or {}
+    changed = np.searchsorted(active, sorted(k for k in renewed if k <= active[-1]))
+    before = np.array([renewed[int(k)] for k in active[changed]]).reshape(-1, 2)
     pump = np.array([t.leg.pump for t in course.legs], dtype=np.bool_)[active]
     sprayed = np.append(0.0, np.cumsum(_flow(course, pump, given) * seconds))
     tank = np.maximum(given.fill_kg - used_since_change(sprayed[:-1], changed, before[:, 0]), 0.0)
@@ -369,9 +369,9 @@ def _attitude(force: Floats, yaw: Floats) -> Floats:
     """
     down = np.array([0.0, 0.0, G0]) - force
     down /= np.linalg.norm(down, axis=1)[:, None]
-    ahead = np.cos(yaw) * down[:, 0] + np.sin(yaw) * down[:, 1]
+    forward = np.cos(yaw) * down[:, 0] + np.sin(yaw) * down[:, 1]
     right = np.cos(yaw) * down[:, 1] - np.sin(yaw) * down[:, 0]
-    roll, pitch = -np.arcsin(np.clip(right, -1.0, 1.0)), np.arctan2(ahead, down[:, 2])
+    roll, pitch = -np.arcsin(np.clip(right, -1.0, 1.0)), np.arctan2(forward, down[:, 2])
     return np.column_stack([roll, pitch, yaw])
 
 
@@ -380,12 +380,12 @@ def _rates(time_s: Floats, attitude: Floats) -> Floats:
     pitch, yaw.
     """
     roll, pitch, _ = attitude.T
-    up, over, round_ = np.gradient(attitude, time_s, axis=0).T
+    up, pitching, round_ = np.gradient(attitude, time_s, axis=0).T
     return np.column_stack(
         [
             up - round_ * np.sin(pitch),
-            over * np.cos(roll) + round_ * np.cos(pitch) * np.sin(roll),
-            -over * np.sin(roll) + round_ * np.cos(pitch) * np.cos(roll),
+            pitching * np.cos(roll) + round_ * np.cos(pitch) * np.sin(roll),
+            -pitching * np.sin(roll) + round_ * np.cos(pitch) * np.cos(roll),
         ]
     )
 
@@ -438,8 +438,8 @@ def energy_back(
     every = np.arange(0.0, track.time_s[-1] + EVERY_S, EVERY_S)
     rows = np.unique(np.clip(np.searchsorted(track.time_s, every), 0, track.time_s.size - 1))
     place, tank = track.position_ned[rows], track.tank_kg[rows]
-    taken = energy_home(place, tank, flight.density[rows], limits, model, wind_ned)
-    return np.interp(track.time_s, track.time_s[rows], taken)
+    home_wh = energy_home(place, tank, flight.density[rows], limits, model, wind_ned)
+    return np.interp(track.time_s, track.time_s[rows], home_wh)
 
 
 def energy_home(
@@ -465,9 +465,9 @@ def energy_home(
         + np.minimum(up, limits.land_below) / limits.land_speed
         + RETURN_WAIT_S
     )
-    over = away / limits.speed * _power(model, density, tank_kg, airspeed)
+    wh = away / limits.speed * _power(model, density, tank_kg, airspeed)
     hover = _power(model, density, tank_kg, np.full(away.size, math.hypot(*wind_ned[:2])))
-    return np.where(height > ON_GROUND, over + vertical * hover, 0.0) / 3600.0
+    return np.where(height > ON_GROUND, wh + vertical * hover, 0.0) / 3600.0
 
 
 def _power(model: RotorModel, density: Floats, tank_kg: Floats, airspeed: Floats) -> Floats:
@@ -476,16 +476,16 @@ def _power(model: RotorModel, density: Floats, tank_kg: Floats, airspeed: Floats
     Inputs are rounded to ALIKE and each distinct one is predicted once, because prediction is slow.
     """
     rounded = np.round(np.column_stack([density, tank_kg, airspeed]) / ALIKE) * ALIKE
-    asked, of = np.unique(rounded, axis=0, return_inverse=True)
+    distinct, place = np.unique(rounded, axis=0, return_inverse=True)
     steady = FlightTrack.of(
         name="the way home",
-        time_s=APART_S * np.arange(len(asked), dtype=np.float64),
+        time_s=APART_S * np.arange(len(distinct), dtype=np.float64),
         rotor_count=model.airframe.rotor_count,
-        tank_kg=asked[:, 1],
-        airspeed=asked[:, 2],
+        tank_kg=distinct[:, 1],
+        airspeed=distinct[:, 2],
     )
-    made = predict(model, in_air(steady, model, asked[:, 0]), asked[:, 0])
-    return electric_power(model, made)[of.ravel()]
+    prediction = predict(model, in_air(steady, model, distinct[:, 0]), distinct[:, 0])
+    return electric_power(model, prediction)[place.ravel()]
 
 
 def way_back(
@@ -503,12 +503,12 @@ def way_back(
     `charge_kept` is the share kept in reserve, `error` the standard error of ln of all energy.
     Where home stays in reach, the place is the row with least to spare.
     """
-    less, more = power_factors(error)
-    track, taken = flight.track, used_wh + back_wh
+    factor_less, factor_more = power_factors(error)
+    track, total_wh = flight.track, used_wh + back_wh
 
     def first_out(factor: float) -> tuple[int, float, float]:
         """Return the row, its time where home is out of reach there, and the least to spare."""
-        spare = usable_wh - factor * taken
+        spare = usable_wh - factor * total_wh
         known = np.where(np.isfinite(spare), spare, np.inf)
         out = np.flatnonzero(known < 0.0)
         row = int(out[0]) if out.size else int(np.argmin(known))
@@ -516,9 +516,9 @@ def way_back(
         time_s = float(track.time_s[row]) if out.size else math.nan
         return row, time_s, least if math.isfinite(least) else math.nan
 
-    row, time_s, least = first_out(more)
+    row, time_s, least = first_out(factor_more)
     _, expected_s, expected = first_out(1.0)
-    _, latest_s, most = first_out(less)
+    _, latest_s, most = first_out(factor_less)
     return WayBack(
         item=flight.course.legs[flight.course.active[row]].leg.item,
         time_s=time_s,

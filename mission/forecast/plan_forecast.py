@@ -122,7 +122,7 @@ class PlanForecast:
     places: tuple[ThrustPlace, ...] = ()  # where thrust is short, or next to none
     sorties_at_largest: int = 0  # with the largest fill; 0: unknown, or no split is possible
     assumed: Mapping[Assumption, tuple[str, ...]] = field(default_factory=dict)
-    day: Day = UNKNOWN_DAY  # that all of it holds for
+    day: Day = UNKNOWN_DAY  # of the whole forecast
     caveats: tuple[Caveat, ...] = ()  # of the last flight of the aircraft, whose log the plan is in
     experience: Experience | None = None  # how earlier missions differed from their forecasts
 
@@ -161,8 +161,8 @@ class PlanForecast:
         the experience of earlier missions.
         """
         total = sum(one.energy_wh for one in self.needs.sorties)
-        by = self.experience.energy if self.experience else NO_CORRECTION
-        return corrected_factor(total, by, self.flight.power_error)
+        correction = self.experience.energy if self.experience else NO_CORRECTION
+        return corrected_factor(total, correction, self.flight.power_error)
 
     @property
     def as_flown(self) -> AsFlown | None:
@@ -194,7 +194,7 @@ class PlanForecast:
 
     @property
     def pump_never_on(self) -> bool:
-        """Return whether the answer is for a tank that stays full: nothing says where the pump is
+        """Return whether the answer is for a tank that stays full: nothing states where the pump is
         on.
         """
         return any(finding.fault == "pump never on" for finding in self.findings)
@@ -245,8 +245,8 @@ def forecast(
     `take_off` is the conditions at take-off, or the tank mass in kg alone.
 
     `parameters` are the autopilot's by name; missing ones take their defaults. `limit` is the share
-    of a rotor's largest thrust allowed for lasting use. `pump_rule` says where the pump is on in a
-    plan that does not switch it; None: as the airframe says. `terrain` is the ground that
+    of a rotor's largest thrust allowed for lasting use. `pump_rule` states where the pump is on in
+    a plan that does not switch it; None: as the airframe file states. `terrain` is the ground that
     heights above the ground are of; None: level ground. With `refilled` False the plan is
     flown on with an empty tank. `faults` are those of the last flight of this aircraft and not
     known to be repaired; None: those stored in the model. `other_order`: the motors of that flight
@@ -289,9 +289,9 @@ def forecast(
     _refuse_endless(timed[: len(legs)])
 
     def fly(
-        way: Course, given: PlanConditions, anew: Mapping[int, Used] | None = None
+        way: Course, given: PlanConditions, renewed: Mapping[int, Used] | None = None
     ) -> PlanFlight:
-        return fly_plan("the plan", way, model, given, origin=origin, anew=anew)
+        return fly_plan("the plan", way, model, given, origin=origin, renewed=renewed)
 
     if day.wind.value > 0.0 and not math.isfinite(stated.wind_from_deg):
         first = course(legs[: _within(timed, WIND_TRIED_S, 1.5 * WIND_TRIED_S)], limits)
@@ -305,19 +305,19 @@ def forecast(
         assumed["nose gives way"] = (f"{math.degrees(limits.yaw_acceleration):.0f}",)
     ends = [steps.steps[k].item for k in line_ends(plan, steps)]
     usable = usable_energy(given.battery, craft, CHARGE_KEPT)
-    taken = leg_ends(once, timed, given, limits, model)
+    of_legs = leg_ends(once, timed, given, limits, model)
     known_bias = experience.energy if experience else NO_CORRECTION
     unsure = math.hypot(usable_error(given.battery, craft, CHARGE_KEPT), known_bias.error)
     # What a sortie takes is compared before its correction, so the correction is in what is usable.
-    middle = usable / math.exp(known_bias.by)
+    middle = usable / math.exp(known_bias.mean)
     sure = middle * power_factors(math.hypot(once.power_error, unsure))[0]
     expected, needed = (
-        needs(taken, ends, fill_kg=given.fill_kg, usable_wh=wh) for wh in (middle, sure)
+        needs(of_legs, ends, fill_kg=given.fill_kg, usable_wh=wh) for wh in (middle, sure)
     )
     parts = parts_flown(
         timed,
         len(legs),
-        taken,
+        of_legs,
         needed.refill_after if refilled else (),
         mass=craft.empty_mass + given.fill_kg,
         usable_wh=usable_energy(replace(given.battery, voltage=math.nan), craft, CHARGE_KEPT),
@@ -325,12 +325,12 @@ def forecast(
         longest_s=UNLIKE_S,
     )
     way = once.course if len(timed) == len(legs) else course(parts.legs, limits)
-    flight = fly(way, given, parts.anew) if len(timed) > len(legs) or parts.anew else once
+    flight = fly(way, given, parts.renewed) if len(timed) > len(legs) or parts.renewed else once
     back = energy_back(flight, limits, model, given.wind_ned)
     if len(legs) < len(timed):
         assumed["first part" if parts.unlike else "alike"] = (
             f"{flight.track.duration / 60.0:.0f}",
-            f"{taken.time_s[-1] / 60.0:.0f}",
+            f"{of_legs.time_s[-1] / 60.0:.0f}",
         )
     claim = replace(PLANNED, other_order=other_order)
     analysis = with_density_error(
@@ -361,7 +361,7 @@ def forecast(
         advised,
         given,
         limit,
-        lambda g: _advise(fly(way, g, parts.anew), model, limit, g.density_error),
+        lambda g: _advise(fly(way, g, parts.renewed), model, limit, g.density_error),
     )
 
     def sorties_with(fill_kg: float) -> int:
@@ -391,15 +391,15 @@ def forecast(
         expected_needs=expected,
         way_back=way_back(
             flight,
-            math.exp(known_bias.by) * flight.battery_wh,
-            math.exp(known_bias.by) * back,
+            math.exp(known_bias.mean) * flight.battery_wh,
+            math.exp(known_bias.mean) * back,
             usable,
             charge_kept=CHARGE_KEPT,
             error=math.hypot(flight.power_error, unsure),
         ),
         swath=stated.swath,
         day=day,
-        flight_s=float(taken.time_s[-1]),
+        flight_s=float(of_legs.time_s[-1]),
         findings=check_plan(plan, ordered, sprays=sprays and not steps.pump_by_rule),
         not_understood=steps.not_understood,
         assumed=assumed,
@@ -407,24 +407,26 @@ def forecast(
     )
 
 
-def sortie_plans(made: PlanForecast, *, pump: PumpOutput | None = None) -> tuple[MissionPlan, ...]:
+def sortie_plans(
+    planned: PlanForecast, *, pump: PumpOutput | None = None
+) -> tuple[MissionPlan, ...]:
     """Return one plan for each sortie of the forecast; between sorties the vehicle is refilled at
     home.
 
     Raise PlanError where one line alone exceeds tank or battery, or where a part of the plan is not
     understood.
     """
-    if made.needs.short_of:
+    if planned.needs.short_of:
         raise PlanError(
-            f"one line alone takes more than the {made.needs.short_of} gives; shorten the lines"
+            f"one line alone takes more than the {planned.needs.short_of} gives; shorten the lines"
         )
-    ends, flown = line_ends(made.plan, made.steps), made.steps.steps
+    ends, flown = line_ends(planned.plan, planned.steps), planned.steps.steps
     cuts: list[int] = []
-    for sortie in made.needs.sorties[:-1]:
+    for sortie in planned.needs.sorties[:-1]:
         # A jump flies to an item more than once: take the first end after the cut before.
         after = cuts[-1] if cuts else -1
         cuts.append(next(k for k in ends if k > after and flown[k].item == sortie.last_item))
-    return split_plan(made.plan, made.steps, cuts, pump=pump)
+    return split_plan(planned.plan, planned.steps, cuts, pump=pump)
 
 
 def _pump_switched(
@@ -432,7 +434,7 @@ def _pump_switched(
 ) -> tuple[PlanSteps, dict[Assumption, tuple[str, ...]]]:
     """Return the steps with the pump as the plan orders, else by `rule`, else by the airframe's.
 
-    Also return what the answer says of it. Without a tank no rule applies.
+    Also return what the answer states of it. Without a tank no rule applies.
     """
     item = orders_pump(steps)
     if item is not None or not craft.tank_volume_l:
@@ -445,12 +447,12 @@ def _pump_switched(
     chosen = rule or airframe_rule(craft)
     if chosen is None:
         return steps, {}
-    made, lines = with_pump_rule(plan, steps, chosen)
+    switched, lines = with_pump_rule(plan, steps, chosen)
     stated = rule is not None
     if lines is None:
-        return made, {"pump always stated" if stated else "pump always": ()}
-    found = (f"{lines.count}", f"{lines.spacing:.1f}")
-    return made, {"pump lines stated" if stated else "pump lines": found}
+        return switched, {"pump always stated" if stated else "pump always": ()}
+    spacing_words = (f"{lines.count}", f"{lines.spacing:.1f}")
+    return switched, {"pump lines stated" if stated else "pump lines": spacing_words}
 
 
 def _refuse_endless(timed: Sequence[TimedLeg]) -> None:
@@ -475,9 +477,9 @@ def _within(timed: Sequence[TimedLeg], seconds: float, whole_s: float) -> int:
 
 def _advise(flight: PlanFlight, model: RotorModel, limit: float, density_error: float) -> Advised:
     """Return the answer for a simulated flight; `density_error` is a share of its air's density."""
-    made = analyse(flight.track, model, flight.density, claim=PLANNED)
-    made = with_density_error(made, density_error)
-    return advise(made, limit=limit, planned=True)
+    analysis = analyse(flight.track, model, flight.density, claim=PLANNED)
+    analysis = with_density_error(analysis, density_error)
+    return advise(analysis, limit=limit, planned=True)
 
 
 def _worst_wind(

@@ -30,9 +30,9 @@ from thrustmargin.models.physics.margin import ceiling
 PlaceKind = Literal[
     "slope slows", "slope beyond thrust", "loses height", "motors at idle", "into the ground"
 ]
-#: Share of the ordered speed over ground below which a slope is said to slow the vehicle.
+#: Share of the ordered speed over ground below which a slope is reported to slow the vehicle.
 SLOWED = 0.95
-#: m of height lost in one stretch from which it is said.
+#: m of height lost in one stretch from which it is reported.
 LEAST_LOST = 0.1
 #: m/s of descent from which motors at idle are looked for; slower ones end by themselves.
 DESCENDS = 0.5
@@ -52,7 +52,7 @@ class ThrustPlace:
     kind: PlaceKind
     item: int
     amount: float
-    beside: float = 0.0
+    secondary: float = 0.0
 
 
 def thrust_places(
@@ -74,33 +74,33 @@ def thrust_places(
     use = analysis.utilisation_predicted
     worst = np.max(use, axis=1)
     sloped = np.array([_slope(leg) for leg in legs])[flight.course.active]
-    found = [
-        ThrustPlace(kind="slope slows", item=leg.item, amount=flat, beside=leg.level_speed)
+    places = [
+        ThrustPlace(kind="slope slows", item=leg.item, amount=flat, secondary=leg.level_speed)
         for leg in legs
         if _slope(leg) and (flat := _flat_speed(leg)) < SLOWED * leg.level_speed
     ]
     # Going up a slope; the turns at its ends are in the weakest place.
-    beyond = sloped & (climb > 0.0) & (worst > 1.0)
-    found += [
-        ThrustPlace(kind="slope beyond thrust", item=item, amount=most, beside=rate)
-        for item, most, rate in _most(items, beyond, worst, climb)
+    too_steep = sloped & (climb > 0.0) & (worst > 1.0)
+    places += [
+        ThrustPlace(kind="slope beyond thrust", item=item, amount=most, secondary=rate)
+        for item, most, rate in _most(items, too_steep, worst, climb)
     ]
-    found += [
+    places += [
         ThrustPlace(kind="loses height", item=item, amount=lost)
         for item, lost in _height_lost(flight, analysis, items)
     ]
     resting = (climb < -DESCENDS) & (np.min(use, axis=1) <= idle)
-    found += [
-        ThrustPlace(kind="motors at idle", item=item, amount=-least, beside=rate)
+    places += [
+        ThrustPlace(kind="motors at idle", item=item, amount=-least, secondary=rate)
         for item, least, rate in _most(items, resting, -np.min(use, axis=1), -climb)
     ]
     if terrain is not None:
         below = _below_ground(flight, terrain, home)
-        found += [
+        places += [
             ThrustPlace(kind="into the ground", item=item, amount=depth)
             for item, depth, _ in _most(items, below > 0.0, below, below)
         ]
-    return _each_once(found)
+    return _each_once(places)
 
 
 def idle_use(parameters: Mapping[str, float], *, px4: bool) -> float:
@@ -125,15 +125,15 @@ def _flat_speed(leg: WayLeg) -> float:
 
 
 def _most(
-    items: Floats, rows: Bools, values: Floats, beside: Floats
+    items: Floats, rows: Bools, values: Floats, secondary: Floats
 ) -> list[tuple[int, float, float]]:
     """Return for each item with flagged rows its largest value and the one beside it there."""
-    found = []
+    places = []
     for item in dict.fromkeys(items[rows].tolist()):
         of_item = np.flatnonzero(rows & (items == item))
         row = int(of_item[np.argmax(values[of_item])])
-        found.append((int(item), float(values[row]), float(beside[row])))
-    return found
+        places.append((int(item), float(values[row]), float(secondary[row])))
+    return places
 
 
 def _height_lost(
@@ -180,7 +180,7 @@ def _below_ground(flight: PlanFlight, terrain: Terrain, home: tuple[float, float
     return np.where(airborne, ground + down, np.nan)
 
 
-def _each_once(found: list[ThrustPlace]) -> tuple[ThrustPlace, ...]:
+def _each_once(places: list[ThrustPlace]) -> tuple[ThrustPlace, ...]:
     """Return the places with only the first of each kind and item."""
-    once = {(place.kind, place.item): place for place in reversed(found)}
-    return tuple(place for place in found if once[place.kind, place.item] is place)
+    once = {(place.kind, place.item): place for place in reversed(places)}
+    return tuple(place for place in places if once[place.kind, place.item] is place)

@@ -125,16 +125,16 @@ def _spans(
     resting = time_s > np.array([t.end_s for t in timed])[active]
     mark = np.where(label >= 0, -1 - label, 2 * active + resting)
     cuts = np.concatenate([[0], np.flatnonzero(np.diff(mark)) + 1, [time_s.size]])
-    found = []
+    spans = []
     for first, last in pairwise(cuts.tolist()):
         code = int(mark[first])
         if code < 0:
-            found.append(Span(item=turns[-1 - code][2], kind="turn", first=first, last=last))
+            spans.append(Span(item=turns[-1 - code][2], kind="turn", first=first, last=last))
             continue
         leg = timed[code // 2].leg
         kind: SpanKind = "wait" if code % 2 else "climb" if leg.vertical else "leg"
-        found.append(Span(item=leg.item, kind=kind, first=first, last=last))
-    return tuple(found)
+        spans.append(Span(item=leg.item, kind=kind, first=first, last=last))
+    return tuple(spans)
 
 
 SLOW = 0.05  # of the speed limit, below which the nose stays where it is (AC_PosControl)
@@ -156,31 +156,31 @@ def heading(
     is the heading that the plan orders, NaN where it orders none. `start` is the first heading,
     rad.
     """
-    wanted, turning = _wanted(velocity_ned, gained_ned, ordered, limits, start)
+    headings, turning = _wanted_headings(velocity_ned, gained_ned, ordered, limits, start)
     yaw = np.empty_like(time_s)
-    at, rate = start, 0.0
+    angle, rate = start, 0.0
     most, gain = limits.yaw_rate, limits.yaw_acceleration
     slack = gain * limits.yaw_time**2
     for row in range(time_s.size):
-        goal, ahead = float(wanted[row]), float(turning[row])
+        goal, feedforward = float(headings[row]), float(turning[row])
         step = float(time_s[row] - time_s[row - 1]) if row else 0.0
         parts = math.ceil(step / PART_S)
-        if abs(goal - at) < SETTLED and abs(rate) < SETTLED and ahead == 0.0:
-            at, rate, parts = goal, 0.0, 0
+        if abs(goal - angle) < SETTLED and abs(rate) < SETTLED and feedforward == 0.0:
+            angle, rate, parts = goal, 0.0, 0
         for part in range(parts):
             length = step / parts
-            aim = goal - ahead * length * (parts - 1 - part)
-            error = aim - at
+            aim = goal - feedforward * length * (parts - 1 - part)
+            error = aim - angle
             size = abs(error)
-            asked = size / limits.yaw_time
+            rate_wanted = size / limits.yaw_time
             if size > slack:
-                asked = math.sqrt(2.0 * gain * (size - 0.5 * slack))
-            asked = math.copysign(min(asked, size / length), error) + ahead
-            asked = min(max(asked, -most), most)
-            rate += min(max(asked - rate, -gain * length), gain * length)
-            at += rate * length
-        yaw[row] = at
-    return yaw, wanted - yaw
+                rate_wanted = math.sqrt(2.0 * gain * (size - 0.5 * slack))
+            rate_wanted = math.copysign(min(rate_wanted, size / length), error) + feedforward
+            rate_wanted = min(max(rate_wanted, -most), most)
+            rate += min(max(rate_wanted - rate, -gain * length), gain * length)
+            angle += rate * length
+        yaw[row] = angle
+    return yaw, headings - yaw
 
 
 def lagged_yaw(time_s: Floats, target: Floats, limits: FlightLimits) -> Floats:
@@ -191,14 +191,16 @@ def lagged_yaw(time_s: Floats, target: Floats, limits: FlightLimits) -> Floats:
     """
     steps = limits.yaw_gain * float(time_s[1] - time_s[0])
     keep = math.exp(-steps)
-    gone = 1.0 - keep
+    decayed = 1.0 - keep
     # Between rows the target is a straight line, so that this is exact.
-    added = gone * target[:-1] + (1.0 - gone / steps) * np.diff(target)
-    way = accumulate(added.tolist(), lambda at, more: keep * at + more, initial=float(target[0]))
+    added = decayed * target[:-1] + (1.0 - decayed / steps) * np.diff(target)
+    way = accumulate(
+        added.tolist(), lambda angle, more: keep * angle + more, initial=float(target[0])
+    )
     return np.fromiter(way, dtype=np.float64, count=target.size)
 
 
-def _wanted(
+def _wanted_headings(
     velocity: Floats, gained: Floats, ordered: Floats, limits: FlightLimits, start: float
 ) -> tuple[Floats, Floats]:
     """Compute the heading demanded (T,), rad and unwrapped, and its rate (T,), rad/s."""
@@ -320,8 +322,8 @@ def plan_legs(
             on = following is not None and following.kind in _ON and step.wait_s == 0.0
             on = on and following is not None and following.frame == step.frame
             if terrain is not None and above == step.frame == FRAME_ABOVE_GROUND:
-                for between in _over_ground(plan, step, way.at, there, terrain):
-                    way.to(step, between, speed=speed, stops=False)
+                for waypoint in _over_ground(plan, step, way.at, there, terrain):
+                    way.to(step, waypoint, speed=speed, stops=False)
             way.to(step, there, speed=speed, stops=not (on and step.kind in _ON))
             way.wait(step.wait_s)
             if step.turns:
@@ -364,13 +366,13 @@ def _ground(terrain: Terrain, latitude: Floats, longitude: Floats, item: int) ->
     """Return the height of the ground (N,), m above the sea; raise PlanError where it is not
     known.
     """
-    found = terrain.height(latitude, longitude)
-    if not np.isfinite(found).all():
+    heights = terrain.height(latitude, longitude)
+    if not np.isfinite(heights).all():
         where = f"the way to item {item}" if item else "home"
         raise PlanError(
             f"{terrain.name} has no height of the ground at {where}; give one that covers the plan"
         )
-    return found
+    return heights
 
 
 def _places(plan: MissionPlan, steps: Sequence[Step], terrain: Terrain | None = None) -> Floats:
@@ -531,19 +533,19 @@ def timed_legs(legs: Sequence[WayLeg], start_s: float = 0.0) -> tuple[TimedLeg, 
     """Return the legs with their times; the next leg overlaps the last at a corner without a
     stop.
     """
-    made: list[TimedLeg] = []
+    result: list[TimedLeg] = []
     begun = active = start_s
     for leg, following in pairwise([*legs, None]):
         assert leg is not None
         timed = TimedLeg(leg=leg, profile=leg.profile, start_s=begun, active_s=active)
-        made.append(timed)
+        result.append(timed)
         overlap = 0.0
         if following is not None and not leg.stops:
             overlap = _overlap(leg, following, most=timed.end_s - active)
         overlap = min(overlap, timed.end_s - active)
         begun = timed.end_s + leg.wait_s - overlap
         active = begun + 0.5 * overlap
-    return tuple(made)
+    return tuple(result)
 
 
 def _overlap(leg: WayLeg, following: WayLeg, *, most: float) -> float:
@@ -580,12 +582,14 @@ def _overlap_of(
     level_most, climb_most = gains
     if not longest:
         return 0.0
-    left: Floats = TRIED_S * np.arange(longest, 0.0, -1.0)
+    remaining_s: Floats = TRIED_S * np.arange(longest, 0.0, -1.0)
     flat_one, flat_two = (math.sqrt(max(1.0 - d**2, 0.0)) for d in (down_one, down_two))
     one = np.array([flat_one, 0.0, down_one])
     two = np.array([flat_two * math.cos(bend), flat_two * math.sin(bend), down_two])
-    (way, speed, gained), (on, faster, gaining) = (pulse.at(0.5 * left) for pulse in pulses)
-    turn = on[:, None] * two - way[:, None] * one
+    (way, speed, gained), (next_way, faster, gaining) = (
+        pulse.at(0.5 * remaining_s) for pulse in pulses
+    )
+    turn = next_way[:, None] * two - way[:, None] * one
     moved = faster[:, None] * two + speed[:, None] * one
     pushed = gaining[:, None] * two - gained[:, None] * one
     fits = (
@@ -594,7 +598,7 @@ def _overlap_of(
         & (np.hypot(pushed[:, 0], pushed[:, 1]) < level_most)
         & (np.abs(pushed[:, 2]) < climb_most)
     )
-    return float(left[np.argmax(fits)]) if fits.any() else 0.0
+    return float(remaining_s[np.argmax(fits)]) if fits.any() else 0.0
 
 
 def target(legs: Sequence[TimedLeg], time_s: Floats) -> tuple[Floats, Floats, Floats]:
@@ -604,17 +608,17 @@ def target(legs: Sequence[TimedLeg], time_s: Floats) -> tuple[Floats, Floats, Fl
     """
     place, speed, gained = (np.zeros((time_s.size, 3)) for _ in range(3))
     done = np.zeros((time_s.size + 1, 3))
-    at = legs[0].leg.start_ned
+    corner = legs[0].leg.start_ned
     for timed in legs:
         first, last = np.searchsorted(time_s, (timed.start_s, timed.end_s))
         vector = timed.leg.vector
-        done[first] += timed.leg.start_ned - at  # of parts of a plan, flown one after the other
-        at = timed.leg.end_ned
-        along = vector / np.linalg.norm(vector)
+        done[first] += timed.leg.start_ned - corner  # of parts of a plan, flown one after the other
+        corner = timed.leg.end_ned
+        unit = vector / np.linalg.norm(vector)
         done[last] += vector
         rows = slice(first, last)
-        for made, values in zip(
+        for part, values in zip(
             (place, speed, gained), timed.profile.at(time_s[rows] - timed.start_s), strict=True
         ):
-            made[rows] += values[:, None] * along
+            part[rows] += values[:, None] * unit
     return legs[0].leg.start_ned + np.cumsum(done, axis=0)[:-1] + place, speed, gained

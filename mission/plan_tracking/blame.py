@@ -85,7 +85,7 @@ def _known(values: Floats) -> Floats:
 
 
 def which_was_off(
-    fly: Callable[[PlanConditions], Beside], given: PlanConditions, found: ShownDay
+    fly: Callable[[PlanConditions], Beside], given: PlanConditions, day: ShownDay
 ) -> tuple[Off, ...]:
     """List the assumptions in `given` that were wrong, the one that explains most first; empty if
     none.
@@ -93,26 +93,26 @@ def which_was_off(
     `fly` forecasts the plan under conditions and compares it with the flight.
     """
     off: list[Off] = []
-    made = fly(given)
-    far = distances(made.stretches, given.fill_kg)
+    tracked = fly(given)
+    far = distances(tracked.stretches, given.fill_kg)
     while far.max() > 1.0:
         best: tuple[Floats, Off, PlanConditions, Beside] | None = None
-        for one, changed in _candidates(given, found, made.stretches):
+        for one, changed in _candidates(given, day, tracked.stretches):
             if any(one.what == known.what for known in off):
                 continue
-            again = fly(changed)
-            left = distances(again.stretches, given.fill_kg)
-            halved = bool(np.any((far > 1.0) & (left <= HALF * far)))
-            if halved and left.sum() < (far if best is None else best[0]).sum():
-                best = left, one, changed, again
+            changed_tracked = fly(changed)
+            distances_left = distances(changed_tracked.stretches, given.fill_kg)
+            halved = bool(np.any((far > 1.0) & (distances_left <= HALF * far)))
+            if halved and distances_left.sum() < (far if best is None else best[0]).sum():
+                best = distances_left, one, changed, changed_tracked
         if best is None:
-            off += _model(made.stretches)
+            off += _model(tracked.stretches)
             break
-        far, one, given, made = best
+        far, one, given, tracked = best
         off.append(one)
-    blown = math.hypot(*np.subtract(found.wind_ned, given.wind_ned)[:2])
+    blown = math.hypot(*np.subtract(day.wind_ned, given.wind_ned)[:2])
     if blown > WIND:  # it may take no thrust, and still time, drift and the way back
-        speeds = Pair(math.hypot(*given.wind_ned[:2]), math.hypot(*found.wind_ned[:2]))
+        speeds = Pair(math.hypot(*given.wind_ned[:2]), math.hypot(*day.wind_ned[:2]))
         off.append(Off(what="wind", amount=speeds, mattered=False))
     return tuple(off)
 
@@ -145,42 +145,40 @@ def distances(stretches: Sequence[StretchBeside], fill_kg: float) -> Floats:
 
 
 def _candidates(
-    given: PlanConditions, found: ShownDay, stretches: Sequence[StretchBeside]
+    given: PlanConditions, day: ShownDay, stretches: Sequence[StretchBeside]
 ) -> list[tuple[Off, PlanConditions]]:
     """List each assumption with a measured value, and the conditions with that value in its
     place.
     """
-    made: list[tuple[Off, PlanConditions]] = []
-    if all(map(math.isfinite, found.wind_ned[:2])):
-        speeds = Pair(math.hypot(*given.wind_ned[:2]), math.hypot(*found.wind_ned[:2]))
-        changed = replace(given, wind_ned=found.wind_ned)
-        made.append((Off(what="wind", amount=speeds), changed))
-    if math.isfinite(found.fill_kg):
-        fill = Pair(given.fill_kg, found.fill_kg)
-        made.append((Off(what="fill", amount=fill), replace(given, fill_kg=found.fill_kg)))
-    if math.isfinite(found.density):
-        air = Pair(given.density, found.density)
-        made.append((Off(what="density", amount=air), replace(given, density=found.density)))
+    candidates: list[tuple[Off, PlanConditions]] = []
+    if all(map(math.isfinite, day.wind_ned[:2])):
+        speeds = Pair(math.hypot(*given.wind_ned[:2]), math.hypot(*day.wind_ned[:2]))
+        changed = replace(given, wind_ned=day.wind_ned)
+        candidates.append((Off(what="wind", amount=speeds), changed))
+    if math.isfinite(day.fill_kg):
+        fill = Pair(given.fill_kg, day.fill_kg)
+        candidates.append((Off(what="fill", amount=fill), replace(given, fill_kg=day.fill_kg)))
+    if math.isfinite(day.density):
+        air = Pair(given.density, day.density)
+        candidates.append((Off(what="density", amount=air), replace(given, density=day.density)))
     shift = mean_off([s.voltage for s in stretches])
     if math.isfinite(shift):
         volts = float(np.nanmean([s.voltage.forecast for s in stretches]))
         start = given.battery.voltage if given.battery.voltage > 0.0 else volts
         battery = replace(given.battery, voltage=start + shift)
         off = Off(what="battery", amount=Pair(volts, volts + shift))
-        made.append((off, replace(given, battery=battery)))
-    used = _used(given, found, stretches)
+        candidates.append((off, replace(given, battery=battery)))
+    used = _used(given, day, stretches)
     if used is not None:
         share = used.flown / used.forecast
         changed = replace(
             given, flow=given.flow * share, flow_per_metre=given.flow_per_metre * share
         )
-        made.append((Off(what="flow", amount=used), changed))
-    return made
+        candidates.append((Off(what="flow", amount=used), changed))
+    return candidates
 
 
-def _used(
-    given: PlanConditions, found: ShownDay, stretches: Sequence[StretchBeside]
-) -> Pair | None:
+def _used(given: PlanConditions, day: ShownDay, stretches: Sequence[StretchBeside]) -> Pair | None:
     """Return the kg used, forecast and flown, until the last moment at which neither tank was
     empty.
 
@@ -188,7 +186,7 @@ def _used(
     """
     ends = [s.tank_end_kg for s in stretches if math.isfinite(s.tank_end_kg.flown)]
     last = next((p for p in reversed(ends) if p.least > LEAST_USED), None)
-    if last is None or not math.isfinite(found.fill_kg):
+    if last is None or not math.isfinite(day.fill_kg):
         return None
-    used = Pair(given.fill_kg - last.forecast, found.fill_kg - last.flown)
+    used = Pair(given.fill_kg - last.forecast, day.fill_kg - last.flown)
     return used if used.least > LEAST_USED else None

@@ -28,7 +28,7 @@ from thrustmargin.models.physics.smoothing import known_mean
 
 #: Times that a flight may take less than its forecast, and s that it may be late.
 LONGER, LATE_S = 1.5, 30.0
-FEWEST_STRETCHES = 3  # flown as planned, below which a flight says nothing of the plan
+FEWEST_STRETCHES = 3  # flown as planned, below which a flight is no evidence about the plan
 
 
 def flown_mission(
@@ -44,7 +44,7 @@ def flown_mission(
     fewer than FEWEST_STRETCHES were flown as planned. Raises PlanError where the plan flies
     nowhere.
     """
-    way, found = flown_way(analysis, plan.home), shown_day(analysis)
+    way, day = flown_way(analysis, plan.home), shown_day(analysis)
     if not way.time_s.size:
         return None
     limits = flight_limits(parameters, px4=plan.firmware == FIRMWARE_PX4)
@@ -54,32 +54,32 @@ def flown_mission(
     count = max(sum(timed.end_s <= longest_s for timed in timed_legs(legs)), 1)
     to_fly = PlanToFly(course=course(legs[:count], limits), model=model, home=plan.home)
     given = conditions_before_take_off(
-        parameters, model.airframe, fill_kg=found.fill_kg, altitude=plan.home[2]
+        parameters, model.airframe, fill_kg=day.fill_kg, altitude=plan.home[2]
     )
     given = replace(
         given,
         battery=replace(battery, capacity_ah=given.battery.capacity_ah),
-        density=found.density if np.isfinite(found.density) else given.density,
+        density=day.density if np.isfinite(day.density) else given.density,
     )
     flight, forecast = to_fly.fly(given)
     ends = stretch_ends(flight, way)
-    made = beside(flight, forecast, way)
-    if len(made.stretches) < FEWEST_STRETCHES:
+    tracked = beside(flight, forecast, way)
+    if len(tracked.stretches) < FEWEST_STRETCHES:
         return None
-    begun, over = way.time_s[0], way.time_s[ends[-1]]
+    begun, ended = way.time_s[0], way.time_s[ends[-1]]
     last = flight.course.spans[len(ends) - 1].last - 1
     track = analysis.track
-    rows = track.flying & (track.time_s >= begun) & (track.time_s <= over)
+    rows = track.flying & (track.time_s >= begun) & (track.time_s <= ended)
     watts = (track.voltage * track.current)[rows]
     return FlownMission(
-        stretches=len(made.stretches),
-        complete=made.left_at is None and count == len(legs),
-        seconds=SaidFlown(float(flight.track.time_s[last]), float(over - begun)),
+        stretches=len(tracked.stretches),
+        complete=tracked.left_at is None and count == len(legs),
+        seconds=SaidFlown(float(flight.track.time_s[last]), float(ended - begun)),
         energy_wh=SaidFlown(
-            float(flight.energy_wh[last]), known_mean(watts) * float(over - begun) / 3600.0
+            float(flight.energy_wh[last]), known_mean(watts) * float(ended - begun) / 3600.0
         ),
-        leg_use=_leg_use([one for one in made.stretches if one.kind == "leg"]),
-        peak_use=_peak(made.stretches),
+        leg_use=_leg_use([one for one in tracked.stretches if one.kind == "leg"]),
+        peak_use=_peak(tracked.stretches),
     )
 
 
@@ -90,8 +90,8 @@ def _leg_use(legs: Sequence[StretchBeside]) -> SaidFlown:
         return SaidFlown()
     weight = [one.seconds.flown for one in known]
     pairs = [(one.utilisation_mean.forecast, one.utilisation_mean.flown) for one in known]
-    said, flown = np.average(pairs, axis=0, weights=weight)
-    return SaidFlown(float(said), float(flown))
+    forecast_use, flown = np.average(pairs, axis=0, weights=weight)
+    return SaidFlown(float(forecast_use), float(flown))
 
 
 def _peak(stretches: Sequence[StretchBeside]) -> SaidFlown:

@@ -51,7 +51,9 @@ class PlanToFly:
     home: tuple[float, float, float]
 
     @classmethod
-    def of(cls, plan: MissionPlan, parameters: Mapping[str, float], model: RotorModel) -> PlanToFly:
+    def from_plan(
+        cls, plan: MissionPlan, parameters: Mapping[str, float], model: RotorModel
+    ) -> PlanToFly:
         """Return the plan with its course in time, by the vehicle's `parameters`, and the model to
         simulate it.
 
@@ -72,7 +74,7 @@ class PlanToFly:
         flight = with_slower_yaw(fly(self.course), self.model, partial(course, legs), fly)
         return flight, analyse(flight.track, self.model, flight.density, claim=PLANNED)
 
-    def beside(self, given: PlanConditions, flown: FlownWay, *, over_s: float = 0.0) -> Beside:
+    def compare(self, given: PlanConditions, flown: FlownWay, *, over_s: float = 0.0) -> Beside:
         """Simulate the planned flight and compare it with the flown one; `over_s` as in
         `beside`.
         """
@@ -205,9 +207,9 @@ def shift(track: FlightTrack, home: tuple[float, float, float]) -> Floats:
     """
     if track.origin is None:
         return np.full(3, np.nan)
-    at = track.origin
+    origin = track.origin
     north, east, _ = pymap3d.geodetic2ned(
-        at.latitude_deg, at.longitude_deg, 0.0, home[0], home[1], 0.0
+        origin.latitude_deg, origin.longitude_deg, 0.0, home[0], home[1], 0.0
     )
     return np.array([float(north), float(east), 0.0])
 
@@ -219,14 +221,14 @@ def stretch_ends(flight: PlanFlight, flown: FlownWay, *, over_s: float = 0.0) ->
     In a flight still in progress a place counts as passed once it lies `over_s` s back.
     """
     time_s, place = flight.track.time_s, flight.track.position_ned
-    at, scale = 0, np.array([1.0, 1.0, HEIGHT_SHARE])
-    found: list[int] = []
+    row, scale = 0, np.array([1.0, 1.0, HEIGHT_SHARE])
+    ends: list[int] = []
     for span in flight.course.spans:
         end = min(span.last, time_s.size - 1)
         took = float(time_s[end] - time_s[span.first])
-        began = float(flown.time_s[at])
+        began = float(flown.time_s[row])
         stop = int(np.searchsorted(flown.time_s, began + 2.0 * took + 4.0 * LATE))
-        rows = slice(at, stop)
+        rows = slice(row, stop)
         away = np.linalg.norm((flown.place_ned[rows] - place[end]) * scale, axis=1)
         late = (flown.time_s[rows] - began - took) / (LATE + LATE_SHARE * took)
         cost = (away / NEAR) ** 2 + late**2
@@ -235,11 +237,11 @@ def stretch_ends(flight: PlanFlight, flown: FlownWay, *, over_s: float = 0.0) ->
         best = int(np.nanargmin(cost))
         if cost[best] > LEFT**2:
             break
-        if flown.time_s[-1] - flown.time_s[at + best] < over_s:
+        if flown.time_s[-1] - flown.time_s[row + best] < over_s:
             break
-        at += best
-        found.append(at)
-    return tuple(found)
+        row += best
+        ends.append(row)
+    return tuple(ends)
 
 
 def beside(
@@ -263,9 +265,11 @@ def beside(
         _stretch(span, flight, planned, flown, slice(first, last))
         for span, first, last in zip(flight.course.spans, (0, *ends), ends, strict=False)
     ]
-    left = None if len(ends) == len(flight.course.spans) else flight.course.spans[len(ends)].item
+    unfinished = (
+        None if len(ends) == len(flight.course.spans) else flight.course.spans[len(ends)].item
+    )
     return Beside(
-        stretches=tuple(s for s in stretches if s.seconds.least >= SHORTEST_S), left_at=left
+        stretches=tuple(s for s in stretches if s.seconds.least >= SHORTEST_S), left_at=unfinished
     )
 
 

@@ -15,9 +15,9 @@ from types import MappingProxyType
 
 SURE = 0.95  # posterior probability of a reported effect; coverage of intervals and limits
 CHOICE = 0.5  # probability above which an effect is more probable than not
-DOUBT = 1.0 - SURE  # probability from which anything else is listed as possible
+OPEN_PROBABILITY = 1.0 - SURE  # probability from which anything else is listed as possible
 #: Standard errors on either side of an interval of SURE.
-ERRORS = NormalDist().inv_cdf(1.0 - DOUBT / 2.0)
+ERRORS = NormalDist().inv_cdf(1.0 - OPEN_PROBABILITY / 2.0)
 
 
 @dataclass(frozen=True, slots=True)

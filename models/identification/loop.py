@@ -25,6 +25,7 @@ from thrustmargin.models.identification.answer.acceptance import (
     residual_rms,
     wind_in_airspeed,
 )
+from thrustmargin.models.identification.answer.constant_shares import constant_shares
 from thrustmargin.models.identification.answer.cross_validation import (
     CrossValidation,
     held_out_residual,
@@ -32,8 +33,7 @@ from thrustmargin.models.identification.answer.cross_validation import (
 from thrustmargin.models.identification.answer.floor import floor_rpm
 from thrustmargin.models.identification.answer.held_out_errors import HeldOutResidual, errors_of
 from thrustmargin.models.identification.answer.posterior import EffectEstimate
-from thrustmargin.models.identification.answer.result import Found, Identification
-from thrustmargin.models.identification.answer.standing_shares import standing_shares
+from thrustmargin.models.identification.answer.result import Identification, ReportedEffect
 from thrustmargin.models.identification.rows.candidates import Candidate, slopes
 from thrustmargin.models.identification.rows.modes import sensor_noise_rpm
 from thrustmargin.models.identification.rows.output_shares import (
@@ -138,14 +138,14 @@ def identify_checked(
                 role="held_out",
             )
         )
-    last, found = unseen[-1], _reported_effects(left_out, estimates)
+    last, reported = unseen[-1], _reported_effects(left_out, estimates)
     open_keys = {search.candidates[c].key for c in accepted.unnamed_members}
-    standing = standing_shares(problem, left_out.trial_effects(values), left_out.residual(values))
+    shares = constant_shares(problem, left_out.trial_effects(values), left_out.residual(values))
     wind = wind_in_airspeed(problem, after, left_out.trial_effects(values), fit)
     return Identification(
         model=model,
         problem=problem,
-        found=tuple(f for f in found if f.term.key not in open_keys),
+        found=tuple(f for f in reported if f.term.key not in open_keys),
         left=accepted.unexplained,
         contradicted=tuple(search.candidates[c].term for c in accepted.contradicted),
         closest=tuple(search.candidates[c].term for c in accepted.lookalikes),
@@ -153,7 +153,7 @@ def identify_checked(
         before=errors_of(last.problem, last.before_rpm),
         after=errors_of(last.problem, last.after_rpm),
         residual_after_rpm=after,
-        residual_carried_rpm=left_out.with_persistent_effects(accepted.members),
+        residual_transferable_rpm=left_out.with_persistent_effects(accepted.members),
         floor_rpm=floor_rpm(last.problem, last.after_rpm, (problem, after) if held_out else None),
         sensor_noise_rpm=sensor_noise_rpm(problem.mode_amplitudes(after), problem.follows),
         alternatives=answer.alternatives(),
@@ -166,10 +166,10 @@ def identify_checked(
         ),
         mentioned=accepted.mentioned,
         gaining=answer.gaining_rotors(),
-        open_causes=tuple(open_cause(f, answer) for f in found if f.term.key in open_keys),
+        open_causes=tuple(open_cause(f, answer) for f in reported if f.term.key in open_keys),
         untried={e.name: lacks for e in catalogue if (lacks := problem.lacks(e))},
         followed=() if wind is None else (wind,),
-        standing=standing,
+        constant_shares=shares,
     )
 
 
@@ -182,8 +182,8 @@ def unnamed_causes_help(unused: Problem, accepted: AcceptedEffects) -> bool:
     if not accepted.unnamed_members:
         return True
     without, having = (
-        residual_rms(held_out_residual(unused, of))
-        for of in (accepted.reported, accepted.estimates)
+        residual_rms(held_out_residual(unused, estimates))
+        for estimates in (accepted.reported, accepted.estimates)
     )
     return without >= (1.0 + LEAST_FALL) * having
 
@@ -207,7 +207,7 @@ def _tracks(flights: Sequence[Flown]) -> list[FlightTrack]:
 
 def _reported_effects(
     left_out: CrossValidation, estimates: Sequence[EffectEstimate]
-) -> tuple[Found, ...]:
+) -> tuple[ReportedEffect, ...]:
     """Return the reported effects in the order of the error that each removes, largest first.
 
     Each has the RMSE, rpm, before and after it is added to the effects before it.
@@ -225,10 +225,10 @@ def _reported_effects(
         best = int(np.argmin(trials))
         order.append(rest.pop(best))
         errors.append(trials[best])
-    found = []
+    effects = []
     for k, e in enumerate(order):
-        found.append(
-            Found(
+        effects.append(
+            ReportedEffect(
                 term=e.term,
                 value=e.value,
                 lower=e.value - e.half_width,
@@ -238,4 +238,4 @@ def _reported_effects(
                 probability=e.probability,
             )
         )
-    return tuple(found)
+    return tuple(effects)

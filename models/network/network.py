@@ -9,7 +9,7 @@ paper does not print the batch size, the weight decay, the initialisation and th
 epochs: here 256, 0.01, PyTorch's own and 1000.
 
 Fitting needs torch, which is imported inside functions because that takes seconds; prediction is
-plain numpy, M members as one batch of matrices. Results equal torch's to float32.
+numpy, M members as one batch of matrices. Results equal torch's to float32.
 """
 
 from __future__ import annotations

@@ -276,11 +276,11 @@ def split_by_flight(samples: Samples, seed: int) -> Split:
     Raises DataError for fewer than 3 flights.
     """
     order = np.random.default_rng(seed).permutation(_flight_count(samples))
-    held = max(1, round(SHARES[2] * order.size))
+    validation = max(1, round(SHARES[2] * order.size))
     return Split(
-        training=samples.of_flights(order[2 * held :]),
-        validation=samples.of_flights(order[held : 2 * held]),
-        test=samples.of_flights(order[:held]),
+        training=samples.of_flights(order[2 * validation :]),
+        validation=samples.of_flights(order[validation : 2 * validation]),
+        test=samples.of_flights(order[:validation]),
     )
 
 
@@ -298,14 +298,14 @@ def member_splits(samples: Samples, members: int, seed: int) -> tuple[Split, ...
     folds = np.array_split(rng.permutation(count), min(members, count))
     splits = []
     for member in range(members):
-        held = folds[member % len(folds)]
-        rest = rng.permutation(np.setdiff1d(np.arange(count), held))
+        held_out = folds[member % len(folds)]
+        rest = rng.permutation(np.setdiff1d(np.arange(count), held_out))
         stop = min(max(1, round(SHARES[1] * count)), rest.size - 1)
         splits.append(
             Split(
                 training=samples.of_flights(rest[stop:]),
                 validation=samples.of_flights(rest[:stop]),
-                test=samples.of_flights(held),
+                test=samples.of_flights(held_out),
             )
         )
     return tuple(splits)

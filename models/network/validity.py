@@ -66,13 +66,13 @@ class TrainingDomain:
         It is the largest of airspeed, tank level and, where given, air density. From 1 on the
         network is no longer used; NaN counts as 1.
         """
-        beyond = _beyond(tank_kg, self.tank_kg, TANK_TOLERANCE)
+        excess = _beyond(tank_kg, self.tank_kg, TANK_TOLERANCE)
         if not np.isnan(self.airspeed[0]):
-            beyond = np.maximum(beyond, _beyond(airspeed, self.airspeed, AIRSPEED_TOLERANCE))
+            excess = np.maximum(excess, _beyond(airspeed, self.airspeed, AIRSPEED_TOLERANCE))
         if density is not None:
             tolerance = DENSITY_TOLERANCE * self.density[1]
-            beyond = np.maximum(beyond, _beyond(density, self.density, tolerance))
-        return beyond
+            excess = np.maximum(excess, _beyond(density, self.density, tolerance))
+        return excess
 
     def covers_inputs(self, airspeed: Floats, tank_kg: Floats) -> Bools:
         """Flag the rows (N,) with airspeed and tank level inside the training ranges; NaN is

@@ -304,7 +304,7 @@ class Airframe:
     reference_density: float  # kg/m³
     max_rotor_speed_rpm: float  # rpm reached at full throttle and ceiling_voltage
     nameplate_max_thrust: float  # N a rotor, as the maker prints it
-    ceiling_voltage: float  # V at which max_rotor_speed_rpm holds
+    ceiling_voltage: float  # V at which max_rotor_speed_rpm is reached
     ceiling_voltage_exponent: (
         float  # max rotor speed is proportional to (voltage/ceiling_voltage)^this
     )
@@ -433,7 +433,7 @@ def quantity_table(quantity: Quantity) -> dict[str, Any]:
 
 
 def airframe_table(airframe: Airframe) -> dict[str, Any]:
-    """Return the airframe as the table of its file: plain strings, numbers, lists and tables."""
+    """Return the airframe as the table of its file: strings, numbers, lists and tables."""
     return {
         "name": airframe.name,
         "title": airframe.title,

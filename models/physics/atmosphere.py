@@ -104,10 +104,10 @@ def track_air(track: FlightTrack, temperature_offset: float = 0.0) -> Air:
     BOARD_WARMER; else the standard atmosphere. 10 K are 3.5 % of density. `temperature_offset`, K,
     is added to the temperature.
     """
-    made = _AIR.setdefault(track, {})
-    if temperature_offset not in made:
-        made[temperature_offset] = _compute_air(track, temperature_offset)
-    return made[temperature_offset]
+    fields = _AIR.setdefault(track, {})
+    if temperature_offset not in fields:
+        fields[temperature_offset] = _compute_air(track, temperature_offset)
+    return fields[temperature_offset]
 
 
 def _compute_air(track: FlightTrack, temperature_offset: float) -> Air:
@@ -166,22 +166,22 @@ def _outside_temperature(track: FlightTrack, level: Floats) -> tuple[Floats, Flo
     source."""
     standard = isa_temperature(level)
     if "temperature" in track.standard_errors:
-        found, error = track.temperature, track.standard_errors["temperature"]
+        temperature, error = track.temperature, track.standard_errors["temperature"]
         source = f"the air as {track.source('temperature').words}"
     elif track.source("temperature").meaning is Meaning.BOARD_TEMPERATURE:
-        found, error = track.temperature - BOARD_WARMER, np.full(level.size, BOARD_ERROR)
+        temperature, error = track.temperature - BOARD_WARMER, np.full(level.size, BOARD_ERROR)
         source = (
             f"the autopilot's board less {BOARD_WARMER:g} K (± {BOARD_ERROR:g} K: outside "
             "temperature not known)"
         )
     else:
-        found = error = np.full(level.size, np.nan)
+        temperature = error = np.full(level.size, np.nan)
         source = ""
     with np.errstate(invalid="ignore"):
-        there = np.abs(found - standard) <= FARTHEST_FROM_STANDARD
+        there = np.abs(temperature - standard) <= FARTHEST_FROM_STANDARD
     if not np.any(there):
         source = f"the standard atmosphere (± {STANDARD_ERROR:g} K: outside temperature not known)"
-    return np.where(there, found, standard), np.where(there, error, STANDARD_ERROR), source
+    return np.where(there, temperature, standard), np.where(there, error, STANDARD_ERROR), source
 
 
 def _floats(values: ArrayLike) -> Floats:

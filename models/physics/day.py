@@ -1,6 +1,6 @@
-"""Represent the day that a fill holds for: air, wind and battery, each value with its source.
+"""Represent the day that a fill is computed for: air, wind and battery, each value with its source.
 
-Whoever states a fill states the `Day` with it. A fill without its day says little: the fill of one
+Whoever states a fill states the `Day` with it. A fill without its day means little: the fill of one
 aircraft and mission moves from 3 to 13 kg with the air temperature and the battery.
 
 Each value comes from the first of these that has it:
@@ -38,7 +38,7 @@ from thrustmargin.models.physics.atmosphere import (
 NAN = math.nan
 ZERO_CELSIUS = 273.15  # K
 #: °C: a hot day of the season. It is the standard atmosphere's 15 °C and 1.5 standard errors of
-#: weather more, so colder days carry more than the default says.
+#: weather more, so colder days carry more than the default.
 DEFAULT_AIR_C = 30.0
 CELL = 3.7  # V, nominal, of a lithium polymer cell
 FULL_CELL = 4.2  # V of a full cell at rest
@@ -105,7 +105,7 @@ def stated_value(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Day:
-    """The air, wind and battery that a fill holds for, each with its source."""
+    """The air, wind and battery that a fill is computed for, each with its source."""
 
     air_temperature: DayValue = UNKNOWN_VALUE  # K
     pressure: DayValue = UNKNOWN_VALUE  # Pa at the field, not reduced to sea level
@@ -155,7 +155,7 @@ class Day:
 
 
 UNKNOWN_DAY = Day()
-#: Fields of which one says what the other would: the one from the better source is kept.
+#: Pairs of fields that state one fact: the one from the better source is kept.
 _INSTEAD = (("pressure", "height"), ("loaded_voltage", "battery_voltage"))
 
 
@@ -166,13 +166,13 @@ def merged(*days: Day) -> Day:
     one thing, and so do the voltages under load and at rest. The one from the better source
     replaces the other.
     """
-    found = {one.name: _best([getattr(day, one.name) for day in days]) for one in fields(Day)}
+    values = {one.name: _best([getattr(day, one.name) for day in days]) for one in fields(Day)}
     for pair in _INSTEAD:
-        first, second = (found[name] for name in pair)
+        first, second = (values[name] for name in pair)
         if first.known and second.known and first.source is not second.source:
-            worse = max(pair, key=lambda name: found[name].source.rank)
-            found[worse] = UNKNOWN_VALUE
-    return Day(**found)
+            worse = max(pair, key=lambda name: values[name].source.rank)
+            values[worse] = UNKNOWN_VALUE
+    return Day(**values)
 
 
 def _best(values: list[DayValue]) -> DayValue:
@@ -260,11 +260,11 @@ def day_json(day: Day) -> DayJson:
     `error` is its standard error, `at_s` the second of the flight at which it was measured,
     `given_at` the local time at which it was stated; each only where there is one.
     """
-    made: dict[str, dict[str, float | str] | None] = {}
+    table: dict[str, dict[str, float | str] | None] = {}
     for name, how in DAY_FIELDS.items():
         value: DayValue = getattr(day, name)
         if not value.known:
-            made[how.key] = None
+            table[how.key] = None
             continue
         entry: dict[str, float | str] = {
             "value": round(how.written(value.value), 3),
@@ -276,5 +276,5 @@ def day_json(day: Day) -> DayJson:
             entry["at_s"] = round(value.at_s, 1)
         if value.given_at:
             entry["given_at"] = value.given_at
-        made[how.key] = entry
-    return made
+        table[how.key] = entry
+    return table

@@ -3,7 +3,7 @@
     P = k rho / rho_ref sum of N³ over the rotors
 
 Torque and thrust of a rotor are proportional to rho N², so its power is to rho N³ (Leishman,
-Principles of Helicopter Aerodynamics, 2.3). The coefficient k holds propeller, motor and speed
+Principles of Helicopter Aerodynamics, 2.3). The coefficient k contains propeller, motor and speed
 controller, and also how the current sensor reads; it differs a little from flight to flight. Its
 standard error is that of one flight on a further day.
 """

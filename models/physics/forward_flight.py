@@ -170,12 +170,12 @@ def straight_rows(track: FlightTrack) -> Bools:
     return training_rows(track) & ~turning_rows(track)
 
 
-def _huber_fit(columns: Floats, wanted: Floats, scale: float, least: float = -np.inf) -> Floats:
+def _huber_fit(columns: Floats, target: Floats, scale: float, least: float = -np.inf) -> Floats:
     """Return the coefficients, at least `least`, of a linear fit with Huber's loss at `scale`."""
     from scipy.optimize import least_squares
 
-    start = np.maximum(np.linalg.lstsq(columns, wanted, rcond=None)[0], least)
+    start = np.maximum(np.linalg.lstsq(columns, target, rcond=None)[0], least)
     fit = least_squares(
-        lambda q: columns @ q - wanted, start, bounds=(least, np.inf), loss="huber", f_scale=scale
+        lambda q: columns @ q - target, start, bounds=(least, np.inf), loss="huber", f_scale=scale
     )
     return fit.x

@@ -9,7 +9,7 @@ from statistics import fmean
 
 from thrustmargin.models.physics.between_flights import error_of_further
 
-#: Standard error of a resistance, as a share, from which on a flight says too little of it.
+#: Standard error of a resistance, as a share, from which on it is dropped: too uncertain.
 UNSURE = 0.3
 #: Standard deviation of ln resistance between flights before any is seen. A battery's resistance
 #: rises in the cold, as it empties and with its age.
@@ -21,11 +21,11 @@ REST_SCATTER = 0.03
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KnownBattery:
-    """The battery of an aircraft as its earlier flights had it; NaN where none says it."""
+    """The battery of an aircraft as its earlier flights had it; NaN where none reports it."""
 
     rest_voltage: float = math.nan  # V before take-off
     rest_voltage_error: float = 0.0  # standard error for a further flight, V
-    resistance: float = math.nan  # ohm of the whole pack
+    resistance: float = math.nan  # ohm of the whole battery
     resistance_error: float = 0.0  # standard error for a further flight, ohm
     flights: int = 0  # that say anything of it
 
@@ -41,13 +41,15 @@ def known_battery(
     """
     volts = [value for value in rest_voltages if value > 0.0]
     known = [math.log(ohm) for ohm, error in resistances if ohm > 0.0 and error < UNSURE * ohm]
-    made = KnownBattery(flights=max(len(volts), len(known)))
+    battery = KnownBattery(flights=max(len(volts), len(known)))
     if volts:
         middle = fmean(volts)
         error = error_of_further(volts, middle, prior=REST_SCATTER * middle)
-        made = replace(made, rest_voltage=middle, rest_voltage_error=error)
+        battery = replace(battery, rest_voltage=middle, rest_voltage_error=error)
     if known:
         mean = fmean(known)
         error = error_of_further(known, mean, prior=OHM_SCATTER)
-        made = replace(made, resistance=math.exp(mean), resistance_error=error * math.exp(mean))
-    return made
+        battery = replace(
+            battery, resistance=math.exp(mean), resistance_error=error * math.exp(mean)
+        )
+    return battery

@@ -158,8 +158,8 @@ def _intersections(columns: Floats, level: Floats) -> Floats:
     picks = np.array(list(combinations(range(count), size)), dtype=np.int64)
     planes = columns.T[picks]
     meet = np.abs(np.linalg.det(planes)) > ROUNDING
-    found = np.linalg.solve(planes[meet], level[picks[meet]][..., None])[..., 0]
-    return np.asarray(found, dtype=np.float64)
+    points = np.linalg.solve(planes[meet], level[picks[meet]][..., None])[..., 0]
+    return np.asarray(points, dtype=np.float64)
 
 
 Criterion = Literal["utilisation", "yaw uncontrolled", "yaw kept"]
@@ -261,8 +261,8 @@ def hover_use(airframe: Airframe, limits: Ceiling, load: ArrayLike) -> Floats:
 def redundancy(airframe: Airframe, limits: Ceiling, load: ArrayLike, *, yaw_kept: bool) -> Floats:
     """Return the largest level thrust (T,) with the worst single rotor lost, over `load` (T,) in
     N."""
-    held = holdable(airframe)
-    worst = float(np.min(held.yaw_kept if yaw_kept else held.yaw_uncontrolled))
+    capacity = holdable(airframe)
+    worst = float(np.min(capacity.yaw_kept if yaw_kept else capacity.yaw_uncontrolled))
     return worst * limits.free_thrust / np.asarray(load, dtype=np.float64)
 
 
@@ -298,10 +298,10 @@ def largest_fill(
     the tank: above its capacity a full tank is within the limit, below 0 even the empty aircraft
     exceeds it.
     """
-    held = holdable(airframe)
+    capacity = holdable(airframe)
     if criterion == "utilisation":
-        collective = (0.5 if limit is None else limit) * held.intact
+        collective = (0.5 if limit is None else limit) * capacity.intact
     else:
-        lost = held.yaw_kept if criterion == "yaw kept" else held.yaw_uncontrolled
+        lost = capacity.yaw_kept if criterion == "yaw kept" else capacity.yaw_uncontrolled
         collective = float(np.min(lost)) / (1.0 if limit is None else limit)
     return collective * limits.free_thrust / G0 - airframe.empty_mass

@@ -84,11 +84,12 @@ class MotorLayout:
         """
         if len(position_frd) != self.rotor_count:
             return f"{self.name} has {self.rotor_count} rotors, not {len(position_frd)}"
-        found, own = (np.sort(bearings(p)) for p in (position_frd[:, :2], self.place))
+        measured, own = (np.sort(bearings(p)) for p in (position_frd[:, :2], self.place))
         # Up to half of the smallest angle between two arms the nearer arm is unambiguous.
         steps = np.diff(np.unique(np.round(np.append(own, own[0] + 360.0), 3)))
         worst = min(
-            np.max(np.abs((np.roll(found, k) - own + 180.0) % 360.0 - 180.0)) for k in range(-2, 3)
+            np.max(np.abs((np.roll(measured, k) - own + 180.0) % 360.0 - 180.0))
+            for k in range(-2, 3)
         )
         if worst >= 0.5 * np.min(steps):
             listed = ", ".join(f"{b:.0f}" for b in sorted(bearings(self.place)))
@@ -104,23 +105,24 @@ def bearings(place: Floats) -> Floats:
 
 def rotor_names(place: Floats, lower: tuple[bool, ...]) -> list[str]:
     """Name each rotor by its place: "front right", "left, lower", "front left 22.5"."""
-    plain = [_sector(float(b)) for b in bearings(place)]
+    sectors = [_sector(float(b)) for b in bearings(place)]
     if any(lower):
-        plain = [
-            f"{name}, {'lower' if low else 'upper'}" for name, low in zip(plain, lower, strict=True)
+        sectors = [
+            f"{name}, {'lower' if low else 'upper'}"
+            for name, low in zip(sectors, lower, strict=True)
         ]
-    often = Counter(plain)
+    often = Counter(sectors)
     return [
         f"{name} {abs(bearing):g}" if often[name] > 1 else name
-        for name, bearing in zip(plain, np.round(bearings(place), 1), strict=True)
+        for name, bearing in zip(sectors, np.round(bearings(place), 1), strict=True)
     ]
 
 
 def _sector(bearing: float) -> str:
     """Return the direction of a bearing in words."""
-    along = "front" if abs(bearing) < 75.0 else "rear" if abs(bearing) > 105.0 else ""
+    end = "front" if abs(bearing) < 75.0 else "rear" if abs(bearing) > 105.0 else ""
     across = "" if not 15.0 <= abs(bearing) <= 165.0 else "right" if bearing > 0.0 else "left"
-    return " ".join(word for word in (along, across) if word)
+    return " ".join(word for word in (end, across) if word)
 
 
 @cache
@@ -154,9 +156,9 @@ def _layout(name: str, table: dict[str, Any]) -> MotorLayout:
 
 def ardupilot_layout(frame_class: int, frame_type: int) -> MotorLayout | None:
     """Return the layout of ArduPilot's FRAME_CLASS and FRAME_TYPE; None if unknown."""
-    for wanted in (frame_type, -1):
+    for number in (frame_type, -1):
         for layout in motor_layouts().values():
-            if (frame_class, wanted) in layout.ardupilot:
+            if (frame_class, number) in layout.ardupilot:
                 return layout
     return None
 

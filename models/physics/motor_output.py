@@ -24,7 +24,7 @@ from thrustmargin.models.provenance import NOT_REPORTED, Meaning, Provenance
 #: ArduPilot's defaults; the exponent is that of most propellers, so PX4 without a factor has it too
 USUAL_EXPO, USUAL_SPIN_MIN, USUAL_SPIN_MAX = 0.65, 0.15, 0.95
 #: standard error of the curve's steepness, as a share: on the Quiver thrust rises 1.87 times as
-#: fast as output where its own MOT_THST_EXPO says 2.2. Twice that where no parameter sets a curve.
+#: fast as output where its own MOT_THST_EXPO gives 2.2. Twice that where no parameter sets a curve.
 STEEPNESS_SET, STEEPNESS_ASSUMED = 0.15, 0.3
 _CURVE_FIELDS = ("expo", "low", "high", "is_thrust_factor", "steepness_error")
 _LEAST = 0.01  # share of full thrust below which the curve is not used
@@ -65,14 +65,14 @@ class OutputCurve:
         return np.where((c > 0.0) & (share > _LEAST), share, np.nan)
 
 
-def curve_of(made: Provenance, outputs: Provenance) -> OutputCurve:
-    """Return the curve by which `made` was made from motor outputs, else the default one for
+def curve_of(speeds: Provenance, outputs: Provenance) -> OutputCurve:
+    """Return the curve by which `speeds` was made from motor outputs, else the default one for
     `outputs`."""
-    numbers = dict(made.numbers)
+    numbers = dict(speeds.numbers)
     if not numbers.keys() >= {*_CURVE_FIELDS}:
         return output_curve({}, outputs)
     known = {name: numbers[name] for name in _CURVE_FIELDS}
-    return OutputCurve(described=made.words, **known)
+    return OutputCurve(described=speeds.words, **known)
 
 
 def output_curve(parameters: Mapping[str, float], source: Provenance = NOT_REPORTED) -> OutputCurve:

@@ -39,7 +39,7 @@ def battery_resistance(
     solved, _, rank, _ = np.linalg.lstsq(design, volts, rcond=1e-9)
     if rank < 4:
         return nothing
-    left = volts - design @ solved
-    spread = float(left @ left) / (volts.size - 4)
+    remaining = volts - design @ solved
+    spread = float(remaining @ remaining) / (volts.size - 4)
     error = float(np.sqrt(spread * np.linalg.inv(design.T @ design)[3, 3]))
     return float(solved[3]), error

@@ -98,17 +98,17 @@ def moving_mean(time_s: Floats, values: Floats, span: float) -> Floats:
         return values
     width = max(1, round(span / row_step(time_s)))
     known = np.isfinite(values)
-    total = running_mean(np.where(known, values, 0.0), width, beyond="constant")
-    share = running_mean(known.astype(float), width, beyond="constant")
+    total = running_mean(np.where(known, values, 0.0), width, padding="constant")
+    share = running_mean(known.astype(float), width, padding="constant")
     return np.where(share > 0.5 / width, total / np.maximum(share, 1e-9), np.nan)
 
 
-def running_mean(values: Floats, width: int, *, beyond: _Beyond = "symmetric") -> Floats:
-    """Return means (T, ...) over `width` rows about each; `beyond` is the mode of `np.pad` at
+def running_mean(values: Floats, width: int, *, padding: _Beyond = "symmetric") -> Floats:
+    """Return means (T, ...) over `width` rows about each; `padding` is the mode of `np.pad` at
     the ends."""
     if not len(values):
         return values
-    total = np.cumsum(_pad(values, width // 2, (width - 1) // 2, beyond), axis=0)
+    total = np.cumsum(_pad(values, width // 2, (width - 1) // 2, padding), axis=0)
     total[width:] -= total[:-width].copy()
     return total[width - 1 :] / width
 
@@ -125,6 +125,6 @@ def median_of_five(values: Floats) -> Floats:
     return np.maximum(least, np.minimum(high, e, out=high), out=high)
 
 
-def _pad(values: Floats, before: int, after: int, beyond: _Beyond) -> Floats:
+def _pad(values: Floats, before: int, after: int, padding: _Beyond) -> Floats:
     """Pad the first axis by `before` and `after` rows."""
-    return np.pad(values, [(before, after)] + [(0, 0)] * (values.ndim - 1), beyond)
+    return np.pad(values, [(before, after)] + [(0, 0)] * (values.ndim - 1), padding)

@@ -78,9 +78,9 @@ def fit_hover(tracks: Sequence[FlightTrack], airframe: Airframe) -> HoverFit:
         air = track_air(track)
         airs.append(air)
         density = air.density
-        carried = airframe.empty_mass + track.measured("tank_kg")
+        masses = airframe.empty_mass + track.measured("tank_kg")
         upright = np.cos(track.attitude[:, 0]) * np.cos(track.attitude[:, 1])
-        weight = carried * G0 / upright
+        weight = masses * G0 / upright
         squares = airframe.rotor_effectiveness * track.rotor_speed_rpm**2
         use = hover_rows(track) & np.isfinite(weight) & np.isfinite(density)
         use &= np.all(track.rotor_speed_rpm > 0.0, axis=1)
@@ -126,16 +126,16 @@ def fit_hover(tracks: Sequence[FlightTrack], airframe: Airframe) -> HoverFit:
             )
         return np.array(means, dtype=np.float64).mean(axis=0)
 
-    found = jackknife(figures, block)
+    estimates = jackknife(figures, block)
     rotors = airframe.rotor_count
     return HoverFit(
-        coefficient=found[0],
+        coefficient=estimates[0],
         reference_density=reference,
         density_error=float(np.median(airs[int(hovered[0])].density_error)),
         air=airs[int(hovered[0])].basis,
-        trim=tuple(found[1 : 1 + rotors]),
-        load_place=(found[1 + rotors], found[2 + rotors]),
-        yaw_split=found[3 + rotors],
+        trim=tuple(estimates[1 : 1 + rotors]),
+        load_place=(estimates[1 + rotors], estimates[2 + rotors]),
+        yaw_split=estimates[3 + rotors],
         flights=tuple(tracks[int(number)].name for number in hovered),
         rows=len(table),
     )
@@ -169,7 +169,7 @@ class BenchFit:
     """The fit of a bench table of a motor with its propeller; NaN where the table has no data."""
 
     coefficient: Estimate  # N/rpm² in the air of the bench
-    exponent: Estimate  # n of T = b N^n; 2 where the first form holds
+    exponent: Estimate  # n of T = b N^n; 2 where the first form applies
     r2: float
     points: int
     left_out: tuple[int, ...]  # excluded rows, from 0

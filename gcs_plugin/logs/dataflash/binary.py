@@ -33,33 +33,33 @@ def dataflash_boots(path: Path, *, vehicle: int | None = None) -> Iterator[Recor
 
     Raise LogError if no message is found, or `vehicle` is not the one in the log.
     """
-    yield from boots_of(path, "DataFlash", **_found(path), vehicle=vehicle)
+    yield from boots_of(path, "DataFlash", **_scanned_messages(path), vehicle=vehicle)
 
 
-def _found(path: Path) -> dict[str, Any]:
+def _scanned_messages(path: Path) -> dict[str, Any]:
     """Return the arguments of `boots_of` for a file, so that its bytes are freed before tables
     are made.
     """
     data, size = read_bytes(path, PADDING)
-    found = scan(data, size)
-    if found.start.size == 0 or len(found.formats) < 2:
+    scanned = scan(data, size)
+    if scanned.start.size == 0 or len(scanned.formats) < 2:
         raise NotThisFormat(
             f"{path.name}: no DataFlash message in {size} bytes; is its start missing?"
         )
-    if any(f.name == "TIME" and f.columns == ("StartTime",) for f in found.formats.values()):
+    if any(f.name == "TIME" and f.columns == ("StartTime",) for f in scanned.formats.values()):
         raise LogError(
             f"{path.name}: a log of PX4 from before 2016 (sdlog2, .px4log), whose messages are not "
             "known here; PX4 since version 1.4 writes .ulg, which is read: fly again with it"
         )
-    clock = _clock(found)
+    clock = _clock(scanned)
     messages: dict[str, Messages] = {}
     for name in (*MESSAGES, *UNITS_OF):
-        rows, form = found.rows_of(name)
+        rows, form = scanned.rows_of(name)
         if form is not None and rows.size:
-            table = found.table(rows, form)
-            messages[name] = Messages(form, table, clock[rows], found.start[rows])
-    start, skipped, timed = found.start, found.skipped, np.isfinite(clock)
-    del data, found  # before more is made of them
+            table = scanned.table(rows, form)
+            messages[name] = Messages(form, table, clock[rows], scanned.start[rows])
+    start, skipped, timed = scanned.start, scanned.skipped, np.isfinite(clock)
+    del data, scanned  # before their memory is needed
     return {
         "messages": messages,
         "times": Times(clock[timed], start[timed]),
@@ -69,30 +69,30 @@ def _found(path: Path) -> dict[str, Any]:
     }
 
 
-def _clock(found: FoundMessages) -> Floats:
+def _clock(messages: FoundMessages) -> Floats:
     """Return the time (n,), s since boot, of each message, NaN if it has none or a damaged one.
 
     In logs from before 2015, most of whose messages have none, it is interpolated.
     """
-    clock = np.full(found.start.size, np.nan)
+    clock = np.full(messages.start.size, np.nan)
     # Where in a message of each type its clock is, by what it is written as; 0 in all others.
     offsets: dict[tuple[str, float], Bytes] = {}
-    for number, form in found.formats.items():
+    for number, form in messages.formats.items():
         if (own := own_clock(form.columns)) is not None:
-            at = form.columns.index(own[0])
-            *before, kind = (LETTERS[letter][0] for letter in form.letters[: at + 1])
+            column = form.columns.index(own[0])
+            *before, kind = (LETTERS[letter][0] for letter in form.letters[: column + 1])
             if kind in ("<u8", "<i8", "<u4"):
                 offset = offsets.setdefault((kind, own[1]), np.zeros(256, dtype=np.uint8))
                 offset[number] = 3 + sum(np.dtype(one).itemsize for one in before)
     for (kind, unit), offset in offsets.items():
-        place = offset[found.type]
+        place = offset[messages.type]
         timed = place > 0
-        start = found.start[timed]
+        start = messages.start[timed]
         start += place[timed]
-        own_s = gather(found.data, start, np.dtype(kind).itemsize).view(kind).ravel() * unit
+        own_s = gather(messages.data, start, np.dtype(kind).itemsize).view(kind).ravel() * unit
         del start
         clock[timed] = without_leaps(own_s)
-    old = not any(form.columns[:1] == ("TimeUS",) for form in found.formats.values())
+    old = not any(form.columns[:1] == ("TimeUS",) for form in messages.formats.values())
     return filled_clock(clock) if old else clock
 
 
@@ -100,8 +100,8 @@ def _likeness(begins: Beginning) -> float:
     if begins.text is not None:
         return 0.0
     # In a quarter of the time that `count` takes of a megabyte.
-    found = re.findall(re.escape(FMT_HEAD), begins.head)
-    described = len(found) >= 3 or begins.suffix in FORMAT.suffixes
+    heads = re.findall(re.escape(FMT_HEAD), begins.head)
+    described = len(heads) >= 3 or begins.suffix in FORMAT.suffixes
     return 0.8 if described else 0.2
 
 

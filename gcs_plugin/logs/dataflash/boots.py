@@ -62,7 +62,7 @@ class Messages(NamedTuple):
     clock_s: Floats  # since boot; NaN unknown
     place: Index  # offset in the file
 
-    def between(self, first: int, end: int) -> Messages:
+    def slice(self, first: int, end: int) -> Messages:
         """Return the messages from byte `first` up to `end`; of a type with a clock, those with
         a time.
         """
@@ -97,7 +97,7 @@ def boots_of(
     in the log.
     """
     in_text = format_name != "DataFlash"
-    units = Units.of(lambda name: messages[name].table if name in messages else None)
+    units = Units.from_tables(lambda name: messages[name].table if name in messages else None)
     parts = stretches(times.clock_s, path.name)
 
     quality = LogQuality(
@@ -109,23 +109,23 @@ def boots_of(
     # What has no time of its own, between two starts, belongs to the later one.
     ends = [*(int(times.place[part.last]) + 1 for part in parts[:-1]), size]
     for part, (first, end) in zip(parts, pairwise([0, *ends]), strict=True):
-        found = {n: messages[n].between(first, end) for n in MESSAGES if n in messages}
-        made = {name: _stream(own, units, in_text=in_text) for name, own in found.items()}
-        streams = {name: stream for name, stream in made.items() if stream is not None}
+        of_boot = {n: messages[n].slice(first, end) for n in MESSAGES if n in messages}
+        of_messages = {name: _stream(own, units, in_text=in_text) for name, own in of_boot.items()}
+        streams = {name: stream for name, stream in of_messages.items() if stream is not None}
         gaps = pauses(times.clock_s[part.first : part.last + 1])
         yield _recording_of(path, format_name, streams, replace(quality, gaps=gaps), vehicle)
 
 
-def _stream(found: Messages, units: Units, *, in_text: bool) -> Stream | None:
+def _stream(messages: Messages, units: Units, *, in_text: bool) -> Stream | None:
     """Return the messages as a Stream; None if they have no time, or lack a required column."""
-    name = found.form.name
-    scale, label = units.describe(found.form, text=in_text)
-    if not found.place.size or any(column not in scale for column in REQUIRED.get(name, ())):
+    name = messages.form.name
+    scale, label = units.describe(messages.form, text=in_text)
+    if not messages.place.size or any(column not in scale for column in REQUIRED.get(name, ())):
         return None
     # A damaged description can hide a message's time; parameters and missions need none.
-    if name not in _TIMELESS and not np.isfinite(found.clock_s).all():
+    if name not in _TIMELESS and not np.isfinite(messages.clock_s).all():
         return None
-    return Stream(found.clock_s, DataFlashColumns(found.table, scale, label))
+    return Stream(messages.clock_s, DataFlashColumns(messages.table, scale, label))
 
 
 def _recording_of(

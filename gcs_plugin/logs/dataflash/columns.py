@@ -103,7 +103,7 @@ class Units:
     of_type: Mapping[int, tuple[str, str]] = field(default_factory=dict)  # (unit ids, mult ids)
 
     @classmethod
-    def of(cls, table: Callable[[str], NDArray[np.void] | None]) -> Units:
+    def from_tables(cls, table: Callable[[str], NDArray[np.void] | None]) -> Units:
         """Return the units that a log states; `table` returns the messages of a name, None if
         absent.
 
@@ -111,10 +111,10 @@ class Units:
         """
 
         def rows(name: str, *columns: str) -> Iterator[tuple[Any, ...]]:
-            found = table(name)
-            if found is None or not set(columns) <= set(found.dtype.names or ()):
+            records = table(name)
+            if records is None or not set(columns) <= set(records.dtype.names or ()):
                 return iter(())
-            return zip(*(found[c] for c in columns), strict=True)
+            return zip(*(records[c] for c in columns), strict=True)
 
         return cls(
             {int(i) & 0xFF: printable(text) for i, text in rows("UNIT", "Id", "Label")},
@@ -139,7 +139,7 @@ class Units:
         for name, letter, code in zip(form.columns, form.letters, codes, strict=False):
             scale[name] = 1.0 if text else LETTERS[letter][1]
             if letter not in SCALED_LETTERS and label.get(name, "") not in NO_UNIT:
-                # 0 stands for "no multiplier".
+                # 0 means "no multiplier".
                 scale[name] = self.factor.get(ord(code) & 0xFF, 1.0) or 1.0
             if name in _HUNDREDTHS.get(form.name, ()) and letter in "hHiI":
                 scale[name] = 0.01

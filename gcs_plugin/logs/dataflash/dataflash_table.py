@@ -25,7 +25,7 @@ from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
 _SMOOTHED = "smoothed by the autopilot's slew limit"
 _PLACE, _WARM = ("latlon deg", "latlon deg", "m"), Meaning.BOARD_TEMPERATURE
-#: Preferred sources first. `unit` holds where the log states none; `index` and `only` apply where
+#: Preferred sources first. `unit` is used where the log states none; `index` and `only` apply where
 #: the log has that column (older logs number their sensors by message name).
 RULES: tuple[Rule, ...] = (
     Rule("ATT", ("Roll", "Pitch", "Yaw"), "attitude", "deg"),
@@ -104,7 +104,7 @@ _BEFORE = {18: _IN_AIR, 28: _ON_GROUND}
 _ARMING = {10: 1.0, 11: 0.0}
 
 
-def _of(message: str, *fields: str) -> Provenance:
+def _source(message: str, *fields: str) -> Provenance:
     return Provenance(kind=SourceKind.MESSAGE, name=message, fields=fields)
 
 
@@ -144,9 +144,9 @@ def without_monitors_off(
                 monitor = f"BATT{number + 1 if number else ''}_MONITOR"
                 if (kind := whole_number(parameters, monitor)) in off:
                     kept[name] = tuple(s for s in kept[name] if s is not signal)
-                    said = f"{monitor} {kind} measures no {channel}"
-                    unused[channel] = f"in the log ({signal.source.words}), not used: {said}"
-    return {name: found for name, found in kept.items() if found}, unused
+                    words = f"{monitor} {kind} measures no {channel}"
+                    unused[channel] = f"in the log ({signal.source.words}), not used: {words}"
+    return {name: sources for name, sources in kept.items() if sources}, unused
 
 
 def columns_of(stream: Stream) -> DataFlashColumns:
@@ -170,14 +170,14 @@ def _by_rule(rule: Rule, streams: Mapping[str, Stream]) -> list[Signal]:
         number = 0 if rule.channel.startswith(("battery_", "esc_")) else None
         return [ordered_signal(rule.channel, rule.source, stream.time_s, values, number)]
     numbers = columns.number(rule.index)
-    made = []
+    signals = []
     for number in _real_numbers(numbers):
         if rule.only in (None, number):
             rows, battery = numbers == number, rule.channel.startswith("battery_")
             source = rule.source.of_instance(number if battery else None)
             one = stream.time_s[rows], values[rows], number
-            made.append(ordered_signal(rule.channel, source, *one))
-    return made
+            signals.append(ordered_signal(rule.channel, source, *one))
+    return signals
 
 
 def _in_hundredths(rate: Floats, streams: Mapping[str, Stream]) -> bool:
@@ -198,9 +198,9 @@ def _in_hundredths(rate: Floats, streams: Mapping[str, Stream]) -> bool:
 
 def _real_numbers(numbers: Floats) -> list[int]:
     """Return the distinct source numbers without those of a few damaged rows."""
-    found, counts = np.unique(numbers[np.isfinite(numbers)], return_counts=True)
+    distinct, counts = np.unique(numbers[np.isfinite(numbers)], return_counts=True)
     common = counts >= 0.02 * counts.max() if counts.size else counts > 0
-    return [int(n) for n in found[common] if 0 <= n < _MOST_SOURCES and n == int(n)]
+    return [int(n) for n in distinct[common] if 0 <= n < _MOST_SOURCES and n == int(n)]
 
 
 def _rangefinder_good(columns: DataFlashColumns) -> np.ndarray:
@@ -239,14 +239,16 @@ def _wind(streams: Mapping[str, Stream]) -> list[Signal]:
     name, air = core
     north, east = (columns_of(air).si(column, "m/s") for column in ("VWN", "VWE"))
     wind = np.stack([north, east, np.zeros(north.size)], axis=-1)
-    source = _of(name, "VWN", "VWE").remarked("EKF", "level")
+    source = _source(name, "VWN", "VWE").remarked("EKF", "level")
     return [ordered_signal("wind_ned", source, air.time_s, wind)] if np.any(wind) else []
 
 
 def _servos(stream: Stream) -> list[Signal]:
-    columns, source = columns_of(stream), replace(_of("RCOU"), unit="us")
-    found = ([n for c in ("C", "Ch", "Chan") if (n := f"{c}{k}") in columns] for k in range(1, 17))
-    outputs = [columns.number(names[0]) for names in takewhile(bool, found)]
+    columns, source = columns_of(stream), replace(_source("RCOU"), unit="us")
+    servo_columns = (
+        [n for c in ("C", "Ch", "Chan") if (n := f"{c}{k}") in columns] for k in range(1, 17)
+    )
+    outputs = [columns.number(names[0]) for names in takewhile(bool, servo_columns)]
     if not outputs:
         return []
     return [ordered_signal("servo_us", source, stream.time_s, np.stack(outputs, axis=-1))]
@@ -255,13 +257,13 @@ def _servos(stream: Stream) -> list[Signal]:
 def _named(stream: Stream) -> list[Signal]:
     columns = columns_of(stream)
     names, values = np.array(columns.texts("Name")), columns.number("Value")
-    made = []
+    signals = []
     for name in np.unique(names):
         rows = names == name
         time_s = stream.time_s[rows]
-        source = _of("NVF", str(name))
-        made.append(ordered_signal("named_value", source, time_s, values[rows], str(name)))
-    return made
+        source = _source("NVF", str(name))
+        signals.append(ordered_signal("named_value", source, time_s, values[rows], str(name)))
+    return signals
 
 
 def _landed(stream: Stream) -> list[Signal]:
@@ -272,7 +274,7 @@ def _landed(stream: Stream) -> list[Signal]:
     reported = np.isfinite(state)
     if not np.any(state == _IN_AIR):
         return []
-    source = _of("EV", "Id").remarked("28 not landed, 18 landed")
+    source = _source("EV", "Id").remarked("28 not landed, 18 landed")
     signal = ordered_signal("landed", source, stream.time_s[reported], state[reported])
     # Of a change: before the first of them it was the other. Who is disarmed may have stood.
     before = _BEFORE.get(int(number[reported][0]))
@@ -289,7 +291,7 @@ def _armed(streams: Mapping[str, Stream]) -> list[Signal]:
     A crash check disarms, and whoever is armed again was disarmed before, whether or not the log
     goes on while disarmed.
     """
-    made = []
+    signals = []
     crashed_s = _crash_checks(streams)
     for name, column, meaning in (("ARM", "ArmState", None), ("EV", "Id", _ARMING)):
         if name not in streams:
@@ -298,21 +300,21 @@ def _armed(streams: Mapping[str, Stream]) -> list[Signal]:
         state = (number > 0).astype(np.float64)
         if meaning is not None:
             state = np.array([meaning.get(int(n), np.nan) for n in np.nan_to_num(number)])
-        said = np.isfinite(state)
-        if not said.any():
+        reported = np.isfinite(state)
+        if not reported.any():
             continue
-        time_s = np.append(streams[name].time_s[said], crashed_s)
-        values = np.append(state[said], np.zeros(crashed_s.size))
-        signal = ordered_signal("armed", _of(name, column), time_s, values)
-        again = np.flatnonzero((signal.values[1:] > 0) & (signal.values[:-1] > 0)) + 1
-        before_s = np.nextafter(signal.time_s[again], -np.inf)
-        made.append(
+        time_s = np.append(streams[name].time_s[reported], crashed_s)
+        values = np.append(state[reported], np.zeros(crashed_s.size))
+        signal = ordered_signal("armed", _source(name, column), time_s, values)
+        rearmed = np.flatnonzero((signal.values[1:] > 0) & (signal.values[:-1] > 0)) + 1
+        before_s = np.nextafter(signal.time_s[rearmed], -np.inf)
+        signals.append(
             signal._replace(
-                time_s=np.append(-np.inf, np.insert(signal.time_s, again, before_s)),
-                values=np.append(1.0 - signal.values[0], np.insert(signal.values, again, 0.0)),
+                time_s=np.append(-np.inf, np.insert(signal.time_s, rearmed, before_s)),
+                values=np.append(1.0 - signal.values[0], np.insert(signal.values, rearmed, 0.0)),
             )
         )
-    return made
+    return signals
 
 
 def _crash_checks(streams: Mapping[str, Stream]) -> Floats:

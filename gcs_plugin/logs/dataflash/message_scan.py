@@ -127,8 +127,8 @@ def scan(data: Bytes, size: int) -> FoundMessages:
 def _heads(data: Bytes, size: int, low: int) -> Index:
     """Return the offsets of A3 95 in one chunk."""
     part = data[low : min(low + _CHUNK + 1, size)]
-    found = np.flatnonzero((part[:-1] == HEAD[0]) & (part[1:] == HEAD[1]))
-    return found.astype(np.int64) + low
+    heads = np.flatnonzero((part[:-1] == HEAD[0]) & (part[1:] == HEAD[1]))
+    return heads.astype(np.int64) + low
 
 
 def _formats(data: Bytes, start: Index) -> dict[int, Format]:
@@ -136,7 +136,9 @@ def _formats(data: Bytes, start: Index) -> dict[int, Format]:
     own = make_format(FMT_TYPE, FMT_LENGTH, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")
     assert own is not None
     formats: dict[int, Format] = {}
-    for body in dict.fromkeys(data[at : at + FMT_LENGTH].tobytes() for at in start.tolist()):
+    for body in dict.fromkeys(
+        data[begin : begin + FMT_LENGTH].tobytes() for begin in start.tolist()
+    ):
         row = np.frombuffer(body, own.dtype)[0]
         form = make_format(
             int(row["Type"]),
@@ -158,12 +160,13 @@ def _torn_tail(data: Bytes, size: int, lengths: NDArray[np.int64]) -> int:
     none.
     """
     longest = int(lengths.max(initial=0))
-    for at in range(max(size - longest, 0), size):
-        head = data[at : min(at + 2, size)].tolist()
+    for begin in range(max(size - longest, 0), size):
+        head = data[begin : min(begin + 2, size)].tolist()
         if head == list(HEAD[: len(head)]) and (
-            at + 2 >= size or (lengths[data[at + 2]] > 0 and at + int(lengths[data[at + 2]]) > size)
+            begin + 2 >= size
+            or (lengths[data[begin + 2]] > 0 and begin + int(lengths[data[begin + 2]]) > size)
         ):
-            return at
+            return begin
     return size
 
 
@@ -180,19 +183,19 @@ def _chain(start: Index, end: Index, size: int, *, torn: int) -> NDArray[np.bool
     ends = (torn, size)
     follows = np.append(end[:-1] == start[1:], end[-1] in ends)
     breaks = np.flatnonzero(~follows)
-    at = 0
-    while at < count:
+    begin = 0
+    while begin < count:
         # All candidates up to the next break have their successor right behind them.
-        place = int(np.searchsorted(breaks, at))
+        place = int(np.searchsorted(breaks, begin))
         last = int(breaks[place]) if place < breaks.size else count
-        keep[at:last] = True
+        keep[begin:last] = True
         if last >= count:
             break
         # The break itself counts when its successor comes after chance candidates in its body.
         after = int(np.searchsorted(start, end[last]))
         if (after < count and start[after] == end[last]) or end[last] in ends:
             keep[last] = True
-            at = max(after, last + 1)
+            begin = max(after, last + 1)
         else:
-            at = last + 1
+            begin = last + 1
     return keep

@@ -44,24 +44,24 @@ def dataflash_text_boots(path: Path, *, vehicle: int | None = None) -> Iterator[
         raise LogError(f"{path.name}: no FMT line describes a message; is it an ArduPilot .log?")
     messages: dict[str, Messages] = {}
     for name, cells in lines.cells.items():
-        form, at = lines.formats[name], np.array(lines.offsets[name])
+        form, offsets = lines.formats[name], np.array(lines.offsets[name])
         table, good = _table(form, cells)
-        lines.skipped += [(int(at[i]), len(",".join(cells[i]))) for i in np.flatnonzero(~good)]
+        lines.skipped += [(int(offsets[i]), len(",".join(cells[i]))) for i in np.flatnonzero(~good)]
         clock, scale = own_clock(form.columns) or ("", 0.0)
         clock_s = table[clock] * scale if clock else np.full(len(table), np.nan)
-        messages[name] = Messages(form, table, clock_s, at[good])
+        messages[name] = Messages(form, table, clock_s, offsets[good])
         lines.kept -= int(np.sum(~good))
-    found = messages.values()
-    place = np.concatenate([np.empty(0, np.int64), *(one.place for one in found)])
+    streams = messages.values()
+    place = np.concatenate([np.empty(0, np.int64), *(one.place for one in streams)])
     order = np.argsort(place, kind="stable")
-    clocks = np.concatenate([np.empty(0), *(one.clock_s for one in found)])[order]
+    clocks = np.concatenate([np.empty(0), *(one.clock_s for one in streams)])[order]
     timed = np.isfinite(clocks)
     clocks[timed] = without_leaps(clocks[timed])
-    if not any("TimeUS" in one.form.columns for one in found):
+    if not any("TimeUS" in one.form.columns for one in streams):
         clocks = filled_clock(clocks)
     of_message = np.empty_like(clocks)
     of_message[order] = clocks
-    parts = np.split(of_message, np.cumsum([one.place.size for one in found]))  # one more: empty
+    parts = np.split(of_message, np.cumsum([one.place.size for one in streams]))  # one more: empty
     named = zip(messages.items(), parts, strict=False)
     messages = {name: one._replace(clock_s=clock_s) for (name, one), clock_s in named}
     known = np.isfinite(clocks)
@@ -78,8 +78,8 @@ def dataflash_text_boots(path: Path, *, vehicle: int | None = None) -> Iterator[
 
 
 def _lines(text: bytes) -> _Lines:
-    found = _Lines()
-    wanted = {*MESSAGES, *UNITS_OF}
+    scanned = _Lines()
+    needed = {*MESSAGES, *UNITS_OF}
     end = 0
     for line in text.splitlines(keepends=True):
         begin, end = end, end + len(line)
@@ -88,22 +88,22 @@ def _lines(text: bytes) -> _Lines:
         if name == "FMT":
             form = _format(rest)
             if form is not None:
-                found.formats.setdefault(form.name, form)
-                found.kept += 1
+                scanned.formats.setdefault(form.name, form)
+                scanned.kept += 1
                 continue
-        form = found.formats.get(name)
+        form = scanned.formats.get(name)
         cells = []
         if form is not None:
             cells = rest.decode("utf-8", "replace").split(",", max(len(form.columns) - 1, 0))
         if form is None or len(cells) != len(form.columns):
             if line.strip():
-                found.skipped.append((begin, len(line)))
+                scanned.skipped.append((begin, len(line)))
             continue
-        found.kept += 1
-        if name in wanted:
-            found.cells.setdefault(name, []).append([cell.strip() for cell in cells])
-            found.offsets.setdefault(name, []).append(begin)
-    return found
+        scanned.kept += 1
+        if name in needed:
+            scanned.cells.setdefault(name, []).append([cell.strip() for cell in cells])
+            scanned.offsets.setdefault(name, []).append(begin)
+    return scanned
 
 
 def _format(rest: bytes) -> Format | None:

@@ -101,7 +101,7 @@ def cover(
         pump=output,
         px4=px4,
     )
-    found = cover_field(
+    coverage = cover_field(
         outline,
         order,
         obstacles=None if obstacles is None else read_field(obstacles, plane=outline.plane),
@@ -109,12 +109,12 @@ def cover(
         home=place,
     )
     for path in out:
-        write_plan(found.plan, path)
+        write_plan(coverage.plan, path)
     console = Terminal(soft_wrap=True)
-    for sentence in coverage_words(found):
+    for sentence in coverage_words(coverage):
         console.print(sentence)
     for path in out:
-        console.print(f"wrote {path}: {len(found.plan.items)} items")
+        console.print(f"wrote {path}: {len(coverage.plan.items)} items")
 
 
 def _home(words: str) -> tuple[float, float, float]:

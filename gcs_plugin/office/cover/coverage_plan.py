@@ -178,27 +178,27 @@ class _Way:
             self._cross(self.points[-1], line[0])
         wet = shapely.LineString(line)
         parts = shapely.get_parts(wet if self.dry is None else shapely.difference(wet, self.dry))
-        along = (line[1] - line[0]) / np.hypot(*(line[1] - line[0]))
+        direction = (line[1] - line[0]) / np.hypot(*(line[1] - line[0]))
         spans = []
         for part in parts:
-            far = (shapely.get_coordinates(part) - line[0]) @ along
+            far = (shapely.get_coordinates(part) - line[0]) @ direction
             if far.size > 1 and np.ptp(far) >= SHORTEST:
                 spans.append((float(far.min()), float(far.max())))
-        at = 0.0
+        distance = 0.0
         length = float(np.hypot(*(line[1] - line[0])))
         for begin, end in sorted(spans):
             begin, end = max(begin, 0.0), min(end, length)
-            if begin - at > SHORTEST:
-                self._to(line[0] + along * at, on=False)
-            self._to(line[0] + along * begin, on=True)
-            self.stretches.append((line[0] + along * begin, line[0] + along * end))
-            self.transit += begin - at
-            at = end
-        if not spans or length - at > SHORTEST:
-            self._to(line[0] + along * at, on=False)
-            self.transit += length - at
-            at = length
-        self._to(line[0] + along * at, on=False)
+            if begin - distance > SHORTEST:
+                self._to(line[0] + direction * distance, on=False)
+            self._to(line[0] + direction * begin, on=True)
+            self.stretches.append((line[0] + direction * begin, line[0] + direction * end))
+            self.transit += begin - distance
+            distance = end
+        if not spans or length - distance > SHORTEST:
+            self._to(line[0] + direction * distance, on=False)
+            self.transit += length - distance
+            distance = length
+        self._to(line[0] + direction * distance, on=False)
 
     def _cross(self, start: Floats, end: Floats) -> None:
         """Append the corners of the shortest way from `start` (2,) to `end` (2,), pump off.

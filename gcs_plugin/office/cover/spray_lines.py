@@ -59,8 +59,8 @@ def lines_in_order(
         if part.area <= 0.0:
             continue
         heading = fewest_turns(part, swath) if heading_deg is None else heading_deg % 180.0
-        found, spacing = _cells(part, swath, heading)
-        cells += found
+        pieces, spacing = _cells(part, swath, heading)
+        cells += pieces
         headings.append(heading)
         spacings.append(spacing)
     if not cells:
@@ -81,8 +81,8 @@ def fewest_turns(part: shapely.Polygon, swath: float) -> float:
     corners = shapely.get_coordinates(rough)
     edge = np.diff(corners, axis=0)
     longest = edge[np.argsort(-np.hypot(*edge.T), kind="stable")][:TRIED_EDGES]
-    along = np.degrees(np.arctan2(longest[:, 0], longest[:, 1])) % 180.0
-    tried = np.unique(np.concatenate([along, np.arange(0.0, 180.0, TRIED_DEG)]).round(6))
+    headings = np.degrees(np.arctan2(longest[:, 0], longest[:, 1])) % 180.0
+    tried = np.unique(np.concatenate([headings, np.arange(0.0, 180.0, TRIED_DEG)]).round(6))
     widest = math.hypot(*np.ptp(corners, axis=0))
     coarse = max(swath, widest / TRIED_LINES)
 
@@ -137,10 +137,10 @@ def _pieces(
     edge = np.repeat(np.arange(met.size), met)
     line = np.arange(edge.size) - np.repeat(np.cumsum(met) - met, met) + first[edge]
     share = (across[line] - a[edge, 1]) / (b[edge, 1] - a[edge, 1])
-    along = a[edge, 0] + share * (b[edge, 0] - a[edge, 0])
+    positions = a[edge, 0] + share * (b[edge, 0] - a[edge, 0])
     # From left to right a line goes in and out in turn.
-    order = np.lexsort([along, line])
-    spans = np.column_stack([along[order][::2], along[order][1::2]])
+    order = np.lexsort([positions, line])
+    spans = np.column_stack([positions[order][::2], positions[order][1::2]])
     pieces: list[list[Floats]] = [[] for _ in range(count)]
     for k, (left, right) in zip(line[order][::2].tolist(), spans.tolist(), strict=True):
         if right - left >= SHORTEST:
@@ -188,17 +188,17 @@ def _tour(cells: Sequence[Sequence[Floats]], start: Floats) -> Floats:
     """
     # Corner k of a cell: from its first (0, 1) or last line (2, 3), at that line's start or end.
     corners = np.array([[c[0][0], c[0][1], c[-1][0], c[-1][1]] for c in cells])
-    left = np.ones(len(cells), dtype=np.bool_)
-    at, lines = np.asarray(start, dtype=np.float64), []
+    unvisited = np.ones(len(cells), dtype=np.bool_)
+    place, lines = np.asarray(start, dtype=np.float64), []
     for _ in cells:
-        far = np.hypot(*np.moveaxis(corners - at, -1, 0))
-        far[~left] = np.inf
+        far = np.hypot(*np.moveaxis(corners - place, -1, 0))
+        far[~unvisited] = np.inf
         cell, corner = map(int, np.unravel_index(int(np.argmin(far)), far.shape))
-        left[cell] = False
+        unvisited[cell] = False
         ordered = list(cells[cell]) if corner < 2 else list(cells[cell])[::-1]
         for k, line in enumerate(ordered):
             lines.append(line if (corner + k) % 2 == 0 else line[::-1])
-        at = lines[-1][1]
+        place = lines[-1][1]
     return np.array(lines)
 
 
@@ -241,11 +241,11 @@ class Detours:
         )
         if not np.isfinite(far[count + 1]):
             return None
-        found, at = [], int(before[count + 1])
-        while at != count:
-            found.append(corners[at])
-            at = int(before[at])
-        return np.array(found[::-1])
+        route, place = [], int(before[count + 1])
+        while place != count:
+            route.append(corners[place])
+            place = int(before[place])
+        return np.array(route[::-1])
 
     def _lengths(self, a: Floats, b: Floats) -> Floats:
         """Return distances (A, B), m, from each point of `a` to each of `b`; 0 where the line
@@ -261,21 +261,24 @@ class Detours:
 def _inner_corners(area: shapely.Geometry) -> Floats:
     """Return the corners (C, 2) that point into the area, at which a shortest way may turn."""
     simple, step = shapely.simplify(area, CLOSE), 0.25
-    while len(found := _reflex(simple)) > MOST_CORNERS:
+    while len(corners := _reflex(simple)) > MOST_CORNERS:
         simple = shapely.simplify(shapely.buffer(area, -step, join_style="mitre"), step)
         step *= 2.0
-    return found
+    return corners
 
 
 def _reflex(area: shapely.Geometry) -> Floats:
     """Return the reflex corners (C, 2) of an area, at which its inner angle exceeds 180°."""
-    found = [np.empty((0, 2))]
+    found_corners = [np.empty((0, 2))]
     for part in shapely.get_parts(area):
         if part.geom_type != "Polygon" or part.is_empty:
             continue
         whole = shapely.orient_polygons(part)  # the area is on the left of every ring
         for ring in (whole.exterior, *whole.interiors):
-            at = shapely.get_coordinates(ring)[:-1]
-            into, out = at - np.roll(at, 1, axis=0), np.roll(at, -1, axis=0) - at
-            found.append(at[into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0] < 0.0])
-    return np.concatenate(found)
+            corners = shapely.get_coordinates(ring)[:-1]
+            into, out = (
+                corners - np.roll(corners, 1, axis=0),
+                np.roll(corners, -1, axis=0) - corners,
+            )
+            found_corners.append(corners[into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0] < 0.0])
+    return np.concatenate(found_corners)

@@ -38,12 +38,12 @@ def better_logs(logs: Sequence[FlightLog]) -> list[int | None]:
     The one that counts knows pump and position for the longest time in the air.
     """
     best = sorted(range(len(logs)), key=lambda k: -_known_airborne_s(logs[k].track))
-    stands: list[int | None] = [None] * len(logs)
-    for at, k in enumerate(best):
-        stands[k] = next(
-            (o for o in best[:at] if stands[o] is None and _same_flight(logs[o], logs[k])), None
+    better: list[int | None] = [None] * len(logs)
+    for place, k in enumerate(best):
+        better[k] = next(
+            (o for o in best[:place] if better[o] is None and _same_flight(logs[o], logs[k])), None
         )
-    return stands
+    return better
 
 
 def _known_airborne_s(track: FlightTrack) -> float:
@@ -75,22 +75,22 @@ def _same_flight(one: FlightLog, other: FlightLog) -> bool:
     times = np.arange(begin, end, STEP)
     here = _places_at(first, first.origin, times)
     shifts = np.arange(-CLOCKS_APART, CLOCKS_APART + STEP, STEP)
-    apart = [np.hypot(*(here - _places_at(second, first.origin, times + s)).T) for s in shifts]
-    met = any(np.nanmedian(a) < SAME_PLACE for a in apart if np.isfinite(a).any())
+    distance = [np.hypot(*(here - _places_at(second, first.origin, times + s)).T) for s in shifts]
+    met = any(np.nanmedian(a) < SAME_PLACE for a in distance if np.isfinite(a).any())
     return met and _speeds_and_tank_agree(first, second, (begin, end))
 
 
 def _speeds_and_tank_agree(
-    first: FlightTrack, second: FlightTrack, within: tuple[float, float]
+    first: FlightTrack, second: FlightTrack, interval: tuple[float, float]
 ) -> bool:
     """Return whether the median rotor speeds and gauge readings of two tracks agree in the air.
 
-    `within` are the first and the last Unix time, s. A value that one track lacks agrees.
+    `interval` are the first and the last Unix time, s. A value that one track lacks agrees.
     """
     speeds, tanks = [], []
     for track in (first, second):
         unix_s = track.time_s + (track.start_unix_s or 0.0)
-        rows = track.flying & (unix_s >= within[0]) & (unix_s <= within[1])
+        rows = track.flying & (unix_s >= interval[0]) & (unix_s <= interval[1])
         speeds.append(np.array([known_median(one) for one in track.rotor_speed_rpm[rows].T]))
         gauge = track.source("tank_kg").reported
         tanks.append(known_median(track.tank_kg[rows]) if gauge else np.nan)
@@ -310,10 +310,10 @@ def thrust_estimate(track: FlightTrack, airframe: Airframe) -> Liquid | None:
     if source.meaning is not Meaning.HOVER_THRUST:
         return None
     fall, error = _level_fall(shown)
-    within = NINETY * error
+    half_width = NINETY * error
     if not fall >= 0.0:
         return None
-    return Liquid(by="thrust", kg=fall, within_kg=within, source=source.words)
+    return Liquid(by="thrust", kg=fall, within_kg=half_width, source=source.words)
 
 
 def _level_fall(track: FlightTrack) -> tuple[float, float]:
@@ -338,27 +338,27 @@ def job_estimate(parts: Sequence[Liquid | None]) -> Liquid | None:
     if not known or len(known) < len(parts):
         return None
     kg = sum(part.kg for part in known)
-    within = float(np.hypot.reduce([part.within_kg for part in known]))
-    return replace(known[0], kg=kg, within_kg=within)
+    half_width = float(np.hypot.reduce([part.within_kg for part in known]))
+    return replace(known[0], kg=kg, within_kg=half_width)
 
 
-def differences(found: Sequence[Liquid]) -> list[dict[str, object]]:
+def differences(estimates: Sequence[Liquid]) -> list[dict[str, object]]:
     """Return a dict for each pair of estimates: `between`, `difference_kg`, `allowed_kg`, `agree`.
 
     The allowed difference is both intervals in quadrature, and AGREE_SHARE of the larger estimate.
     """
-    made: list[dict[str, object]] = []
-    for k, one in enumerate(found):
-        for other in found[k + 1 :]:
-            apart = other.kg - one.kg
+    differing: list[dict[str, object]] = []
+    for k, one in enumerate(estimates):
+        for other in estimates[k + 1 :]:
+            difference = other.kg - one.kg
             reach = float(np.hypot(one.within_kg, other.within_kg))
             reach += AGREE_SHARE * max(one.kg, other.kg)
-            made.append(
+            differing.append(
                 {
                     "between": [one.by, other.by],
-                    "difference_kg": apart,
+                    "difference_kg": difference,
                     "allowed_kg": reach,
-                    "agree": abs(apart) <= reach,
+                    "agree": abs(difference) <= reach,
                 }
             )
-    return made
+    return differing

@@ -48,11 +48,11 @@ class JobRule:
 def job_rules() -> Mapping[str, JobRule]:
     """Return the rules of rules.toml by name."""
     text = (resources.files(__package__ or "") / "rules.toml").read_text("utf-8")
-    found = {}
+    rules = {}
     for name, rule in tomllib.loads(text).items():
         items = tuple(RuleItem(**item) for item in rule.pop("items"))
-        found[name] = JobRule(name=name, items=items, **rule)
-    return found
+        rules[name] = JobRule(name=name, items=items, **rule)
+    return rules
 
 
 def open_items(rule: JobRule, known: Collection[str]) -> list[dict[str, Any]]:
@@ -77,8 +77,8 @@ def due_utc(rule: JobRule, finished: datetime | None) -> datetime | None:
 
 def required_fields(rules: Sequence[JobRule]) -> tuple[str, ...]:
     """Return the fields that the rules require unconditionally, each once, in their order."""
-    asked = [f for rule in rules for item in rule.items if not item.when for f in item.fields]
-    return tuple(dict.fromkeys(asked))
+    required = [f for rule in rules for item in rule.items if not item.when for f in item.fields]
+    return tuple(dict.fromkeys(required))
 
 
 SCHEMA = "thrustmargin.record/1"
@@ -160,45 +160,45 @@ def log_entries(
     `done` is the treated area, None if no pump was on. Local times are in `zone`, without one in
     this computer's, and state their offset.
     """
-    found: dict[str, Entry] = {}
+    entries: dict[str, Entry] = {}
     if done is not None and done.start_unix_s is not None and done.end_unix_s is not None:
         words = f"pump on: {done.pump.words}"
         first, last = (datetime.fromtimestamp(s, UTC) for s in (done.start_unix_s, done.end_unix_s))
         for name, when in (("start", first), ("finish", last)):
             local = when.astimezone(zone)
-            at = EntrySource.COMPUTER if zone is None else EntrySource.OPTION
+            time_source = EntrySource.COMPUTER if zone is None else EntrySource.OPTION
             whose = "zone of this computer" if zone is None else f"option --zone {zone}"
-            found[name] = _log_entry(value=utc_text(when), detail=words)
+            entries[name] = _log_entry(value=utc_text(when), detail=words)
             stamp = local.isoformat(timespec="seconds")
-            found[f"{name}_local"] = Entry(value=stamp, source=at, detail=whose)
+            entries[f"{name}_local"] = Entry(value=stamp, source=time_source, detail=whose)
         days = [when.astimezone(zone).date().isoformat() for when in (first, last)]
         day = " to ".join(dict.fromkeys(days))
-        found["date"] = _log_entry(value=day, detail=f"of start_local and finish_local; {words}")
+        entries["date"] = _log_entry(value=day, detail=f"of start_local and finish_local; {words}")
     if done is not None and np.isfinite(done.area):
         how = "spacing of the lines" if done.swath_from_lines else "option --swath"
         kind = EntrySource.LOG if done.swath_from_lines else EntrySource.OPTION
-        found["swath"] = Entry(value=done.field.swath_width, unit="m", source=kind, detail=how)
+        entries["swath"] = Entry(value=done.field.swath_width, unit="m", source=kind, detail=how)
         how = "track with the pump on by the swath; overlaps count once"
         name = "area"
         if not done.field.whole:
             name, lost = "area_at_least", f"{done.field.lost_s:.0f} of {done.field.sprayed_s:.0f} s"
             how += f"; no place or no word of the pump is known of {lost}"
-        found[name] = _computed_entry(value=done.area / HECTARE, unit="ha", detail=how)
+        entries[name] = _computed_entry(value=done.area / HECTARE, unit="ha", detail=how)
     if done is not None and done.inside is not None:
-        found["location"] = _log_entry(
+        entries["location"] = _log_entry(
             value="{:.6f}, {:.6f}".format(*done.inside),
             unit="° latitude, longitude, WGS 84",
             detail="a point of the area treated; its outline: applied.geojson",
         )
     if (wind := _wind(logs, done)) is not None:
-        found["wind"] = wind
+        entries["wind"] = wind
     if (air := _temperature(logs)) is not None:
-        found["temperature"] = air
+        entries["temperature"] = air
     serials = sorted({log.hardware_id for log in logs if log.hardware_id})
     if serials:
         detail = "of the autopilot, not of the aircraft"
-        found["autopilot_serial"] = _log_entry(value=", ".join(serials), detail=detail)
-    return found
+        entries["autopilot_serial"] = _log_entry(value=", ".join(serials), detail=detail)
+    return entries
 
 
 def _wind(logs: Sequence[FlightLog], done: Applied | None) -> Entry | None:
@@ -245,7 +245,7 @@ def field_entries(outline: FieldOutline, done: Applied | None) -> dict[str, Entr
     Raises DataError if nothing in the field was treated: it is then another job's field.
     """
     detail = outline.name
-    found = {
+    entries = {
         "field_area": Entry(
             value=outline.area.area / HECTARE, unit="ha", source=EntrySource.FILE, detail=detail
         )
@@ -258,8 +258,8 @@ def field_entries(outline: FieldOutline, done: Applied | None) -> dict[str, Entr
             )
         outside = ground.difference(outline.area).area / HECTARE
         how = "outline of the area treated, less the field"
-        found["area_outside_field"] = _computed_entry(value=outside, unit="ha", detail=how)
-    return found
+        entries["area_outside_field"] = _computed_entry(value=outside, unit="ha", detail=how)
+    return entries
 
 
 ACRE = 4046.8564224  # m²
@@ -276,8 +276,8 @@ def product_entries(rate: str, area_ha: float | None) -> dict[str, Entry]:
 
     Empty without an area. Raises DataError if the dose cannot be read, or in two ways.
     """
-    found = DOSE.fullmatch(rate)
-    if found is None or not (dose := float(found[1].replace(",", "."))) > 0.0:
+    match = DOSE.fullmatch(rate)
+    if match is None or not (dose := float(match[1].replace(",", "."))) > 0.0:
         raise DataError(f"--rate {rate!r:.40} is no dose; give one such as 1.5 L/ha or 8 fl oz/ac")
     if THOUSANDS.match(rate):
         raise DataError(
@@ -286,28 +286,30 @@ def product_entries(rate: str, area_ha: float | None) -> dict[str, Entry]:
         )
     if area_ha is None:
         return {}
-    amount = dose * (area_ha if found[3] == "ha" else area_ha * HECTARE / ACRE)
-    detail = f"{dose:g} {found[2]}/{found[3]} as stated, by the area treated"
-    return {"product_quantity": _computed_entry(value=amount, unit=found[2], detail=detail)}
+    amount = dose * (area_ha if match[3] == "ha" else area_ha * HECTARE / ACRE)
+    detail = f"{dose:g} {match[2]}/{match[3]} as stated, by the area treated"
+    return {"product_quantity": _computed_entry(value=amount, unit=match[2], detail=detail)}
 
 
 def liquid_entries(
-    found: Sequence[Liquid], density: float | None, area_ha: float | None
+    estimates: Sequence[Liquid], density: float | None, area_ha: float | None
 ) -> dict[str, Entry]:
-    """Return quantity and spray volume by the first estimate in `found`, the most direct one.
+    """Return quantity and spray volume by the first estimate in `estimates`, the most direct one.
 
     `density` is kg/L; without it the quantity is in kg. Empty without an estimate.
     """
-    if not found:
+    if not estimates:
         return {}
-    first = found[0]
+    first = estimates[0]
     detail = f"by {first.by}: {first.source}"
-    made = {"quantity_kg": _log_entry(value=first.kg, unit="kg", detail=detail)}
+    entries = {"quantity_kg": _log_entry(value=first.kg, unit="kg", detail=detail)}
     if density is None:
-        return {**made, "quantity": made["quantity_kg"]}
+        return {**entries, "quantity": entries["quantity_kg"]}
     litres = first.kg / density
-    made["quantity"] = _computed_entry(value=litres, unit="L", detail=f"{detail}; {density:g} kg/L")
+    entries["quantity"] = _computed_entry(
+        value=litres, unit="L", detail=f"{detail}; {density:g} kg/L"
+    )
     if area_ha:
-        by = "quantity over area"
-        made["spray_volume"] = _computed_entry(value=litres / area_ha, unit="L/ha", detail=by)
-    return made
+        basis = "quantity over area"
+        entries["spray_volume"] = _computed_entry(value=litres / area_ha, unit="L/ha", detail=basis)
+    return entries

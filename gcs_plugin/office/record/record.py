@@ -115,7 +115,7 @@ def record(
 ) -> int:
     """Write the record of a spraying job: what, where, how much, when, by whom.
 
-    Each field has its source. On a terminal it asks for what the rules ask for and nothing says;
+    Each field has its source. On a terminal it asks for what the rules require and nothing states;
     else it is listed as missing. Nothing is guessed.
 
     Example: thrustmargin record demo --product Water --rate "20 L/ha" --rule nsw --out job
@@ -197,7 +197,7 @@ def record(
             fields[name] = Entry(value=answer, source=EntrySource.TERMINAL)
             if name == "rate":
                 fields |= product_entries(answer, area_ha)
-    made = JobRecord(
+    job = JobRecord(
         made_utc=utc_text(),
         fields=fields,
         liquid=tuple(amounts),
@@ -207,8 +207,8 @@ def record(
         finished=_finish_time(fields),
     )
     out.mkdir(parents=True, exist_ok=True)
-    written = write_record(made, done, out)
-    data, screen = made.as_json(), Terminal(soft_wrap=True)
+    written = write_record(job, done, out)
+    data, screen = job.as_json(), Terminal(soft_wrap=True)
     for words in liquid_words(data["liquid"]["estimates"], data["liquid"]["differences"]):
         screen.print(f"liquid {words}")
     for words in missing_words(data["rules"]):
@@ -253,16 +253,16 @@ def counted_once(
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 
     logs = [log for _, log in flights]
-    kept, left = [], []
-    for flight, log, stands in zip(flights, logs, better_logs(logs), strict=True):
-        if stands is not None:
-            left.append(UnusedLog(name=log.name, reason=same_flight(logs[stands].name)))
+    kept, left_out = [], []
+    for flight, log, better in zip(flights, logs, better_logs(logs), strict=True):
+        if better is not None:
+            left_out.append(UnusedLog(name=log.name, reason=same_flight(logs[better].name)))
             continue
         kept.append(flight)
         others = [one for one in log.vehicles if one != log.vehicle]
         reasons = (other_vehicles(log.vehicle, others),) if others else ()
-        left += [UnusedLog(name=log.path.name, reason=r) for r in (*reasons, *log.unflown)]
-    return kept, list(dict.fromkeys(left))
+        left_out += [UnusedLog(name=log.path.name, reason=r) for r in (*reasons, *log.unflown)]
+    return kept, list(dict.fromkeys(left_out))
 
 
 def liquids(flights: list[tuple[FlightAnalysis, FlightLog]]) -> list[Liquid]:
@@ -304,10 +304,10 @@ def _with_pump_level(
 
     from thrustmargin.gcs_plugin.logs import read_sorties
 
-    made = []
+    sorties = []
     for analysis, log in flights:
         try:
-            again = read_sorties(
+            reread = read_sorties(
                 log.path,
                 airframe=analysis.model.airframe,
                 vehicle=log.vehicle,
@@ -316,10 +316,10 @@ def _with_pump_level(
             )
         except LogError:
             return []
-        if len(again) != log.sorties:
+        if len(reread) != log.sorties:
             return []
-        made.append((analysis, replace(log, track=again[log.sortie - 1].track)))
-    return made
+        sorties.append((analysis, replace(log, track=reread[log.sortie - 1].track)))
+    return sorties
 
 
 def _stated_fields(
@@ -336,7 +336,7 @@ def _stated_fields(
         "station": EntrySource.STATION,
         "forecast": EntrySource.FORECAST,
     }
-    made = {}
+    by_log = {}
     celsius = None if air_temperature_c is None else f"{air_temperature_c:g}"
     for name, value in (*asdict(stated).items(), ("temperature", celsius)):
         if value is None or not value.strip():
@@ -346,11 +346,11 @@ def _stated_fields(
         if len(value) > LONGEST:
             raise UsageError(f"{option} has {len(value)} letters; at most {LONGEST} can be printed")
         unit = "°C" if name == "temperature" else ""
-        made[name] = Entry(value=value.strip(), unit=unit, source=source, detail=option)
+        by_log[name] = Entry(value=value.strip(), unit=unit, source=source, detail=option)
     for name in ("aircraft_registration", "aircraft_serial"):
-        if name in made:  # a mark comes before a number
-            made.setdefault("aircraft", made[name])
-    return made
+        if name in by_log:  # a mark comes before a number
+            by_log.setdefault("aircraft", by_log[name])
+    return by_log
 
 
 def _ask(name: str) -> str:

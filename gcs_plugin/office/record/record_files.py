@@ -81,9 +81,9 @@ def csv_text(record: JobRecord) -> str:
         for item in rule["missing"]
         for name in item["fields"]
     ]
-    left = [("log", one.name, "", "left out", one.reason) for one in record.left_out]
+    left_out = [("log", one.name, "", "left out", one.reason) for one in record.left_out]
     return page_shell.csv_text(
-        ("field", "value", "unit", "source", "detail"), known + left + missing
+        ("field", "value", "unit", "source", "detail"), known + left_out + missing
     )
 
 
@@ -99,12 +99,12 @@ def html_text(record: JobRecord) -> str:
     liquid = "".join(f"<li>{escape(words)}</li>" for words in amounts)
     missing = "".join(f"<li>{escape(words)}</li>" for words in missing_words(data["rules"]))
     open_items = f"<h2>What rules ask for and nothing says</h2><ul>{missing}</ul>"
-    left = "".join(f"<li>{escape(f'{one.name}: {one.reason}')}</li>" for one in record.left_out)
-    left = left and f"<h2>{LEFT_OUT}</h2><ul>{left}</ul>"
+    left_out = "".join(f"<li>{escape(f'{one.name}: {one.reason}')}</li>" for one in record.left_out)
+    left_out = left_out and f"<h2>{LEFT_OUT}</h2><ul>{left_out}</ul>"
     return (
         "<h1>Record of a spraying job</h1>"
         f"<p>made {escape(record.made_utc)}, of {escape(', '.join(record.logs))}</p>"
-        f"{left}<h2>Fields</h2><table><tr><th>field</th><th>value</th><th>from</th></tr>"
+        f"{left_out}<h2>Fields</h2><table><tr><th>field</th><th>value</th><th>from</th></tr>"
         f"{rows}</table><h2>Liquid</h2><ul>{liquid}</ul>"
         f"{open_items if data['rules'] else f'<p>{NO_RULE}</p>'}"
     )

@@ -78,21 +78,21 @@ def other_vehicles(chosen: int, others: Sequence[int]) -> str:
 
 
 def liquid_words(
-    estimates: list[Mapping[str, Any]], apart: list[Mapping[str, Any]]
+    estimates: list[Mapping[str, Any]], differing: list[Mapping[str, Any]]
 ) -> Iterator[str]:
-    """Yield a line for each estimate of the liquid, and for each pair in `apart` that disagrees.
+    """Yield a line for each estimate of the liquid and for each pair in `differing`.
 
-    `estimates` are `Liquid` as JSON values, `apart` the result of `differences`.
+    `estimates` are `Liquid` as JSON values, `differing` the result of `differences`.
     """
     for one in estimates:
-        within = f" ± {number(one['within_kg'], 'kg')}" if one["within_kg"] else ""
-        yield f"by {one['by']}: {number(one['kg'], 'kg')}{within} ({one['source']})"
-    for two in apart:
+        half_width = f" ± {number(one['within_kg'], 'kg')}" if one["within_kg"] else ""
+        yield f"by {one['by']}: {number(one['kg'], 'kg')}{half_width} ({one['source']})"
+    for two in differing:
         first, second = two["between"]
         if not two["agree"]:
-            more = number(abs(two["difference_kg"]), "kg")
+            difference = number(abs(two["difference_kg"]), "kg")
             order = (second, first) if two["difference_kg"] > 0.0 else (first, second)
-            yield f"{order[0]} shows {more} more than {order[1]}: find out which is wrong"
+            yield f"{order[0]} shows {difference} more than {order[1]}: find out which is wrong"
 
 
 def missing_words(rules: list[Mapping[str, Any]]) -> Iterator[str]:

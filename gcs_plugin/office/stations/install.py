@@ -51,7 +51,7 @@ def install(
     if not folder.is_dir():
         raise DataError(f"{folder} is no folder; name one that is there")
     places, then = FILES[what]
-    found = sorted(
+    files = sorted(
         (
             file
             for package, pattern in places
@@ -60,10 +60,10 @@ def install(
         ),
         key=lambda file: file.name,
     )
-    outputs = [OutputFile("FOLDER", folder / p.name, keep=not force) for p in found]
+    outputs = [OutputFile("FOLDER", folder / p.name, keep=not force) for p in files]
     check_outputs(outputs, inputs=[])
     console = Terminal(soft_wrap=True)
-    for source in found:
+    for source in files:
         target = folder / source.name
         with whole_file(target) as draft:
             draft.write_bytes(source.read_bytes())

@@ -85,11 +85,13 @@ def export(
     if not of_log:
         return
     flights, limit, _ = analysed_flights(inputs, Terminal(stderr=True, soft_wrap=True))
-    made = [(report_flight(analysis, log, max_utilisation=limit), log) for analysis, log in flights]
+    reports = [
+        (report_flight(analysis, log, max_utilisation=limit), log) for analysis, log in flights
+    ]
     if mcap is not None:
-        console.print(f"wrote {mcap}: {write_mcap(made, mcap)} messages")
+        console.print(f"wrote {mcap}: {write_mcap(reports, mcap)} messages")
     if layout is not None:
-        names = max((report.model["rotor_names"] for report, _ in made), key=len)
+        names = max((report.model["rotor_names"] for report, _ in reports), key=len)
         with whole_file(layout) as draft:
             draft.write_text(layout_text(names), encoding="utf-8")
         console.print(f"wrote {layout}; Foxglove takes it by Import from file")

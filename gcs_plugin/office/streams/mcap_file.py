@@ -172,9 +172,9 @@ def messages_of(report: FlightReport, log: FlightLog) -> Iterator[StreamMessage]
     yield StreamMessage("/report", first, whole)
     yield from _margin_messages(report, sortie)
     yield from _rotor_messages(report, sortie)
-    plain = {name: _nulls(rows[name]) for name in PLAIN}
+    scalars = {name: _nulls(rows[name]) for name in PLAIN}
     for k, time_s in enumerate(rows["time_s"].tolist()):
-        of_row = {name: values[k] for name, values in plain.items()}
+        of_row = {name: values[k] for name, values in scalars.items()}
         yield StreamMessage("/flight", time_s, {**of_row, "sortie": sortie})
     yield from _position_messages(log, clock)
     for finding in report.findings:

@@ -229,7 +229,7 @@ def plan_beside(
     model = analysis.model
     if measured is not None:
         model = replace(model, power=power_law([measured]))
-    to_fly = PlanToFly.of(plan, log.parameters, model)
+    to_fly = PlanToFly.from_plan(plan, log.parameters, model)
     way = flown_way(analysis, plan.home)
     found = shown_day(analysis)
     origin = log.track.origin
@@ -242,10 +242,10 @@ def plan_beside(
         density=found.density,
         rest_voltage=day_before_take_off(analysis).battery_voltage.value,
     )
-    made = to_fly.beside(given, way)
+    made = to_fly.compare(given, way)
     off: tuple[Off, ...] = ()
     if made.stretches:
-        off = which_was_off(lambda changed: to_fly.beside(changed, way), given, found)
+        off = which_was_off(lambda changed: to_fly.compare(changed, way), given, found)
     return {
         "words": beside_words(off, made.stretches, left_at=made.left_at),
         "left_at": made.left_at,

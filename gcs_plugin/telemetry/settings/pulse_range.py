@@ -61,8 +61,8 @@ def moved_motors(parameters: Mapping[str, float], count: int) -> list[int]:
     number.
     """
     on = motor_outputs(parameters)
-    says = [whole_number(parameters, f"SERVO{k + 1}_FUNCTION") for k in range(count)]
-    return [k for k in range(count) if on.get(k, -1 if says[k] is not None else k) != k]
+    functions = [whole_number(parameters, f"SERVO{k + 1}_FUNCTION") for k in range(count)]
+    return [k for k in range(count) if on.get(k, -1 if functions[k] is not None else k) != k]
 
 
 def px4_motor_outputs(parameters: Mapping[str, float], bank: str) -> dict[int, int]:
@@ -78,8 +78,8 @@ def _by_function(
     functions = {output: whole_number(parameters, name.format(output + 1)) for output in range(32)}
     return {
         motor: output
-        for output, says in functions.items()
-        if says is not None and (motor := motors.get(says)) is not None
+        for output, function in functions.items()
+        if function is not None and (motor := motors.get(function)) is not None
     }
 
 
@@ -92,7 +92,7 @@ _TIMERS = 8
 #: Least and most of what was sent to motors.
 Span = tuple[float, float]
 NOTHING_SENT: Span = (inf, 0.0)
-_RC_THROTTLE = 3  # ArduPilot's throttle channel where no RCMAP_THROTTLE says another
+_RC_THROTTLE = 3  # ArduPilot's throttle channel where no RCMAP_THROTTLE states another
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,7 +42,7 @@ _CHEMISTRIES: Mapping[str, Mapping[str, float]] = {
 #: V a cell by which owners depart from these. A full cell is set by its chemistry; where it is
 #: empty is set by habit; a flight may begin with a battery that is not full.
 _SPREAD = {"MAX": 0.04, "MIN": 0.3, "LOW": 0.25, "log": 0.15}
-#: Spreads beyond which a setting says nothing more: it is of another battery, or nobody set it.
+#: Spreads beyond which a setting is no evidence: it is of another battery, or nobody set it.
 _MOST_SPREADS = 5.0
 #: Spreads by which the readings of two chemistries must differ for the worse to be dropped.
 _APART = 2.0
@@ -98,15 +98,15 @@ def reported_airframe(
     kind = whole_number(parameters, f"{q}FRAME_CLASS")
     if layout is None:
         shape = whole_number(parameters, f"{q}FRAME_TYPE")
-        found = layout_of_text(texts, -2 if shape is None else shape)
+        stated = layout_of_text(texts, -2 if shape is None else shape)
         if kind is not None:
-            found = ardupilot_layout(kind, 1 if shape is None else shape)
-            if found is None:
+            stated = ardupilot_layout(kind, 1 if shape is None else shape)
+            if stated is None:
                 raise AirframeError(
                     f"{q}FRAME_CLASS {kind}, {q}FRAME_TYPE {shape} is no layout of fixed upright "
                     "rotors that is known; if it is one, give it with --layout"
                 )
-        layout = None if found is None else found.name
+        layout = None if stated is None else stated.name
     known = motor_layouts().get(str(layout))
     for count, whose in (
         (len(motor_outputs(parameters)), "SERVOn_FUNCTION"),
@@ -139,11 +139,11 @@ def _px4(parameters: Mapping[str, float], quantities: dict[str, Quantity]) -> Re
     spin = np.where(torque > 0.0, 1.0, -1.0)
     if not np.all(np.isfinite(places)) or np.max(np.hypot(*places[:, :2].T)) == 0.0:
         raise AirframeError("CA_ROTORn_PX and PY put all rotors at the centre; set them in PX4")
-    found = layout_of_rotors(places, spin)
+    layout = layout_of_rotors(places, spin)
     farthest = float(np.max(np.hypot(*places[:, :2].T)))
-    apart = np.hypot(*(places[:, None, :2] - places[None, :, :2]).T).T
-    under = (apart < 0.1 * farthest) & (places[:, None, 2] > places[None, :, 2])
-    lower = tuple(map(bool, under.any(axis=1)))
+    distance = np.hypot(*(places[:, None, :2] - places[None, :, :2]).T).T
+    is_lower = (distance < 0.1 * farthest) & (places[:, None, 2] > places[None, :, 2])
+    lower = tuple(map(bool, is_lower.any(axis=1)))
     names = rotor_names(places[:, :2], lower)
     below = lower_effectiveness()
     if any(lower):
@@ -154,7 +154,7 @@ def _px4(parameters: Mapping[str, float], quantities: dict[str, Quantity]) -> Re
     if not np.allclose(np.abs(torque), 0.05):
         quantities["torque_ratio"] = Quantity(float(np.mean(np.abs(torque))), "m", "CA_ROTORn_KM")
     return ReportedAirframe(
-        layout="custom" if found is None else found.name,
+        layout="custom" if layout is None else layout.name,
         rotors=[
             {"name": name, "position_frd": place.tolist(), "spin": "ccw" if turns > 0 else "cw"}
             | ({"effectiveness": below.value} if low else {})
@@ -222,17 +222,17 @@ def _cells_by_settings(
     misfit, cells = min(readings.values())
     others = {
         count: chemistry
-        for chemistry, (apart, count) in readings.items()
+        for chemistry, (deviation, count) in readings.items()
         if count != cells
-        and apart < misfit + _APART
+        and deviation < misfit + _APART
         and _agreeing(volts.values(), count, chemistry) == len(volts)
     }
     chemistry = next(name for name, best in readings.items() if best == (misfit, cells))
     agreeing = _agreeing(volts.values(), cells, chemistry)
     words = f"{cells} cells of {CELL} V, by {', '.join(volts)}"
     if others:
-        either = (f"{count} if {name}" for count, name in others.items())
-        words = f"{words}: {cells} if {chemistry}, {', '.join(either)}"
+        alternatives = (f"{count} if {name}" for count, name in others.items())
+        words = f"{words}: {cells} if {chemistry}, {', '.join(alternatives)}"
     guessed = bool(others) or agreeing < 2
     return {"nominal_voltage": Quantity(round(cells * CELL, 2), "V", words, guessed)}
 

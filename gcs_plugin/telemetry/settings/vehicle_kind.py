@@ -130,9 +130,9 @@ def _program(
 ) -> tuple[VehicleKind, str]:
     """Return the kind by the first evidence: boot text, vehicle type, airframe, parameters."""
     for text in texts:
-        found = _BOOT.match(text)
-        if found:
-            return _PROGRAMS[found[1] or found[2]], f"boot text '{found[0].strip()}'"
+        boot = _BOOT.match(text)
+        if boot:
+            return _PROGRAMS[boot[1] or boot[2]], f"boot text '{boot[0].strip()}'"
     if mav_type in _TYPES:
         return _TYPES[mav_type], f"MAV_TYPE {mav_type}"
     airframe = whole_number(parameters, "CA_AIRFRAME")
@@ -162,8 +162,8 @@ def _rotors(
         # ArduPilot's type follows its frame.
         return framed, how, f"{typed[0]} by {typed[1]}" * (typed[0] not in (0, framed))
     if by_function:
-        other, says = (framed, how) if framed else typed
-        return by_function, "SERVOn_FUNCTION", f"{other} by {says}" * (other > by_function)
+        other, source = (framed, how) if framed else typed
+        return by_function, "SERVOn_FUNCTION", f"{other} by {source}" * (other > by_function)
     listed = whole_number(parameters, "CA_ROTOR_COUNT") or 0
     inside = range(listed if 0 <= listed <= 12 else 0)
     upward = sum(abs(parameters.get(f"CA_ROTOR{n}_AX", 0.0)) < 0.5 for n in inside)

@@ -24,7 +24,7 @@ from thrustmargin.models.identification.answer.model_update import (
     margin_changes,
     update_model,
 )
-from thrustmargin.models.identification.answer.result import Found, Identification
+from thrustmargin.models.identification.answer.result import Identification, ReportedEffect
 from thrustmargin.models.identification.next_flight.next_flight import NextFlight, plan_next_flight
 from thrustmargin.models.json_values import to_json_values
 
@@ -159,7 +159,7 @@ def effect_rows(found: Identification) -> list[tuple[str, str, str, str]]:
 
 
 def _parameter_rows(
-    found: Identification, one: Found, beside: Mapping[str, float]
+    found: Identification, one: ReportedEffect, beside: Mapping[str, float]
 ) -> list[tuple[str, str, str]]:
     """Return name, value with unit, and interval of each parameter of one effect.
 

@@ -32,6 +32,7 @@ from thrustmargin.gcs_plugin.workshop.identify.asked_words import (
     unnamed_causes_words,
 )
 from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
+from thrustmargin.models.identification.answer.constant_shares import ConstantShares, ShareCause
 from thrustmargin.models.identification.answer.model_update import WORST_SHARE, MarginChange
 from thrustmargin.models.identification.answer.result import (
     Errors,
@@ -40,7 +41,6 @@ from thrustmargin.models.identification.answer.result import (
     Mentioned,
     OneOf,
 )
-from thrustmargin.models.identification.answer.standing_shares import StandingCause, StandingShares
 from thrustmargin.models.identification.certainty import CHOICE, SURE
 from thrustmargin.models.identification.next_flight.manoeuvres import Manoeuvre
 from thrustmargin.models.identification.next_flight.next_flight import NextFlight
@@ -68,7 +68,9 @@ def answer(
     suspects = suspect_rotors(found, following)
     rotors_first = sorted(found.found, key=lambda f: f.term.rotor is None)
     lines = (
-        [] if found.standing is None else standing_words(found.standing, names, found.problem.names)
+        []
+        if found.constant_shares is None
+        else standing_words(found.constant_shares, names, found.problem.names)
     )
     lines += [effect_sentence(f, found) for f in rotors_first]
     flights = found.problem.flights
@@ -98,7 +100,9 @@ def suspect_rotors(found: Identification, following: NextFlight | None = None) -
     terms += [term for one in found.one_of for term in one.terms]
     terms += [term for side in (following.separates if following else ()) for term in side]
     rotors = {term.rotor for term in terms} | {one.rotor for one in found.mentioned}
-    rotors |= {one.rotor for one in found.standing.weak_rotors} if found.standing else set()
+    rotors |= (
+        {one.rotor for one in found.constant_shares.weak_rotors} if found.constant_shares else set()
+    )
     return tuple(sorted(rotor + 1 for rotor in rotors if rotor is not None))
 
 
@@ -148,7 +152,7 @@ def mentioned_words(one: Mentioned, names: tuple[str, ...], flights: int) -> str
 
 
 def standing_words(
-    shares: StandingShares, names: tuple[str, ...], flights: tuple[str, ...]
+    shares: ConstantShares, names: tuple[str, ...], flights: tuple[str, ...]
 ) -> list[str]:
     """Return two sentences about a constant difference between motor outputs and model.
 
@@ -174,7 +178,7 @@ def standing_words(
     ]
 
 
-def _standing_cause(one: StandingCause, names: tuple[str, ...]) -> str:
+def _standing_cause(one: ShareCause, names: tuple[str, ...]) -> str:
     """Return the size of one possible cause, in words: a trim, or a weak rotor with the trim beside
     it."""
     along, across = (
@@ -286,8 +290,8 @@ def _missing_words(found: Identification) -> str:
     if small := minor_words(found):
         words = "Something small may be missing, {small}: nothing to repair"
         return say(words, small=Verbatim(small))
-    if found.likeliest is not None:
-        term, likely = found.likeliest
+    if found.most_probable is not None:
+        term, likely = found.most_probable
         return say(
             "Something small may be missing, likeliest {effect} ({chance}): nothing to repair",
             effect=effect_thing(term, found.model.airframe.rotor_names),
@@ -506,7 +510,7 @@ def open_questions(found: Identification) -> list[str]:
                 "battery, air and load move all outputs together"
             )
         )
-        if lacks_sound_flights(found.model) and found.standing is None:
+        if lacks_sound_flights(found.model) and found.constant_shares is None:
             lines.append(
                 say(
                     "Outputs alone do not show by how much sound flights of this aircraft differ, "

@@ -52,13 +52,13 @@ from thrustmargin.models.identification.answer.posterior import (
     posterior_of,
 )
 from thrustmargin.models.identification.answer.result import (
-    Found,
     Mentioned,
     OneOf,
     OpenCause,
+    ReportedEffect,
     Unexplained,
 )
-from thrustmargin.models.identification.certainty import CHOICE, COSTS, DOUBT
+from thrustmargin.models.identification.certainty import CHOICE, COSTS, OPEN_PROBABILITY
 from thrustmargin.models.identification.rows.candidates import (
     Term,
     TrialEffect,
@@ -136,8 +136,8 @@ def accept_effects(
         if not resembles_unexplained(one, unexplained, answer)
     )
     first_keys = {one.terms[0].key for one in one_of}
-    either = {c for c, one in enumerate(search.candidates) if one.term.key in first_keys}
-    estimates = answer.estimates(needed, either)
+    alternatives = {c for c, one in enumerate(search.candidates) if one.term.key in first_keys}
+    estimates = answer.estimates(needed, alternatives)
     # Rule 8
     fitted = [e.candidate for e in estimates]
     accepted, reported_rpm = names_that_hold(left_out, fitted, probable)
@@ -150,7 +150,7 @@ def accept_effects(
         )
     reported = estimates
     if unnamed:
-        estimates = answer.estimates([*accepted, *unnamed], either)
+        estimates = answer.estimates([*accepted, *unnamed], alternatives)
     # Rule 10
     members = [e.candidate for e in estimates]
     contradicted = [c for c in fitted if c not in accepted]
@@ -188,7 +188,7 @@ def residual_rms(residual_rpm: Floats) -> float:
 #: share of the cross-validated RMS error that an effect must remove to be reported: the change that
 #: the scatter of a sound propeller (0.4 % of its thrust) makes to speeds accurate to 0.6 %
 LEAST_FALL = 0.02
-NEGLIGIBLE = 0.1 * DOUBT  # posterior probability that decides no report
+NEGLIGIBLE = 0.1 * OPEN_PROBABILITY  # posterior probability that decides no report
 
 
 def cross_validated_posterior(
@@ -253,7 +253,7 @@ def is_clearly_worse(squares: Floats, other: Floats) -> bool:
         return False
     excess, folds = squares - other, squares.size
     error = excess.std(ddof=1) / folds**0.5
-    return bool(excess.mean() > stdtrit(folds - 1, 1.0 - DOUBT / 2.0) * error)
+    return bool(excess.mean() > stdtrit(folds - 1, 1.0 - OPEN_PROBABILITY / 2.0) * error)
 
 
 #: of the explained mean square of a mode, that may stay unexplained; and of the variance left,
@@ -270,34 +270,34 @@ def find_unexplained(space: SearchSpace, answer: Posterior) -> Unexplained | Non
     other, or else a mode with too much slow noise.
     """
     search, best = answer.search, answer.best
-    taken = _named_change_square(answer)
+    named_square = _named_change_square(answer)
     usual = np.mean(space.hats**2, axis=0) @ (space.sizes**2).T  # (R,) rpm² on a sound aircraft
-    found = {
+    candidates = {
         c: square
         for c, square in probable_causes(answer).items()
-        if _exceeds_limits(square, taken, usual, search.candidates[c].term.rotor is not None)
+        if _exceeds_limits(square, named_square, usual, search.candidates[c].term.rotor is not None)
     }
-    if not found:
+    if not candidates:
         return _slow_mode(space, search, best)
-    rotors = [c for c in found if search.candidates[c].term.rotor is not None]
-    main = max(rotors or found, key=lambda c: float(found[c].sum()))
-    every = range(taken.size)
-    modes = every if rotors else sorted({int(np.argmax(square)) for square in found.values()})
-    alike = [
+    rotors = [c for c in candidates if search.candidates[c].term.rotor is not None]
+    main = max(rotors or candidates, key=lambda c: float(candidates[c].sum()))
+    every = range(named_square.size)
+    modes = every if rotors else sorted({int(np.argmax(square)) for square in candidates.values()})
+    equivalent = [
         main,
-        *(c for c in search.interchangeable(main) if answer.probability([c]) > DOUBT),
+        *(c for c in search.interchangeable(main) if answer.probability([c]) > OPEN_PROBABILITY),
     ]
-    left = float(np.mean(np.nan_to_num(best.residual) ** 2, axis=0).sum())
-    open_ = float(np.sum(list(found.values())))
-    channels = dict.fromkeys(place_of(search.candidates[c].term.effect)[1] for c in alike)
-    share = float(found[main].sum()) / max(open_ + left, 1e-12)
+    unexplained = float(np.mean(np.nan_to_num(best.residual) ** 2, axis=0).sum())
+    open_ = float(np.sum(list(candidates.values())))
+    channels = dict.fromkeys(place_of(search.candidates[c].term.effect)[1] for c in equivalent)
+    share = float(candidates[main].sum()) / max(open_ + unexplained, 1e-12)
     return Unexplained(
-        mode=int(np.argmax(found[main])),
+        mode=int(np.argmax(candidates[main])),
         modes=tuple(modes),
         channel=next(iter(channels)),
         channels=tuple(channels),
         share=share,
-        rms_rpm=float(np.sqrt(found[main].sum())),
+        rms_rpm=float(np.sqrt(candidates[main].sum())),
         rotor=search.candidates[main].term.rotor,
         minor=not rotors and share < MOST_UNEXPLAINED,
     )
@@ -320,15 +320,15 @@ def probable_causes(answer: Posterior) -> dict[int, Floats]:
         rest = [trial for c, trial in members.items() if c not in members_out]
         return np.mean(np.nan_to_num(whole - predicted_modes(search.reduced, rest)) ** 2, axis=0)
 
-    found: dict[int, Floats] = {}
+    causes: dict[int, Floats] = {}
     seen: set[int] = set()
     for c in sorted(best.key):
-        alike = set(search.interchangeable(c)) if search.candidates[c].unnamed else set()
-        if c not in seen and answer.probability(alike) > CHOICE:
-            group = alike & best.key
+        equivalent = set(search.interchangeable(c)) if search.candidates[c].unnamed else set()
+        if c not in seen and answer.probability(equivalent) > CHOICE:
+            group = equivalent & best.key
             seen |= group
-            found[max(group, key=lambda k: float(square([k]).sum()))] = square(group)
-    return found
+            causes[max(group, key=lambda k: float(square([k]).sum()))] = square(group)
+    return causes
 
 
 def _named_change_square(answer: Posterior) -> Floats:
@@ -340,21 +340,21 @@ def _named_change_square(answer: Posterior) -> Floats:
     return np.mean(np.nan_to_num(change) ** 2, axis=0)
 
 
-def _exceeds_limits(square: Floats, taken: Floats, usual: Floats, of_rotor: bool) -> bool:
+def _exceeds_limits(square: Floats, named_square: Floats, usual: Floats, of_rotor: bool) -> bool:
     """Return whether an unnamed cause is too large to ignore.
 
-    Mean squares (R,), rpm²: `square` of its change, `taken` of that of the catalogue effects,
-    `usual` of the residual of a sound aircraft. In its modes, a cause must exceed MOST_UNEXPLAINED
-    of all explained change and SLOW_FACTOR times the usual residual. The uneven loss of a rotor
-    must exceed SLOW_FACTOR times the accuracy of the laws of losses, FORM.
+    Mean squares (R,), rpm²: `square` of its change, `named_square` of the change by catalogue
+    effects, `usual` of the residual of a sound aircraft. In its modes, a cause must exceed
+    MOST_UNEXPLAINED of all explained change and SLOW_FACTOR times the usual residual. The uneven
+    loss of a rotor must exceed SLOW_FACTOR times the accuracy of the laws of losses, FORM.
     """
     done = float(square.sum())
     if of_rotor:
-        return done > (SLOW_FACTOR * FORM) ** 2 * float(taken.sum())
+        return done > (SLOW_FACTOR * FORM) ** 2 * float(named_square.sum())
     # weight of each mode, 1 for the cause's main one
     own = square / max(float(square.max()), 1e-12)
     return done > max(
-        MOST_UNEXPLAINED * (done + float(own @ taken)), SLOW_FACTOR**2 * float(own @ usual)
+        MOST_UNEXPLAINED * (done + float(own @ named_square)), SLOW_FACTOR**2 * float(own @ usual)
     )
 
 
@@ -368,12 +368,12 @@ def _slow_mode(space: SearchSpace, search: Search, best: EffectSet) -> Unexplain
     if known is None or not known.slow_rpm:
         return None
     rest = residual_at_best(search, best)
-    apart = WANDER * froude_time_scale(reduced.model.airframe)
-    size = slow_wander(rest, reduced.channels.time_s, reduced.flight, apart)
+    knot_spacing = WANDER * froude_time_scale(reduced.model.airframe)
+    size = slow_wander(rest, reduced.channels.time_s, reduced.flight, knot_spacing)
     usual = USUAL_SHARE * float(reduced.measured_rpm.mean())
-    beyond = size / np.maximum(known.slow_rpm, usual) * reduced.scored_modes
-    mode = int(np.argmax(beyond))
-    if not beyond[mode] > SLOW_FACTOR:
+    ratio = size / np.maximum(known.slow_rpm, usual) * reduced.scored_modes
+    mode = int(np.argmax(ratio))
+    if not ratio[mode] > SLOW_FACTOR:
         return None
     rms = MEANS * float(size[mode])
     share = min(1.0, rms**2 / max(float(np.mean(rest**2, axis=0).sum()), 1e-12))
@@ -462,11 +462,11 @@ def needed_effects(error: Callable[[Sequence[int]], float], members: Collection[
     return kept
 
 
-def resembles_unexplained(one: OneOf, left: Unexplained | None, answer: Posterior) -> bool:
+def resembles_unexplained(one: OneOf, unexplained: Unexplained | None, answer: Posterior) -> bool:
     """Rule 6: return whether rule 4 would drop every effect of a "one of"."""
     keys = {term.key for term in one.terms}
-    of = [c for c, k in enumerate(answer.search.candidates) if k.term.key in keys]
-    return set(effects_resembling(left, of, answer)) == set(of)
+    members = [c for c, k in enumerate(answer.search.candidates) if k.term.key in keys]
+    return set(effects_resembling(unexplained, members, answer)) == set(members)
 
 
 def names_that_hold(
@@ -543,23 +543,23 @@ def needs_inspection(probability: float, without_rpm: float, with_rpm: float) ->
     return likely and without_rpm >= (1.0 + LEAST_FALL) * with_rpm
 
 
-def open_cause(found: Found, answer: Posterior) -> OpenCause:
+def open_cause(effect: ReportedEffect, answer: Posterior) -> OpenCause:
     """Describe an unnamed term of the new model: the RMS change of rotor speed, rpm, that it
     predicts.
 
     Also list the channels of other unnamed causes that could replace it with a probability above
-    DOUBT; none if it is an effect of the catalogue.
+    OPEN_PROBABILITY; none if it is an effect of the catalogue.
     """
     search = answer.search
     candidates = search.candidates
-    own = next(c for c, one in enumerate(candidates) if one.key == found.term.key)
-    trials = TrialEffect(candidate=candidates[own], values=found.value)
+    own = next(c for c, one in enumerate(candidates) if one.key == effect.term.key)
+    trials = TrialEffect(candidate=candidates[own], values=effect.value)
     change = predicted_modes(search.reduced, [trials]) - predicted_modes(search.reduced, ())
     place = search.interchangeable(own) if candidates[own].unnamed else ()
-    alike = (c for c in place if c != own and answer.probability([c]) > DOUBT)
+    equivalent = (c for c in place if c != own and answer.probability([c]) > OPEN_PROBABILITY)
     return OpenCause(
-        found=found,
-        alike=tuple(place_of(candidates[c].term.effect)[1] for c in alike),
+        found=effect,
+        alike=tuple(place_of(candidates[c].term.effect)[1] for c in equivalent),
         rms_rpm=float(np.sqrt(np.mean(np.nan_to_num(change) ** 2))),
     )
 
@@ -573,7 +573,7 @@ def wind_in_airspeed(
     residual_rpm: Floats,
     trials: Sequence[TrialEffect],
     tracks: Sequence[FlightTrack],
-) -> Found | None:
+) -> ReportedEffect | None:
     """Return the wind that the airspeed sensor has followed, if it is stronger than in training.
 
     `residual_rpm` (T, R) is the residual with the effects `trials`. The value (F, 2), m/s, is the
@@ -600,9 +600,9 @@ def wind_in_airspeed(
     shifts = np.repeat(speed[:, None], x.airspeed_shifts.shape[1], axis=1)
     over_ground = replace(x, airspeed=speed, airspeed_shifts=shifts)
     before, after, p = _errors_without_channels(problem, residual_rpm, trials, over_ground)
-    if before < (1.0 + LEAST_FALL) * after or p > DOUBT / 2.0:
+    if before < (1.0 + LEAST_FALL) * after or p > OPEN_PROBABILITY / 2.0:
         return None
-    return Found(
+    return ReportedEffect(
         term=Term(effect=FOLLOWED_WIND),
         value=value,
         lower=value - half,
@@ -639,8 +639,8 @@ def _half_widths(winds: Sequence[Floats], mean: Floats) -> Floats:
         ]
     )
     difference = mean[:, 0] - mean[:, 1]
-    between = stdtrit(difference.size, 0.975) * np.sqrt(np.mean(difference**2)) / 2
-    return np.hypot(scatter, between)
+    half_width = stdtrit(difference.size, 0.975) * np.sqrt(np.mean(difference**2)) / 2
+    return np.hypot(scatter, half_width)
 
 
 def _errors_without_channels(

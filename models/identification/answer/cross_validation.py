@@ -110,18 +110,18 @@ class CrossValidation:
         cls,
         problem: Problem,
         search: Search,
-        about: EffectSet,
+        start: EffectSet,
         *,
         alone: bool = False,
         out: FoldSums | None = None,
     ) -> CrossValidation:
-        """Linearise about the set `about`, fitted to all flights, and subtract each fold from the
+        """Linearise about the set `start`, fitted to all flights, and subtract each fold from the
         sums.
 
         With `alone`, only values of that set are kept: enough to cross-validate this set and no
         other.
         """
-        columns, nuisance = search.set_columns(about, alone=alone), search.nuisance
+        columns, nuisance = search.set_columns(start, alone=alone), search.nuisance
         if problem.flights == 1:
             return cls(
                 problem=problem, search=search, folds=_folds_of_one_flight(search, columns, problem)
@@ -165,7 +165,7 @@ class CrossValidation:
         lasting = {c for c in members if not self._term(c).effect.of_its_flights}
         values = [fold.values(self.search, members) for fold in self.folds]
         return self._assemble_residual(
-            [{c: v for c, v in of.items() if c in lasting} for of in values]
+            [{c: v for c, v in of_fold.items() if c in lasting} for of_fold in values]
         )
 
     def with_selected_effects(
@@ -179,15 +179,15 @@ class CrossValidation:
         """
         values = []
         for fold in self.folds:
-            found = fold.named_candidates(self.search)
-            found += fold.unnamed_members(self.search) if open_ else []
+            selected = fold.named_candidates(self.search)
+            selected += fold.unnamed_members(self.search) if open_ else []
             own = [
                 c
                 for c in members
                 if self._term(c).effect.begins
                 or any(f in fold.flights for _, f in self.search.candidates[c].free)
             ]
-            chosen = {c for c in found if c not in dropped and not self._term(c).effect.begins}
+            chosen = {c for c in selected if c not in dropped and not self._term(c).effect.begins}
             values.append(fold.values(self.search, chosen | set(own)))
         return self._assemble_residual(values)
 
@@ -203,12 +203,12 @@ class CrossValidation:
         """Return the residual (T, R), rpm, where each row uses the values of the fold that holds it
         out."""
         out = np.empty_like(self.problem.measured_rpm)
-        for fold, found in zip(self.folds, values, strict=True):
+        for fold, fold_values in zip(self.folds, values, strict=True):
             if not fold.flights:
-                out[fold.rows] = self.residual(found)[fold.rows]
+                out[fold.rows] = self.residual(fold_values)[fold.rows]
             for f in fold.flights:
                 mine = np.flatnonzero(self.problem.flight == f)
-                trials = self.trial_effects({c: v[[f]] for c, v in found.items()})
+                trials = self.trial_effects({c: v[[f]] for c, v in fold_values.items()})
                 out[mine] = residual_on_other_flights(self.problem.rows(mine), trials)
         return out
 
@@ -263,9 +263,9 @@ def residual_on_other_flights(problem: Problem, trials: Sequence[TrialEffect]) -
     starts = np.searchsorted(problem.block_flight, problem.block_flight)
     parity = (np.arange(problem.block_flight.size) - starts) % 2
     for half in (0, 1):
-        found = refit_flight_values(problem, trials, parity != half)
+        refitted = refit_flight_values(problem, trials, parity != half)
         rows = parity[problem.block] == half
-        out[rows] = (measured - problem.speeds(placed_effects(problem, found)))[rows]
+        out[rows] = (measured - problem.speeds(placed_effects(problem, refitted)))[rows]
     return out
 
 

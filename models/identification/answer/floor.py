@@ -33,41 +33,41 @@ STRIDE = 2  # stride of rows that are only trained on: neighbouring rows are sim
 
 
 def floor_rpm(
-    problem: Problem, residual_rpm: Floats, beside: tuple[Problem, Floats] | None = None
+    problem: Problem, residual_rpm: Floats, other: tuple[Problem, Floats] | None = None
 ) -> float:
     """Return the RMS, rpm, of a residual (T, R) minus its prediction by the learner.
 
-    Each flight is predicted from the others and from the flights `beside` (problem, residual),
+    Each flight is predicted from the others and from the flights `other` (problem, residual),
     which are not scored. A flight without any other is predicted in fifths.
     """
-    parts, wanted = [problem.channels], [problem.mode_amplitudes(residual_rpm)]
-    if beside is not None:
-        parts.append(thin_rows(beside[0], STRIDE).channels)
-        wanted.append(beside[0].mode_amplitudes(beside[1][::STRIDE]))
+    parts, targets = [problem.channels], [problem.mode_amplitudes(residual_rpm)]
+    if other is not None:
+        parts.append(thin_rows(other[0], STRIDE).channels)
+        targets.append(other[0].mode_amplitudes(other[1][::STRIDE]))
     if len(parts) > 1 or problem.flights > 1:
         fold = problem.flight % MOST_FOLDS
     else:
         fold = problem.block * FIFTHS // (problem.block[-1] + 1)
-    columns, modes, every = _learner_columns(parts), wanted[0], np.concatenate(wanted)
+    columns, modes, every = _learner_columns(parts), targets[0], np.concatenate(targets)
     scored = [np.flatnonzero(fold == k) for k in np.unique(fold)]
     sums = [_products(columns[rows], every[rows]) for rows in (*scored, slice(fold.size, None))]
     gram, cross = (sum(one) for one in zip(*sums, strict=True))
-    left = np.zeros((RIDGES.size, modes.shape[1]))
-    for rows, (own, along) in zip(
+    errors = np.zeros((RIDGES.size, modes.shape[1]))
+    for rows, (own, with_target) in zip(
         scored, sums, strict=False
-    ):  # the last sums are of the flights `beside`
+    ):  # the last sums are of the flights `other`
         rest = gram - own
         for i, ridge in enumerate(RIDGES * columns.shape[0]):
             system = cho_factor(rest + ridge * np.eye(len(rest)), check_finite=False)
-            weights = cho_solve(system, cross - along, check_finite=False)
-            left[i] += np.sum((modes[rows] - columns[rows] @ weights) ** 2, axis=0)
-    least = np.minimum(left.min(axis=0), np.sum(modes**2, axis=0))
+            weights = cho_solve(system, cross - with_target, check_finite=False)
+            errors[i] += np.sum((modes[rows] - columns[rows] @ weights) ** 2, axis=0)
+    least = np.minimum(errors.min(axis=0), np.sum(modes**2, axis=0))
     return float(np.sqrt(least.sum() / modes.size))
 
 
-def _products(columns: Floats, wanted: Floats) -> tuple[Floats, Floats]:
-    """Return columns.T @ columns and columns.T @ wanted, the sums of a ridge regression."""
-    return columns.T @ columns, columns.T @ wanted
+def _products(columns: Floats, target: Floats) -> tuple[Floats, Floats]:
+    """Return columns.T @ columns and columns.T @ target, the sums of a ridge regression."""
+    return columns.T @ columns, columns.T @ target
 
 
 def _learner_columns(parts: Sequence[Channels]) -> Floats:

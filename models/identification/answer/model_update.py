@@ -27,7 +27,7 @@ from thrustmargin.models.effects.compose import (
 )
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.answer.result import Found, Identification
+from thrustmargin.models.identification.answer.result import Identification, ReportedEffect
 from thrustmargin.models.identification.rows.output_shares import (
     FEWEST_FLIGHTS,
     lacks_sound_flights,
@@ -55,58 +55,60 @@ class ModelUpdate:
     notes: tuple[str, ...]
 
 
-def with_effects(model: RotorModel, found: Identification, *, date: str = "") -> RotorModel:
+def with_effects(model: RotorModel, identified: Identification, *, date: str = "") -> RotorModel:
     """Return the model with the effects found on it; see `update_model`."""
-    return update_model(model, found, date=date).model
+    return update_model(model, identified, date=date).model
 
 
-def update_model(model: RotorModel, found: Identification, *, date: str = "") -> ModelUpdate:
+def update_model(model: RotorModel, identified: Identification, *, date: str = "") -> ModelUpdate:
     """Add the effects of an identification to the model that it was made with.
 
     `date` is ISO 8601. Raises ModelError for a model of another aircraft.
     """
-    if model.airframe.name != found.model.airframe.name:
+    if model.airframe.name != identified.model.airframe.name:
         raise ModelError(
-            f"the effects were found on {found.model.airframe.name}, the model is of "
+            f"the effects were found on {identified.model.airframe.name}, the model is of "
             f"{model.airframe.name}; add them to the model that they were found with"
         )
-    names = found.problem.names
-    unnamed = [one.found for one in found.open_causes]
-    records = [record_of(f, names, date) for f in (*found.found, *unnamed)]
-    notes = [_omission_note(f, names) for f in found.found if f.term.effect.of_its_flights]
-    interval, about = _interval(model, found)
+    names = identified.problem.names
+    unnamed = [one.found for one in identified.open_causes]
+    records = [record_of(f, names, date) for f in (*identified.found, *unnamed)]
+    notes = [_omission_note(f, names) for f in identified.found if f.term.effect.of_its_flights]
+    interval, interval_note = _interval(model, identified)
     added = tuple(r for r in records if r is not None)
     return ModelUpdate(
         model=replace(
             model,
             effects=(*model.effects, *added),
             interval=interval,
-            background_rpm=_background(model, found),
+            background_rpm=_background(model, identified),
         ),
-        notes=(*notes, about),
+        notes=(*notes, interval_note),
     )
 
 
-def record_of(found: Found, names: tuple[str, ...], date: str = "") -> EffectRecord | None:
+def record_of(
+    reported: ReportedEffect, names: tuple[str, ...], date: str = ""
+) -> EffectRecord | None:
     """Return the effect as stored in a model file; None if it applies to its own flights only."""
-    effect = found.term.effect.afterwards or found.term.effect
-    if effect.of_its_flights:
+    lasting = reported.term.effect.afterwards or reported.term.effect
+    if lasting.of_its_flights:
         return None
-    if effect.kept_as is not None:
-        return _change_record(found, effect.kept_as, names, date)
-    kept = {p.name for p in effect.parameters}
-    row = found.flight
+    if lasting.kept_as is not None:
+        return _change_record(reported, lasting.kept_as, names, date)
+    kept = {p.name for p in lasting.parameters}
+    row = reported.flight
     return EffectRecord(
-        name=effect.name,
-        variant=effect.variant,
-        rotor=None if found.term.rotor is None else found.term.rotor + 1,
+        name=lasting.name,
+        variant=lasting.variant,
+        rotor=None if reported.term.rotor is None else reported.term.rotor + 1,
         parameters={
             p.name: Identified(
-                value=float(found.value[row, k]),
+                value=float(reported.value[row, k]),
                 unit=p.unit,
-                ci95=(float(found.lower[row, k]), float(found.upper[row, k])),
+                ci95=(float(reported.lower[row, k]), float(reported.upper[row, k])),
             )
-            for k, p in enumerate(found.term.effect.parameters)
+            for k, p in enumerate(reported.term.effect.parameters)
             if p.name in kept
         },
         flights=names,
@@ -115,16 +117,21 @@ def record_of(found: Found, names: tuple[str, ...], date: str = "") -> EffectRec
 
 
 def _change_record(
-    found: Found, kept_as: Callable[[Values], Values], names: tuple[str, ...], date: str
+    reported: ReportedEffect, kept_as: Callable[[Values], Values], names: tuple[str, ...], date: str
 ) -> EffectRecord:
     """Return the record of a change of an effect that the model already has.
 
     The change is stored as a second effect of that kind, in the units of the first (`kept_as`).
     """
-    effect, at = BY_KEY[found.term.effect.name], found.flight
+    effect, flight = BY_KEY[reported.term.effect.name], reported.flight
     value, lower, upper = (
-        kept_as({p.name: v for p, v in zip(found.term.effect.parameters, of[at], strict=True)})
-        for of in (found.value, found.lower, found.upper)
+        kept_as(
+            {
+                p.name: v
+                for p, v in zip(reported.term.effect.parameters, values[flight], strict=True)
+            }
+        )
+        for values in (reported.value, reported.lower, reported.upper)
     )
     parameters = {}
     for p in effect.parameters:
@@ -136,18 +143,18 @@ def _change_record(
     )
 
 
-def _omission_note(found: Found, names: tuple[str, ...]) -> str:
+def _omission_note(reported: ReportedEffect, names: tuple[str, ...]) -> str:
     """State which part of an effect of single flights does not enter the new model."""
-    effect = found.term.effect
+    effect = reported.term.effect
     if effect.afterwards is not None:
         return (
-            f"rotor {(found.term.rotor or 0) + 1} went bad during {names[found.flight]}: "
+            f"rotor {(reported.term.rotor or 0) + 1} went bad during {names[reported.flight]}: "
             "the new model has it bad throughout, as after the onset"
         )
     if effect.gone:
         return (
-            f"rotor {(found.term.rotor or 0) + 1} was repaired during these flights: the new model "
-            "has it sound"
+            f"rotor {(reported.term.rotor or 0) + 1} was repaired during these flights: "
+            "the new model has it sound"
         )
     return (
         f"the {effect.name} was that of its flights and is not in the new model: "
@@ -155,35 +162,35 @@ def _omission_note(found: Found, names: tuple[str, ...]) -> str:
     )
 
 
-def _background(model: RotorModel, found: Identification) -> tuple[float, ...]:
+def _background(model: RotorModel, identified: Identification) -> tuple[float, ...]:
     """Return the between-flight standard deviation of each mode's mean residual, rpm.
 
     An effect must exceed it. For motor outputs it is `learnt_spread`, unless the model knows no
     sound flights: these flights may not be sound. Return the old model's values in that case and
     with too few flights.
     """
-    problem = found.problem
+    problem = identified.problem
     if problem.of_outputs and lacks_sound_flights(model):
         return model.background_rpm
     if problem.of_outputs and problem.flights >= FEWEST_FLIGHTS:
-        modes = found.residual_after_rpm @ problem.modes.directions
+        modes = identified.residual_after_rpm @ problem.modes.directions
         return tuple(float(v) for v in learnt_spread(modes, problem.flight))
     if problem.flights < flights_needed(COVERAGE):
         return model.background_rpm
-    amplitudes = found.residual_after_rpm @ problem.modes.directions
+    amplitudes = identified.residual_after_rpm @ problem.modes.directions
     means = [amplitudes[problem.flight == f].mean(axis=0) for f in range(problem.flights)]
     return tuple(float(v) for v in np.std(means, axis=0, ddof=1))
 
 
-def _interval(model: RotorModel, found: Identification) -> tuple[Interval | None, str]:
+def _interval(model: RotorModel, identified: Identification) -> tuple[Interval | None, str]:
     """Return the new model's prediction interval and a sentence about its source."""
     old = model.interval
     if model.network is None or model.training_domain is None:
         return old, "no interval: the model has no network to calibrate one for"
     kept = "the interval is that of the old model"
     coverage = old.coverage if old is not None else COVERAGE
-    problem, needed = found.problem, flights_needed(coverage)
-    if any(f.term.effect.begins for f in found.found):
+    problem, needed = identified.problem, flights_needed(coverage)
+    if any(f.term.effect.begins for f in identified.found):
         return old, f"{kept}: a rotor changed during these flights"
     airspeed, tank_kg = problem.channels.airspeed, problem.channels.tank_kg
     inside = model.training_domain.covers_inputs(airspeed, tank_kg)
@@ -194,7 +201,12 @@ def _interval(model: RotorModel, found: Identification) -> tuple[Interval | None
             f"training, these are {flights.size}"
         )
     spread = ensemble_speed(model.network, airspeed[inside], tank_kg[inside])[1]
-    rows = (found.residual_carried_rpm[inside], spread, airspeed[inside], problem.flight[inside])
+    rows = (
+        identified.residual_transferable_rpm[inside],
+        spread,
+        airspeed[inside],
+        problem.flight[inside],
+    )
     interval = calibrate(*rows, coverage=coverage)
     measured = measure_coverage(*rows, coverage=coverage)
     words = f"the interval for {100 * coverage:.0f} % is calibrated anew on {flights.size} flights"
@@ -222,27 +234,27 @@ class MarginChange:
     flights: str  # which flights it is predicted for: "held_out" or "fit"
 
 
-def margin_changes(found: Identification) -> tuple[tuple[MarginChange, ...], MarginChange]:
+def margin_changes(identified: Identification) -> tuple[tuple[MarginChange, ...], MarginChange]:
     """Compute the margin change by each effect found, in order, and by everything for the worst
     rotor.
 
     The second result includes unnamed causes. Margins are predicted for the held-out flights; for
     the fitted flights if there are none, or if an effect has per-flight values.
     """
-    own = any(p.per_flight for f in found.found for p in f.term.effect.parameters)
-    fitted = own or found.held_out is None
-    problem = found.problem if fitted or found.held_out is None else found.held_out
+    own = any(p.per_flight for f in identified.found for p in f.term.effect.parameters)
+    fitted = own or identified.held_out is None
+    problem = identified.problem if fitted or identified.held_out is None else identified.held_out
     flights = "fit" if fitted else "held_out"
     limit = _ceiling(problem)
     stages = [
-        utilisation(_predicted_speeds(problem, found.found[:count], own), limit)
-        for count in range(len(found.found) + 1)
+        utilisation(_predicted_speeds(problem, identified.found[:count], own), limit)
+        for count in range(len(identified.found) + 1)
     ]
     steps = tuple(
         _margin_change(stages[k], stages[k + 1], effect.term.rotor, flights)
-        for k, effect in enumerate(found.found)
+        for k, effect in enumerate(identified.found)
     )
-    every = (*found.found, *(one.found for one in found.open_causes))
+    every = (*identified.found, *(one.found for one in identified.open_causes))
     whole = utilisation(_predicted_speeds(problem, every, own), limit)
     return steps, _margin_change(stages[0], whole, None, flights)
 
@@ -254,7 +266,7 @@ def _ceiling(problem: Problem) -> Floats:
     return limits.max_rotor_speed_rpm
 
 
-def _predicted_speeds(problem: Problem, effects: Sequence[Found], own: bool) -> Floats:
+def _predicted_speeds(problem: Problem, effects: Sequence[ReportedEffect], own: bool) -> Floats:
     """Return rotor speeds (T, R), rpm, with `effects`; `own` uses each flight's own values."""
     placed = [
         Placed(

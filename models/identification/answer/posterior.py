@@ -17,7 +17,7 @@ from scipy.special import ndtri
 from thrustmargin.models.effects.unnamed import KNOTS
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.result import Excluded, Mentioned, OneOf, SetWeight
-from thrustmargin.models.identification.certainty import CHOICE, DOUBT, ERRORS, SURE
+from thrustmargin.models.identification.certainty import CHOICE, ERRORS, OPEN_PROBABILITY, SURE
 from thrustmargin.models.identification.rows.candidates import (
     Candidate,
     Term,
@@ -88,8 +88,8 @@ class Posterior:
     def probability(self, members: Collection[int]) -> float:
         """Return the posterior probability that at least one of the candidates `members` is in the
         set."""
-        wanted = set(members)
-        trials = [w for s, w in zip(self.sets, self.weights, strict=True) if s.key & wanted]
+        required = set(members)
+        trials = [w for s, w in zip(self.sets, self.weights, strict=True) if s.key & required]
         return min(1.0, float(sum(trials)))
 
     def named_candidates(self) -> list[int]:
@@ -102,10 +102,10 @@ class Posterior:
         seen = sorted({c for s in self.sets for c in s.key if not self._unnamed(c)})
         likely = [c for c in seen if self.probability([c]) >= SURE]
         for c in seen:
-            alike = self._equivalent_candidates(c)
-            names = [k for k in alike if not self._unnamed(k)]
+            equivalent = self._equivalent_candidates(c)
+            names = [k for k in equivalent if not self._unnamed(k)]
             first = max(names, key=lambda c: self.probability([c]))
-            if c == first and not {*likely} & alike and self.probability(alike) >= SURE:
+            if c == first and not {*likely} & equivalent and self.probability(equivalent) >= SURE:
                 likely.append(c)
         return [c for c in sorted(likely) if _excludes_zero(self.estimate(c))]
 
@@ -118,8 +118,8 @@ class Posterior:
         """
         likely = set(self.best.key)
         for c in {c for one in self.sets for c in one.key}:
-            alike = self.search.interchangeable(c)
-            if self.probability(alike) > CHOICE and self.probability([c]) > DOUBT:
+            equivalent = self.search.interchangeable(c)
+            if self.probability(equivalent) > CHOICE and self.probability([c]) > OPEN_PROBABILITY:
                 likely.add(c)
         return self.search.unnamed_members(frozenset(likely))
 
@@ -176,7 +176,9 @@ class Posterior:
             steepness=self.steepness,
         )
 
-    def estimates(self, kept: Sequence[int], either: Collection[int] = ()) -> list[EffectEstimate]:
+    def estimates(
+        self, kept: Sequence[int], alternatives: Collection[int] = ()
+    ) -> list[EffectEstimate]:
         """Return estimates of the effects of `kept` whose intervals exclude zero when fitted alone.
 
         Values are those of a fit of these effects and the most probable of each `either ... or`,
@@ -184,25 +186,27 @@ class Posterior:
         average over all sets. Dropping an effect changes the fit, so this repeats until none is
         dropped.
         """
-        kept, found = sorted(kept), []
+        kept, estimates = sorted(kept), []
         while kept:
             alone = Posterior.from_sets(
-                self.search, [self.fit_alone({*kept, *either})], self.steepness
+                self.search, [self.fit_alone({*kept, *alternatives})], self.steepness
             )
-            found, still_clear = [], []
+            estimates, still_clear = [], []
             for c in kept:
-                among, own = self.estimate(c), alone.estimate(c)
-                error = np.hypot(own.error, among.value - own.value)
-                found.append(replace(among, value=own.value, error=np.maximum(error, among.error)))
+                averaged, own = self.estimate(c), alone.estimate(c)
+                error = np.hypot(own.error, averaged.value - own.value)
+                estimates.append(
+                    replace(averaged, value=own.value, error=np.maximum(error, averaged.error))
+                )
                 # With several main values, others may exclude zero alone than among all sets.
                 if _excludes_zero(own) and (
-                    _excludes_zero(found[-1]) or len(_main_values(own.term)) > 1
+                    _excludes_zero(estimates[-1]) or len(_main_values(own.term)) > 1
                 ):
                     still_clear.append(c)
             if still_clear == kept:
                 break
-            kept, found = still_clear, []
-        return found
+            kept, estimates = still_clear, []
+        return estimates
 
     def fit_alone(self, kept: Iterable[int]) -> EffectSet:
         """Return the set of exactly the effects `kept`, fitted from their values in
@@ -212,11 +216,11 @@ class Posterior:
         return self.search.fitted.get(key) or self.search.fit_near(key, near)
 
     def alternatives(self) -> tuple[SetWeight, ...]:
-        """Return the sets with a posterior probability of at least DOUBT."""
+        """Return the sets with a posterior probability of at least OPEN_PROBABILITY."""
         return tuple(
             SetWeight(probability=float(w), terms=s.terms)
             for s, w in zip(self.sets, self.weights, strict=True)
-            if w >= DOUBT
+            if w >= OPEN_PROBABILITY
         )
 
     def one_of(self, named: Sequence[int]) -> tuple[OneOf, ...]:
@@ -228,15 +232,15 @@ class Posterior:
         """
         rest = {c for s in self.sets for c in s.key if not self._unnamed(c)} - set(named)
         by_weight = sorted(
-            (c for c in rest if self.probability([c]) >= DOUBT),
+            (c for c in rest if self.probability([c]) >= OPEN_PROBABILITY),
             key=lambda c: -self.probability([c]),
         )
-        found = []
+        groups = []
         while by_weight and self.probability(by_weight) >= SURE:
             group = [by_weight[0]]
             while self.probability(group) < SURE:
-                left = [c for c in by_weight if c not in group]
-                group.append(max(left, key=lambda c: self.probability([*group, c])))
+                others = [c for c in by_weight if c not in group]
+                group.append(max(others, key=lambda c: self.probability([*group, c])))
             alone = sum(
                 w
                 for s, w in zip(self.sets, self.weights, strict=True)
@@ -245,19 +249,19 @@ class Posterior:
             if len(group) == 1 or alone < CHOICE:
                 del by_weight[0]
                 continue
-            found.append(
+            groups.append(
                 OneOf(
                     terms=tuple(self.search.candidates[c].term for c in group),
                     probabilities=tuple(self.probability([c]) for c in group),
                 )
             )
             by_weight = [c for c in by_weight if c not in group]
-        return tuple(found)
+        return tuple(groups)
 
     def mentioned(self, named: Sequence[int]) -> tuple[tuple[Mentioned, int], ...]:
         """List rotors that are neither reported nor cleared, each with its most probable candidate.
 
-        A rotor is listed if the probability of any effect or unnamed cause on it exceeds DOUBT.
+        A rotor is listed if any effect or unnamed cause on it has more than OPEN_PROBABILITY.
         """
         candidates = self.search.candidates
         safe = {candidates[c].term.rotor for c in named}
@@ -266,52 +270,52 @@ class Posterior:
             rotor = candidates[c].term.rotor
             if rotor is not None and rotor not in safe:
                 rotors.setdefault(rotor, []).append(c)
-        found = []
+        mentions = []
         for rotor, members in sorted(rotors.items()):
             probability = self.probability(members)
-            if probability <= DOUBT:
+            if probability <= OPEN_PROBABILITY:
                 continue
             named_ones = [c for c in members if not self._unnamed(c)]
             if not named_ones:
                 continue
-            likeliest = max(named_ones, key=lambda c: self.probability([c]))
-            estimate = self.estimate(likeliest)
+            most_probable = max(named_ones, key=lambda c: self.probability([c]))
+            estimate = self.estimate(most_probable)
             largest = int(np.argmax(np.abs(estimate.value[:, 0])))
             loss, half = (float(v[largest, 0]) for v in (estimate.value, estimate.half_width))
             one = Mentioned(
                 rotor=rotor, probability=probability, loss=loss, ci95=(loss - half, loss + half)
             )
-            found.append((one, likeliest))
-        return tuple(found)
+            mentions.append((one, most_probable))
+        return tuple(mentions)
 
     def gaining_rotors(self) -> frozenset[int]:
         """Return the rotors (0-based) whose most probable degradation has a negative loss.
 
-        They make more thrust than expected. Rotors with a probability of at most DOUBT are in no
-        list, so they are left out.
+        They make more thrust than expected. Rotors with a probability of at most
+        OPEN_PROBABILITY are in no list, so they are left out.
         """
         of_rotors: dict[int, list[int]] = {}
         for c in {c for one in self.sets for c in one.key if not self._unnamed(c)}:
             rotor = self.search.candidates[c].term.rotor
             if rotor is not None:
                 of_rotors.setdefault(rotor, []).append(c)
-        found = set()
-        for rotor, of in of_rotors.items():
-            likeliest = max(of, key=lambda c: self.probability([c]))
-            if self.probability(of) > DOUBT:
-                values = self.estimate(likeliest).value[:, 0]
+        gaining = set()
+        for rotor, candidates in of_rotors.items():
+            most_probable = max(candidates, key=lambda c: self.probability([c]))
+            if self.probability(candidates) > OPEN_PROBABILITY:
+                values = self.estimate(most_probable).value[:, 0]
                 if values[np.argmax(np.abs(values))] < 0.0:
-                    found.add(rotor)
-        return frozenset(found)
+                    gaining.add(rotor)
+        return frozenset(gaining)
 
     def excluded(self, linear: LinearisedSets, named: Sequence[int]) -> tuple[Excluded, ...]:
         """Return the sizes above which single-value effects are excluded at SURE, added to the best
         set.
 
         Sizes beyond the effect's physical bound are left out, as are onsets and effects with a
-        probability above DOUBT.
+        probability above OPEN_PROBABILITY.
         """
-        best, found = self.best, []
+        best, excluded = self.best, []
         for c, candidate in enumerate(self.search.candidates):
             main = [
                 k
@@ -320,19 +324,19 @@ class Posterior:
             ]
             if c in named or len(main) != 1 or candidate.term.effect.begins:
                 continue
-            if self.probability([c]) > DOUBT:
+            if self.probability([c]) > OPEN_PROBABILITY:
                 continue
             key = best.key | {c}
             scored = linear.score(key)
-            at = sum(len(self.search.candidates[k].free) for k in sorted(key) if k < c) + main[0]
+            place = sum(len(self.search.candidates[k].free) for k in sorted(key) if k < c) + main[0]
             p = candidate.parameters[main[0]]
-            value = linear.trials[c].free_values[main[0]] + scored.step[at] - (p.absent or 0.0)
-            error = float(np.hypot(np.sqrt(scored.variance[at]), linear.law_error(c, main[0])))
+            value = linear.trials[c].free_values[main[0]] + scored.step[place] - (p.absent or 0.0)
+            error = float(np.hypot(np.sqrt(scored.variance[place]), linear.law_error(c, main[0])))
             above = float(abs(value) + ndtri(SURE) * error)
             absent = p.absent or 0.0
             if above >= max(p.upper - absent, absent - p.lower):
                 continue  # an impossible size need not be excluded
-            found.append(
+            excluded.append(
                 Excluded(
                     term=candidate.term,
                     parameter=p.name,
@@ -340,7 +344,7 @@ class Posterior:
                     above=above,
                 )
             )
-        return tuple(found)
+        return tuple(excluded)
 
 
 def _interpolate_unknown_knots(one: Candidate, value: Floats, error: Floats) -> Floats:

@@ -11,8 +11,8 @@ import numpy as np
 from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
 from thrustmargin.models.effects.unnamed import CONSTANT, KNOTS, NAME, place_of
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.answer.constant_shares import ConstantShares
 from thrustmargin.models.identification.answer.held_out_errors import Errors, HeldOutResidual
-from thrustmargin.models.identification.answer.standing_shares import StandingShares
 from thrustmargin.models.identification.certainty import CHOICE
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.problem import Problem
@@ -73,7 +73,7 @@ class Unexplained:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Found:
+class ReportedEffect:
     """One reported effect with values and 95 % limits (F, parameters); shared values
     repeat over F."""
 
@@ -146,7 +146,7 @@ class OpenCause:
     """An unnamed cause that enters the new model: a curve along a channel, or an effect that is not
     certain enough to be reported."""
 
-    found: Found
+    found: ReportedEffect
     alike: tuple[str, ...]  # other channels along which a curve would fit about as well
     rms_rpm: float  # RMS of the change in these flights
 
@@ -179,7 +179,7 @@ class Identification:
 
     model: RotorModel
     problem: Problem
-    found: tuple[Found, ...]
+    found: tuple[ReportedEffect, ...]
     left: Unexplained | None  # unexplained residual, in the mode with most of it
     closest: tuple[Term, ...]  # effects that resemble it, which are not reported
     unseen: tuple[HeldOutResidual, ...]  # of the fitted flights, then of held-out flights if any
@@ -187,7 +187,7 @@ class Identification:
     after: Errors
     residual_after_rpm: Floats  # (T, R) on the rows of `problem`
     #: (T, R) with effects of later flights only, values fitted without each row's flight
-    residual_carried_rpm: Floats
+    residual_transferable_rpm: Floats
     floor_rpm: float
     sensor_noise_rpm: float
     alternatives: tuple[SetWeight, ...] = ()  # most probable first
@@ -198,9 +198,9 @@ class Identification:
     contradicted: tuple[Term, ...] = ()
     gaining: frozenset[int] = frozenset()  # rotors (0-based) that make more thrust than expected
     open_causes: tuple[OpenCause, ...] = ()  # unnamed causes that enter the new model
-    followed: tuple[Found, ...] = ()  # effects that a channel reports to the model already
+    followed: tuple[ReportedEffect, ...] = ()  # effects that a channel reports to the model already
     #: constant differences of motor outputs, of unknown cause
-    standing: StandingShares | None = None
+    constant_shares: ConstantShares | None = None
     #: effect -> lacking channels
     untried: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
@@ -211,15 +211,15 @@ class Identification:
 
     def __repr__(self) -> str:
         problem, held_out = self.problem, self.held_out
-        left = "flights that were not used"
+        flights = "flights that were not used"
         if held_out is None:
-            left = "each flight" if problem.flights > 1 else "each fifth"
-            left += " left out in turn"
+            flights = "each flight" if problem.flights > 1 else "each fifth"
+            flights += " left out in turn"
         return "\n".join(
             [
                 f"{self.model.airframe.name}, {problem.flights} "
                 f"flight{'s' if problem.flights > 1 else ''}: rotor speed error "
-                f"{self.before.rmse_rpm:.1f} -> {self.after.rmse_rpm:.1f} rpm, {left}",
+                f"{self.before.rmse_rpm:.1f} -> {self.after.rmse_rpm:.1f} rpm, {flights}",
                 *(repr(f) for f in self.found),
                 *([] if self.found else ["no effect is named"]),
                 *(f"{f!r}, which a channel reports already" for f in self.followed),
@@ -249,7 +249,7 @@ class Identification:
         )
 
     @property
-    def likeliest(self) -> tuple[Term, float] | None:
+    def most_probable(self) -> tuple[Term, float] | None:
         """Return the most probable effect that is not reported, with its probability, or None.
 
         It acts on no single rotor and has a probability above CHOICE. Cross-validation did not
@@ -257,17 +257,17 @@ class Identification:
         """
         sets = self.alternatives
         terms = [t for one in sets for t in one.terms if t.rotor is None and t.effect.name != NAME]
-        said = [one.term for one in self.reported]
+        reported = [one.term for one in self.reported]
         likely = [
             (sum(one.probability for one in sets if term in one.terms), term)
             for term in terms
-            if term not in said
+            if term not in reported
         ]
         probability, term = max(likely, key=lambda one: one[0], default=(0.0, None))
         return None if term is None or probability <= CHOICE else (term, probability)
 
     @property
-    def reported(self) -> tuple[Found, ...]:
+    def reported(self) -> tuple[ReportedEffect, ...]:
         """Return the effects to add to the model, then those that airspeed already includes, which
         are not added."""
         return (*self.found, *self.followed)
@@ -313,11 +313,11 @@ class Identification:
                     }
                     for e in self.excluded
                 ],
-                "likeliest": self.likeliest
-                and {**_term_json(self.likeliest[0]), "probability": self.likeliest[1]},
+                "likeliest": self.most_probable
+                and {**_term_json(self.most_probable[0]), "probability": self.most_probable[1]},
                 "mentioned": [_mention_json(m) for m in self.mentioned],
-                "standing_shares": self.standing
-                and _shares_json(self.standing, self.problem.names),
+                "standing_shares": self.constant_shares
+                and _shares_json(self.constant_shares, self.problem.names),
                 "not_tried": self.untried,
                 "from_motor_outputs": self.problem.of_outputs,
                 "contradicted": [_term_json(t) for t in self.contradicted],
@@ -334,16 +334,18 @@ class Identification:
 
         Without one, share and RMS are 0, mode, channel and rotor None, and channels empty.
         """
-        left = self.left
+        unexplained = self.left
         return {
-            "fraction_of_variance": left.share if left else 0.0,
-            "mode": self.problem.modes.names[left.mode] if left else None,
-            "channel": left.channel if left else None,
-            "channels": list(left.channels) if left else [],
-            "wanders": bool(left) and left.wanders,
-            "minor": bool(left) and left.minor,
-            "rms_rpm": left.rms_rpm if left else 0.0,
-            "rotor": None if left is None or left.rotor is None else left.rotor + 1,
+            "fraction_of_variance": unexplained.share if unexplained else 0.0,
+            "mode": self.problem.modes.names[unexplained.mode] if unexplained else None,
+            "channel": unexplained.channel if unexplained else None,
+            "channels": list(unexplained.channels) if unexplained else [],
+            "wanders": bool(unexplained) and unexplained.wanders,
+            "minor": bool(unexplained) and unexplained.minor,
+            "rms_rpm": unexplained.rms_rpm if unexplained else 0.0,
+            "rotor": None
+            if unexplained is None or unexplained.rotor is None
+            else unexplained.rotor + 1,
             "closest": [term.words for term in self.closest],
         }
 
@@ -354,7 +356,7 @@ def _term_json(term: Term) -> dict[str, Any]:
     return {"name": term.effect.name, "variant": term.effect.variant, "rotor": rotor}
 
 
-def _shares_json(shares: StandingShares, names: tuple[str, ...]) -> dict[str, Any]:
+def _shares_json(shares: ConstantShares, names: tuple[str, ...]) -> dict[str, Any]:
     """Return the shares as JSON, rotors counted from 1 and the flight by its name."""
     rotors = [{**to_json_values(one), "rotor": (one.rotor or 0) + 1} for one in shares.weak_rotors]
     flight = None if shares.flight is None else names[shares.flight]

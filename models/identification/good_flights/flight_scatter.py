@@ -67,10 +67,10 @@ def good_flights(left_out: Sequence[HeldOutFlights]) -> GoodFlights:
         catalogues.append(catalogue)
         modes = problem.mode_amplitudes(problem.measured_rpm - problem.speeds())
         filter_ = unfiltered_whitening(modes, problem.flight, problem.of_outputs)
-        for key, found in _flight_estimates(problem, filter_, catalogue).items():
-            estimates.setdefault(key, []).append(found)
-        for name, found in _slope_estimates(problem, filter_, modes).items():
-            of_slopes.setdefault((name, None), []).append(found)
+        for key, of_effect in _flight_estimates(problem, filter_, catalogue).items():
+            estimates.setdefault(key, []).append(of_effect)
+        for name, of_effect in _slope_estimates(problem, filter_, modes).items():
+            of_slopes.setdefault((name, None), []).append(of_effect)
         flight.append(problem.flight + len(means))
         means += [
             mean_and_error(modes, problem.block, problem.flight == f)
@@ -81,8 +81,8 @@ def good_flights(left_out: Sequence[HeldOutFlights]) -> GoodFlights:
             values.append(problem.channels.read(name))
     names = problem.modes.names
     which, rows = np.concatenate(flight), np.concatenate(amplitudes)
-    over = {name: np.concatenate(values) for name, values in channels.items()}
-    apart = WANDER * froude_time_scale(left_out[0].model.airframe)
+    channel_rows = {name: np.concatenate(values) for name, values in channels.items()}
+    knot_spacing = WANDER * froude_time_scale(left_out[0].model.airframe)
     by_mode = np.array(means)  # (F, 2, R)
     return GoodFlights(
         flights=len(means),
@@ -91,12 +91,12 @@ def good_flights(left_out: Sequence[HeldOutFlights]) -> GoodFlights:
         mode_scatter_rpm=tuple(
             float(np.nan_to_num(scatter_between(*by_mode[:, :, k].T))) for k in range(len(names))
         ),
-        slow_rpm=tuple(slow_wander(rows, over["time_s"], which, apart).tolist()),
+        slow_rpm=tuple(slow_wander(rows, channel_rows["time_s"], which, knot_spacing).tolist()),
         curve_rpm={
             f"{mode}.{name}": confirmed_curve_rms(
                 rows[:, k], values, which, periodic=name == "heading"
             )
-            for name, values in over.items()
+            for name, values in channel_rows.items()
             if np.isfinite(values).all()
             for k, mode in enumerate(names)
         },
@@ -117,19 +117,21 @@ def _flight_estimates(
 ) -> dict[tuple[str, int | None], Floats]:
     """Return each flight's value and error (F, 2), by parameter
     ("effect_key.parameter") and rotor."""
-    model, found = problem.model, {}
+    model, estimates = problem.model, {}
     for effect in catalogue:
         if effect.begins or problem.lacks(effect):
             continue
         rest, values = _separate_effect(model, effect)
-        at = replace(problem, model=rest)
+        at_start = replace(problem, model=rest)
         start = np.array([values] * problem.flights)
         for rotor in range(model.airframe.rotor_count) if effect.of_one_rotor else (None,):
             one = candidate(Term(effect=effect, rotor=rotor), problem.flights)
             trials = [TrialEffect(candidate=one, values=start)]
             main = [k for k, p in enumerate(effect.parameters) if not p.detail]
-            columns = slopes(at, trials, 0)[:, :, main]
-            residual = problem.mode_amplitudes(problem.measured_rpm) - predicted_modes(at, trials)
+            columns = slopes(at_start, trials, 0)[:, :, main]
+            residual = problem.mode_amplitudes(problem.measured_rpm) - predicted_modes(
+                at_start, trials
+            )
             whole = np.concatenate([columns, residual[:, :, None]], axis=2)
             sums = block_sums(filter_, whole, problem.block)
             own = np.stack(
@@ -137,8 +139,8 @@ def _flight_estimates(
             )
             for i, k in enumerate(main):
                 key = f"{effect.key}.{effect.parameters[k].name}", rotor
-                found[key] = own[:, :, i] + [values[k], 0.0]
-    return found
+                estimates[key] = own[:, :, i] + [values[k], 0.0]
+    return estimates
 
 
 def _slope_estimates(problem: Problem, filter_: Whitening, residual: Floats) -> dict[str, Floats]:
@@ -148,23 +150,23 @@ def _slope_estimates(problem: Problem, filter_: Whitening, residual: Floats) -> 
     flight has along one channel may be due to another one that moves with it. Empty for motor
     outputs, whose shares show no slope.
     """
-    found: dict[str, Floats] = {}
+    slopes: dict[str, Floats] = {}
     if problem.of_outputs:
-        return found
+        return slopes
     for name in curve_ranges(problem):
-        along = np.asarray(ALONG[name].read(problem.channels), dtype=np.float64)
-        columns = np.stack([np.ones_like(along), along - along.mean()], axis=1)
+        positions = np.asarray(ALONG[name].read(problem.channels), dtype=np.float64)
+        columns = np.stack([np.ones_like(positions), positions - positions.mean()], axis=1)
         for k, mode in enumerate(problem.modes.names[: len(MODES)]):
             whole = np.zeros((*residual.shape, 3))
             whole[:, k, :2], whole[:, k, 2] = columns, residual[:, k]
             sums = block_sums(filter_, whole, problem.block)
-            found[f"{mode}.{name}"] = np.stack(
+            slopes[f"{mode}.{name}"] = np.stack(
                 [
                     own_estimate(sums[problem.block_flight == f])[:, 1]
                     for f in range(problem.flights)
                 ]
             )
-    return found
+    return slopes
 
 
 def _separate_effect(model: RotorModel, effect: Effect) -> tuple[RotorModel, list[float]]:
@@ -190,8 +192,8 @@ def own_estimate(sums: Floats) -> Floats:
         return np.stack([np.zeros(size), np.full(size, np.inf)])
     bread = np.linalg.inv(total)
     move = bread @ gradient.sum(axis=0)
-    left = gradient - hessian @ move
-    variance = np.diag(bread @ left.T @ left @ bread) * blocks / (blocks - size)
+    remaining = gradient - hessian @ move
+    variance = np.diag(bread @ remaining.T @ remaining @ bread) * blocks / (blocks - size)
     return np.stack([move, np.sqrt(variance)])
 
 
@@ -204,9 +206,9 @@ def _pool_scatter(estimates: dict[tuple[str, int | None], list[Floats]]) -> dict
         if np.count_nonzero(known) > 1:
             scatter.setdefault(key, []).append(scatter_between(*own[known].T))
     return {
-        key: float(np.sqrt(np.nanmean(np.square(of))))
-        for key, of in scatter.items()
-        if not np.isnan(of).all()
+        key: float(np.sqrt(np.nanmean(np.square(of_flights))))
+        for key, of_flights in scatter.items()
+        if not np.isnan(of_flights).all()
     }
 
 
@@ -233,15 +235,15 @@ def confirmed_curve_rms(
         counts.append(y.size)
         sums.append(y.sum())
     gram, pull, count, total = sum(grams), sum(pulls), sum(counts), sum(sums)
-    left = np.zeros((SMOOTHNESS.size, labels.size))
+    errors = np.zeros((SMOOTHNESS.size, labels.size))
     constant = np.zeros(labels.size)
     for f in range(labels.size):
         mean = (total - sums[f]) / (count - counts[f])
         constant[f] = squares[f] - 2.0 * mean * sums[f] + mean**2 * counts[f]
         for k, weight in enumerate(SMOOTHNESS):
             curve = np.linalg.solve(gram - grams[f] + weight * count * penalty, pull - pulls[f])
-            left[k, f] = squares[f] - 2.0 * curve @ pulls[f] + curve @ grams[f] @ curve
-    best = left[np.argmin(left.sum(axis=1))]
+            errors[k, f] = squares[f] - 2.0 * curve @ pulls[f] + curve @ grams[f] @ curve
+    best = errors[np.argmin(errors.sum(axis=1))]
     gain, error = gain_and_error(constant, best)
     return float(np.sqrt(max(0.0, (constant - best).sum()) / count)) if gain > error else 0.0
 

@@ -62,14 +62,14 @@ def mode_curves(problem: Problem) -> list[Candidate]:
     All modes have the same channels, in the same order. A channel's range is the whole range of the
     flights, because beyond it the model's interval doubles.
     """
-    ranges, found = curve_ranges(problem, (0.0, 1.0)), []
+    ranges, curves = curve_ranges(problem, (0.0, 1.0)), []
     for mode in MODES[: problem.measured_rpm.shape[1]]:
-        found.append(candidate(Term(effect=UNNAMED[mode, CONSTANT]), problem.flights))
-        found += [
+        curves.append(candidate(Term(effect=UNNAMED[mode, CONSTANT]), problem.flights))
+        curves += [
             curve_candidate(problem, Term(effect=UNNAMED[mode, name]), ends)
             for name, ends in ranges.items()
         ]
-    return found
+    return curves
 
 
 def curve_sums(problem: Problem, curves: Sequence[Candidate]) -> list[RowSums]:
@@ -87,7 +87,7 @@ def curve_sums(problem: Problem, curves: Sequence[Candidate]) -> list[RowSums]:
         change = derivatives(some, [one.initial_effect], 0)
         columns[mode].append(np.nan_to_num(change[:, mode, :]))
     filter_ = unfiltered_whitening(residual, some.flight, some.of_outputs)
-    own = np.stack([np.concatenate(of, axis=1) for of in columns[: len(MODES)]], axis=1)
+    own = np.stack([np.concatenate(of_mode, axis=1) for of_mode in columns[: len(MODES)]], axis=1)
     whole = np.zeros((*residual.shape, own.shape[2] + 1))
     whole[:, : own.shape[1], :-1] = own
     whole[:, :, -1] = residual
@@ -123,7 +123,7 @@ def needed_curves(sums: RowSums, places: Sequence[slice]) -> tuple[int, ...]:
             rest = tuple(c for c in kept if c != one)
             gain, error = gain_and_error(_only(sums, places, rest).held_out_costs(), whole)
             gains.append((gain - stdtrit(sums.flights - 1, SURE) * error, rest))
-        least, rest = min(gains, key=lambda of: of[0])
+        least, rest = min(gains, key=lambda pair: pair[0])
         if least > 0.0:
             break
         kept = rest
@@ -146,14 +146,14 @@ def _records(
     if not kept:
         return []
     chosen = _only(sums, places, kept)
-    found = chosen.move(chosen.by_flight().sum(axis=0))
-    half = half_widths(chosen.fix_values(range(found.size), found), np.zeros((found.size, 0)))[0]
+    solved = chosen.move(chosen.by_flight().sum(axis=0))
+    half = half_widths(chosen.fix_values(range(solved.size), solved), np.zeros((solved.size, 0)))[0]
     records, first = [], 0
     for c in kept:
         one, effect = curves[c], curves[c].term.effect
         values, errors = one.start[0].copy(), np.zeros(one.start.shape[1])
         for k, (parameter, _) in enumerate(one.free):
-            values[parameter], errors[parameter] = found[first + k], half[first + k]
+            values[parameter], errors[parameter] = solved[first + k], half[first + k]
         first += len(one.free)
         limits = zip(effect.parameters, values.tolist(), errors.tolist(), strict=True)
         records.append(

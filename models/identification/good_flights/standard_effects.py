@@ -114,8 +114,8 @@ def _fit_from_start(problem: Problem, terms: Sequence[Term], known: Floats) -> R
     once from zero, they would converge to a wrong combination.
     """
     whole = [candidate(t, problem.flights) for t in terms]
-    made = [TrialEffect(candidate=_fix_shapes(one), values=one.start) for one in whole]
-    first = fit_rows(problem, made, known_rpm=known).trials
+    trials = [TrialEffect(candidate=_fix_shapes(one), values=one.start) for one in whole]
+    first = fit_rows(problem, trials, known_rpm=known).trials
     from_there = [replace(h, candidate=one) for h, one in zip(first, whole, strict=True)]
     return fit_rows(problem, from_there, known_rpm=known)
 
@@ -123,7 +123,9 @@ def _fit_from_start(problem: Problem, terms: Sequence[Term], known: Floats) -> R
 def _fix_shapes(one: Candidate) -> Candidate:
     """Return the candidate with only its main values free."""
     parameters = one.term.effect.parameters
-    return replace(one, free=tuple(of for of in one.free if parameters[of[0]].absent is not None))
+    return replace(
+        one, free=tuple(free for free in one.free if parameters[free[0]].absent is not None)
+    )
 
 
 def _half_widths(fit: RowFit, uncertainty: Floats) -> Floats:

@@ -143,10 +143,10 @@ def manoeuvres(limits: FlownLimits) -> tuple[Manoeuvre, ...]:
             "nearly empty": (least,),
             "both": (largest, least),
         }
-    made = []
+    choices = []
     for name, numbers, height, pieces in _library(limits, low, middle):
         for load, kg in fills.items():
-            made.append(
+            choices.append(
                 Manoeuvre(
                     name=name,
                     numbers=numbers,
@@ -157,7 +157,7 @@ def manoeuvres(limits: FlownLimits) -> tuple[Manoeuvre, ...]:
                     fills_kg=kg,
                 )
             )
-    return tuple(made)
+    return tuple(choices)
 
 
 def lightest_manoeuvres(every: Sequence[Manoeuvre]) -> tuple[Manoeuvre, ...]:
@@ -175,7 +175,7 @@ def _library(
     """List name, numbers, first height (m) and pieces of each manoeuvre within the limits."""
     rate = float(np.clip(np.nan_to_num(limits.turn_rate), 0.1, TURN_RATE))
     around = Piece(seconds=np.pi / rate, turn=rate)
-    made: list[tuple[str, tuple[float, ...], float, tuple[Piece, ...]]] = [
+    library: list[tuple[str, tuple[float, ...], float, tuple[Piece, ...]]] = [
         ("hover", (HOVER_S,), middle, (Piece(seconds=HOVER_S),))
     ]
     speed = min(limits.speed, 2.0 * limits.reach / LEAST_LEG_S)
@@ -184,11 +184,11 @@ def _library(
         for pace in (speed / 2, speed):
             leg = Piece(seconds=min(LEG_S, 2.0 * limits.reach / pace), speed=pace)
             pieces += [leg, _stop_piece(pace), around, leg, _stop_piece(pace), around]
-        made.append(("legs", (speed / 2, speed), middle, tuple(pieces)))
+        library.append(("legs", (speed / 2, speed), middle, tuple(pieces)))
         short = min(LEG_S, 2.0 * limits.reach / speed) / 3
         steps = [Piece(seconds=short, speed=s * speed) for s in (0.5, 1.0, 0.5)]
         back = (*steps, _stop_piece(speed), around)
-        made.append(("speed steps", (speed / 2, speed), middle, (*back, *back)))
+        library.append(("speed steps", (speed / 2, speed), middle, (*back, *back)))
         pace, corner = speed / 2, np.pi / 2 / rate
         sides = [
             piece
@@ -196,15 +196,15 @@ def _library(
             for piece in 4
             * [Piece(seconds=SIDE_S, speed=pace), _stop_piece(pace), _corner_piece(corner, way)]
         ]
-        made.append(("squares", (), middle, tuple(sides)))
+        library.append(("squares", (), middle, tuple(sides)))
     climb = min(limits.climb, 2.0)
     if climb > LEAST_SPEED and limits.height[1] - low > LEAST_LEG_S * climb / 2:
         up = Piece(seconds=(limits.height[1] - low) / climb, climb=climb)
         down = Piece(seconds=up.seconds, climb=-climb)
         hold = Piece(seconds=5.0)
         ends = (low, limits.height[1])
-        made.append(("climb and descent", ends, low, (hold, up, hold, down) * 2))
-    return made
+        library.append(("climb and descent", ends, low, (hold, up, hold, down) * 2))
+    return library
 
 
 def _stop_piece(speed: float) -> Piece:
@@ -223,13 +223,13 @@ def corners_ned(manoeuvre: Manoeuvre, limits: FlownLimits) -> Floats:
 
     Down is counted from the ground under the origin, taken as level.
     """
-    heading, at = manoeuvre.heading, np.array([0.0, 0.0, -manoeuvre.height])
-    corners = [at]
+    heading, corner = manoeuvre.heading, np.array([0.0, 0.0, -manoeuvre.height])
+    corners = [corner]
     for piece in manoeuvre.pieces:
-        ahead = piece.speed * np.array([np.cos(heading), np.sin(heading), 0.0])
-        at = at + piece.seconds * (ahead - np.array([0.0, 0.0, piece.climb]))
+        step = piece.speed * np.array([np.cos(heading), np.sin(heading), 0.0])
+        corner = corner + piece.seconds * (step - np.array([0.0, 0.0, piece.climb]))
         heading += piece.seconds * piece.turn
-        corners.append(at)
+        corners.append(corner)
     path = np.array(corners)
     middle = (path[:, :2].min(axis=0) + path[:, :2].max(axis=0)) / 2
     path[:, :2] += np.array(limits.place_ne) - middle
@@ -247,12 +247,12 @@ def flown_track(
 
     def ordered(name: str, rate: float) -> Floats:
         """Return a commanded rate (T,), limited in slope by `rate` and smoothed."""
-        wanted = np.array([getattr(p, name) for p in pieces])[which]
-        reached, now = np.empty_like(wanted), 0.0
-        for k, value in enumerate(wanted):
+        commanded = np.array([getattr(p, name) for p in pieces])[which]
+        reached, now = np.empty_like(commanded), 0.0
+        for k, value in enumerate(commanded):
             now += np.clip(value - now, -rate * STEP_S, rate * STEP_S)
             reached[k] = now
-        return running_mean(reached, SMOOTH_ROWS, beyond="edge")
+        return running_mean(reached, SMOOTH_ROWS, padding="edge")
 
     speed, climb = ordered("speed", ACCELERATION), ordered("climb", ACCELERATION)
     heading = manoeuvre.heading + np.cumsum(ordered("turn", 2.0)) * STEP_S
@@ -302,6 +302,6 @@ def _attitude(force: Floats, through_air: Floats, slowing: Floats, heading: Floa
     way = through_air / np.maximum(np.linalg.norm(through_air, axis=1, keepdims=True), 1e-3)
     lift = force + np.column_stack([slowing[:, None] * way, np.zeros_like(slowing)])
     down = -lift / np.linalg.norm(lift, axis=1, keepdims=True)
-    ahead = np.cos(heading) * down[:, 0] + np.sin(heading) * down[:, 1]
-    aside = np.cos(heading) * down[:, 1] - np.sin(heading) * down[:, 0]
-    return np.stack([-np.arcsin(aside), np.arctan2(ahead, down[:, 2]), heading], axis=1)
+    forward = np.cos(heading) * down[:, 0] + np.sin(heading) * down[:, 1]
+    lateral = np.cos(heading) * down[:, 1] - np.sin(heading) * down[:, 0]
+    return np.stack([-np.arcsin(lateral), np.arctan2(forward, down[:, 2]), heading], axis=1)

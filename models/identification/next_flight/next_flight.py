@@ -84,18 +84,18 @@ def fitted_explanation(problem: Problem, terms: Sequence[Term], noise_rpm: Float
     size = np.array([p.scale for p in every])
     values = np.concatenate([np.zeros(0), *(one.free_values for one in fit.trials)])
     own = scale_by_noise(fit.columns * size, noise)
-    left = np.nan_to_num(
+    remaining = np.nan_to_num(
         rows.mode_amplitudes(rows.measured_rpm) - predicted_modes(rows, fit.trials)
     )
-    pull = own.T @ scale_by_noise(left[:, :, None], noise)[:, 0]
+    pull = own.T @ scale_by_noise(remaining[:, :, None], noise)[:, 0]
     pull += (np.array([_absent_value(p) for p in every]) - values) / size
     step = np.asarray(np.linalg.solve(own.T @ own + np.eye(size.size), pull), dtype=np.float64)
-    likeliest = move_values(fit.trials, size * step)
+    most_probable = move_values(fit.trials, size * step)
     whole = np.hstack([own, scale_by_noise(scatter_columns(rows, problem.background_rpm), noise)])
     inverse = np.linalg.inv(whole.T @ whole + np.eye(whole.shape[1]))[: size.size, : size.size]
     of_values: Floats = np.asarray(inverse, dtype=np.float64) * np.outer(size, size)
     return Explanation(
-        trials=tuple(replace(one, values=one.values[:1]) for one in likeliest),
+        trials=tuple(replace(one, values=one.values[:1]) for one in most_probable),
         covariance=of_values,
     )
 
@@ -114,7 +114,7 @@ def scatter_columns(rows: RowsToFit, background_rpm: Floats | float) -> Floats:
     """
     shape = rows.measured_rpm.shape
     means = np.diag(np.broadcast_to(background_rpm, shape[1:]))
-    made = [np.broadcast_to(means, (*shape, shape[1]))]
+    columns = [np.broadcast_to(means, (*shape, shape[1]))]
     good = rows.model.good_flights
     shown = good.scatter if good is not None else {}
     for effect in effects_for(rows.model.airframe):
@@ -126,8 +126,8 @@ def scatter_columns(rows: RowsToFit, background_rpm: Floats | float) -> Floats:
         for rotor in range(shape[1]) if effect.of_one_rotor else (None,):
             one = candidate(Term(effect=effect, rotor=rotor), rows.flights)
             by_value = slopes(rows, [TrialEffect(candidate=one, values=absent)], 0, moving)
-            made.append(by_value * np.array(own)[moving])
-    return np.nan_to_num(np.concatenate(made, axis=2))
+            columns.append(by_value * np.array(own)[moving])
+    return np.nan_to_num(np.concatenate(columns, axis=2))
 
 
 def second_noise_rpm(problem: Problem, residual_rpm: Floats) -> Floats:
@@ -142,9 +142,9 @@ def second_noise_rpm(problem: Problem, residual_rpm: Floats) -> Floats:
     blocks = np.stack([np.bincount(problem.block, a) for a in amplitudes.T], axis=1) / count
     flights = np.bincount(problem.block_flight).astype(float)[:, None]
     means = np.stack([np.bincount(problem.block_flight, b) for b in blocks.T], axis=1) / flights
-    about = blocks - means[problem.block_flight]
+    deviations = blocks - means[problem.block_flight]
     free = max(1, blocks.shape[0] - means.shape[0])
-    return np.sqrt(np.sum(about**2, axis=0) / free * BLOCK_SECONDS) + 1e-3
+    return np.sqrt(np.sum(deviations**2, axis=0) / free * BLOCK_SECONDS) + 1e-3
 
 
 def _shared_effect(term: Term, rows: RowsToFit) -> TrialEffect:
@@ -185,48 +185,50 @@ class NextFlight:
         return self.repeats * self.manoeuvre.minutes
 
 
-def plan_next_flight(found: Identification, tracks: Sequence[FlightTrack]) -> NextFlight | None:
+def plan_next_flight(
+    identified: Identification, tracks: Sequence[FlightTrack]
+) -> NextFlight | None:
     """Choose the next flight after an identification; `tracks` are its flights.
 
     None if nothing is left open, or no manoeuvre would distinguish with a probability above CHANCE.
     """
-    pair = explanations_of(found)
+    pair = explanations_of(identified)
     if pair is None:
         return None
-    noise = second_noise_rpm(found.problem, found.residual_after_rpm)
+    noise = second_noise_rpm(identified.problem, identified.residual_after_rpm)
     try:
         limits = FlownLimits.from_tracks(tracks)
     except DataError:
         return None
     best = next_flight(
-        found.model,
+        identified.model,
         (
-            fitted_explanation(found.problem, pair[0], noise),
-            fitted_explanation(found.problem, pair[1], noise),
+            fitted_explanation(identified.problem, pair[0], noise),
+            fitted_explanation(identified.problem, pair[1], noise),
         ),
         limits=limits,
         noise_rpm=noise,
-        background_rpm=found.problem.background_rpm,
-        of_outputs=found.problem.of_outputs,
+        background_rpm=identified.problem.background_rpm,
+        of_outputs=identified.problem.of_outputs,
     )
     return best if best.certainty > CHANCE else None
 
 
-def explanations_of(found: Identification) -> tuple[Terms, Terms] | None:
+def explanations_of(identified: Identification) -> tuple[Terms, Terms] | None:
     """Return the two most probable explanations that an identification could not distinguish.
 
     In order of preference: two effects of a "one of", two sets of effects, a rotor that is not
     cleared. None if nothing is left open.
     """
-    named = tuple(f.term for f in found.found)
-    for one in found.one_of:
+    named = tuple(f.term for f in identified.found)
+    for one in identified.one_of:
         likely = sorted(zip(one.probabilities, one.terms, strict=True), key=lambda pair: -pair[0])
         first, second = (term for _, term in likely[:2])
         rest = tuple(t for t in named if t.key not in (first.key, second.key))
         return (*rest, first), (*rest, second)
-    if len(found.alternatives) > 1 and found.alternatives[0].probability < SURE:
-        return found.alternatives[0].terms, found.alternatives[1].terms
-    for rotor in sorted(found.mentioned, key=lambda one: -one.probability):
+    if len(identified.alternatives) > 1 and identified.alternatives[0].probability < SURE:
+        return identified.alternatives[0].terms, identified.alternatives[1].terms
+    for rotor in sorted(identified.mentioned, key=lambda one: -one.probability):
         return named, (*named, Term(effect=ROTOR_DEGRADATION, rotor=rotor.rotor))
     return None
 
@@ -257,7 +259,7 @@ def next_flight(
     if any(t.rotor is not None for one in explanations for t in one.terms):
         every = lightest_manoeuvres(every)
     library = {manoeuvre.name: manoeuvre for manoeuvre in every}
-    made: list[NextFlight] = []
+    proposals: list[NextFlight] = []
     for manoeuvre in every:
         gram = _gram([flown_at(manoeuvre.name, fill) for fill in manoeuvre.fills_kg])
         most = max(1, int(limits.minutes * len(manoeuvre.fills_kg) / manoeuvre.minutes))
@@ -265,7 +267,7 @@ def next_flight(
             square = _distance_square(gram, repeats)
             if math.sqrt(square) / 2.0 >= ndtri(SURE):
                 break
-        made.append(
+        proposals.append(
             NextFlight(
                 separates=(explanations[0].terms, explanations[1].terms),
                 manoeuvre=manoeuvre,
@@ -274,14 +276,14 @@ def next_flight(
                 certainty=float(ndtr(math.sqrt(square) / 2.0)),
             )
         )
-    return max(made, key=_preference)
+    return max(proposals, key=_preference)
 
 
-def _preference(made: NextFlight) -> tuple[bool, float]:
+def _preference(proposal: NextFlight) -> tuple[bool, float]:
     """Return the sort key: distinguishing flights first, by least duration, others by nats a
     minute."""
-    distinguished = made.certainty >= SURE
-    return distinguished, -made.minutes if distinguished else made.nats / made.minutes
+    distinguished = proposal.certainty >= SURE
+    return distinguished, -proposal.minutes if distinguished else proposal.nats / proposal.minutes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -360,8 +362,8 @@ def _gram(flown: Sequence[_FlownManoeuvre]) -> Floats:
 def _distance_square(gram: Floats, repeats: int) -> float:
     """Return d' S^-1 d if the rows are repeated `repeats` times within the same flights."""
     whole = repeats * gram
-    inner, along = whole[:-1, :-1], whole[:-1, -1]
-    explained = along @ np.linalg.solve(np.eye(inner.shape[0]) + inner, along)
+    inner, gradient = whole[:-1, :-1], whole[:-1, -1]
+    explained = gradient @ np.linalg.solve(np.eye(inner.shape[0]) + inner, gradient)
     return float(max(0.0, whole[-1, -1] - explained))
 
 

@@ -122,10 +122,10 @@ class TrialEffect:
         """Return the free values (P,)."""
         return self.values[self.candidate.places]
 
-    def moved(self, by: Floats) -> TrialEffect:
-        """Return the effect with its free values moved by `by` (P,), clipped to their bounds."""
+    def moved(self, change: Floats) -> TrialEffect:
+        """Return the effect, its free values moved by `change` (P,) and clipped to their bounds."""
         values = self.values.copy()
-        for (k, flight), step in zip(self.candidate.free, by, strict=True):
+        for (k, flight), step in zip(self.candidate.free, change, strict=True):
             p = self.candidate.term.effect.parameters[k]
             rows = slice(None) if flight is None else flight
             values[rows, k] = np.clip(values[rows, k] + step, p.lower, p.upper)
@@ -141,7 +141,7 @@ def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candida
     """
     rotors = reduced.measured_rpm.shape[1]
     most, taught = _flyable_loss(reduced), reduced.model.taught
-    found = []
+    candidates = []
     for effect in (e for known in catalogue if (e := _possible_change(reduced, known)) is not None):
         if effect.begins or (effect.by_flights and reduced.flights == 1):
             continue
@@ -157,8 +157,8 @@ def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candida
                 if effect.delays:
                     (delay,) = effect.parameters
                     one = replace(one, reading=delay_reading(delay_s, good, delay.resolution))
-                found.append(one)
-    return found
+                candidates.append(one)
+    return candidates
 
 
 def unnamed_candidates(reduced: RowsToFit) -> list[Candidate]:
@@ -176,12 +176,12 @@ def unnamed_candidates(reduced: RowsToFit) -> list[Candidate]:
     of_rotors = [name for name in OF_ROTOR if name in ranges and not reduced.of_outputs]
     places = [(mode, name, None) for mode in MODES[:rotors] for name in of_modes]
     places += [(ROTOR, name, r) for r in range(rotors) for name in of_rotors]
-    found = []
+    candidates = []
     for mode, name, rotor in places:
         one = curve_candidate(reduced, Term(effect=UNNAMED[mode, name], rotor=rotor), ranges[name])
         prior = EFFECT_PRIOR / len(of_modes) if rotor is None else ROTOR_PRIOR / len(of_rotors)
-        found.append(replace(one, log_prior=float(np.log(prior))))
-    return found
+        candidates.append(replace(one, log_prior=float(np.log(prior))))
+    return candidates
 
 
 def curve_ranges(
@@ -192,11 +192,11 @@ def curve_ranges(
     The range is that between the quantiles `ends`.
     """
     ranges: dict[str, tuple[float, float]] = {}
-    for name, along in ALONG.items():
-        values = np.asarray(along.read(rows.channels), dtype=np.float64)
+    for name, channel in ALONG.items():
+        values = np.asarray(channel.read(rows.channels), dtype=np.float64)
         if values.shape == rows.channels.time_s.shape and np.isfinite(values).all():
             low, high = (float(v) for v in np.quantile(values, ends))
-            if high - low > along.least:
+            if high - low > channel.least:
                 ranges[name] = low, high
     return ranges
 
@@ -333,30 +333,30 @@ def derivatives(rows: RowsToFit, trials: Sequence[TrialEffect], index: int) -> F
 def value_columns(rows: RowsToFit, trials: Sequence[TrialEffect], index: int) -> ValueColumns:
     """Like `derivatives`, but per-flight values of one parameter share a column."""
     free = trials[index].candidate.free
-    wanted = sorted({k for k, _ in free})
+    parameters = sorted({k for k, _ in free})
     return ValueColumns.with_source(
-        slopes(rows, trials, index, wanted),
-        np.array([wanted.index(k) for k, _ in free], dtype=np.intp),
+        slopes(rows, trials, index, parameters),
+        np.array([parameters.index(k) for k, _ in free], dtype=np.intp),
         np.array([ALL_FLIGHTS if f is None else f for _, f in free], dtype=np.intp),
     )
 
 
 def slopes(
-    rows: RowsToFit, trials: Sequence[TrialEffect], index: int, wanted: Sequence[int] | None = None
+    rows: RowsToFit, trials: Sequence[TrialEffect], index: int, varied: Sequence[int] | None = None
 ) -> Floats:
     """Compute derivatives (T, R, K), rpm in modes, by the parameters of effect `index` of `trials`.
 
-    `wanted` selects parameters. Central differences; one-sided at a bound, 0 for a value beyond
+    `varied` selects parameters. Central differences; one-sided at a bound, 0 for a value beyond
     both.
     """
     one = trials[index]
     parameters = one.candidate.term.effect.parameters
     if one.candidate.unnamed and place_of(one.candidate.term.effect)[1] != CONSTANT:
         knots = _curve_slopes(rows, trials, index)
-        return knots if wanted is None else knots[:, :, list(wanted)]
+        return knots if varied is None else knots[:, :, list(varied)]
     columns = [np.zeros((*rows.measured_rpm.shape, 0))]
     still = placed_effects(rows, trials)
-    for k in range(len(parameters)) if wanted is None else wanted:
+    for k in range(len(parameters)) if varied is None else varied:
         p = parameters[k]
         ends = []
         for sign in (1.0, -1.0):

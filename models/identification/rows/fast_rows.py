@@ -81,17 +81,17 @@ def delay_of_rows(flight: Problem, bins: NDArray[np.intp]) -> Floats:
     flight, bins = flight.rows(np.arange(min(ENOUGH, bins.size))), bins[:ENOUGH]
     measured = flight.mode_amplitudes(flight.measured_rpm)
 
-    def left(delay: float) -> Floats:
+    def remaining(delay: float) -> Floats:
         """Return the residual (T, R), rpm in modes, less its bin means, with a delay in s."""
         return _subtract_bin_means(measured - _predict_delayed(flight, delay), bins)
 
     (lag,) = ROTOR_SPEED_LAG.parameters
     # from zero, steps may end at another maximum
     tried = np.arange(lag.lower, lag.upper, lag.scale)
-    at, shown = float(max(tried, key=lambda delay: _log_likelihood(left(delay)))), 0.0
+    best, shown = float(max(tried, key=lambda delay: _log_likelihood(remaining(delay)))), 0.0
     for _ in range(STEPS):
-        residual = left(at)
-        slope = (residual - left(at + LAG_STEP / 2)) / (LAG_STEP / 2)
+        residual = remaining(best)
+        slope = (residual - remaining(best + LAG_STEP / 2)) / (LAG_STEP / 2)
         still = np.zeros(bins.size, dtype=np.bool_)
         filter_ = whitening_of(
             residual, flight.flight, flight.follows, still, float(flight.measured_rpm.mean())
@@ -102,9 +102,9 @@ def delay_of_rows(flight: Problem, bins: NDArray[np.intp]) -> Floats:
         shown = float(np.sum(d * d))
         if shown <= 0.0:
             return UNKNOWN
-        at += float(np.sum(d * z)) / shown
-    over_none = _log_likelihood(left(at)) - _log_likelihood(left(0.0))
-    return np.array([at, max(shown**-0.5, abs(at) / np.sqrt(max(2.0 * over_none, 1.0)))])
+        best += float(np.sum(d * z)) / shown
+    over_none = _log_likelihood(remaining(best)) - _log_likelihood(remaining(0.0))
+    return np.array([best, max(shown**-0.5, abs(best) / np.sqrt(max(2.0 * over_none, 1.0)))])
 
 
 def _log_likelihood(residual: Floats) -> float:
@@ -121,6 +121,6 @@ def _predict_delayed(flight: Problem, delay: float) -> Floats:
 
 def _subtract_bin_means(values: Floats, bins: NDArray[np.intp]) -> Floats:
     """Return values (T, R) less the mean over each bin."""
-    _, start, of = np.unique(bins, return_index=True, return_inverse=True)
-    mean = np.add.reduceat(values, start, axis=0) / np.bincount(of)[:, None]
-    return values - mean[of]
+    _, start, bin_of = np.unique(bins, return_index=True, return_inverse=True)
+    mean = np.add.reduceat(values, start, axis=0) / np.bincount(bin_of)[:, None]
+    return values - mean[bin_of]

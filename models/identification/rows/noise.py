@@ -141,17 +141,17 @@ def whitening_of(
         past = np.stack([e[filtered - 1], e[filtered - 2]], axis=1)
         kept = np.abs(np.column_stack([e[filtered], past])).max(axis=1) < HUBER
         gram = past[kept].T @ past[kept] + np.eye(ORDER)  # prior worth one mean
-        found = np.linalg.solve(gram, past[kept].T @ e[filtered][kept])
-        coefficients[mode] = found * min(1.0, MOST_MEMORY / max(float(found.sum()), 1e-9))
+        solution = np.linalg.solve(gram, past[kept].T @ e[filtered][kept])
+        coefficients[mode] = solution * min(1.0, MOST_MEMORY / max(float(solution.sum()), 1e-9))
         e = residual[:, mode]
-        left = e[rows] - np.stack([e[rows - 1], e[rows - 2]], axis=1) @ coefficients[mode]
-        left[unfiltered] = e[rows[unfiltered]]
+        innovations = e[rows] - np.stack([e[rows - 1], e[rows - 2]], axis=1) @ coefficients[mode]
+        innovations[unfiltered] = e[rows[unfiltered]]
         for state in (s for of_flight in states for s in of_flight):
-            scale[state, mode] = _robust_size(left[state])
+            scale[state, mode] = _robust_size(innovations[state])
         for f in np.unique(flight[rows[unfiltered]]):
             scale[unfiltered & (flight[rows] == f), mode] *= _correlation_factor(e[flight == f])
     scale = np.maximum(scale, least)
-    plain = Whitening(
+    unweighted = Whitening(
         rows=rows,
         flight=flight[rows],
         unfiltered=unfiltered,
@@ -159,10 +159,10 @@ def whitening_of(
         scale=scale,
         weight=np.ones((rows.size, modes)),
     )
-    size = np.maximum(np.abs(plain.apply(residual)), HUBER)
+    size = np.maximum(np.abs(unweighted.apply(residual)), HUBER)
     return Whitening(
         rows=rows,
-        flight=plain.flight,
+        flight=unweighted.flight,
         unfiltered=unfiltered,
         coefficients=coefficients,
         scale=scale,
@@ -238,18 +238,18 @@ def _extrapolation_errors(model: RotorModel, base: BaseTable, x: Channels) -> li
         return []
     now = rotor_speed_rpm(base, model.placed, x)
 
-    def growth(of: ForwardFlight) -> Floats:
+    def growth(flight: ForwardFlight) -> Floats:
         """Return the factor (T, 1) on rotor speed from the known airspeed to the flown one."""
         fast, slow = (
-            thrust_ratio(of, v, x.total_mass, model.reference_density, model.airframe)
+            thrust_ratio(flight, v, x.total_mass, model.reference_density, model.airframe)
             for v in (x.airspeed, np.minimum(x.airspeed, known))
         )
         return np.sqrt(fast / slow)[:, None]
 
-    more = 1.0 + FORM
+    factor = 1.0 + FORM
     others = (
-        replace(flight, lift_gain=flight.lift_gain * more),
-        replace(flight, rotor_drag=flight.rotor_drag * more, drag_area=flight.drag_area * more),
+        replace(flight, lift_gain=flight.lift_gain * factor),
+        replace(flight, rotor_drag=flight.rotor_drag * factor, drag_area=flight.drag_area * factor),
     )
     return [np.nan_to_num(now * (growth(other) / growth(flight) - 1.0)) for other in others]
 
@@ -266,8 +266,8 @@ def _effect_errors(model: RotorModel, base: BaseTable, x: Channels) -> list[Floa
         for parameter in item.effect.parameters:
             if parameter.detail:
                 continue
-            found = record.parameters[parameter.name]
-            error = (found.ci95[1] - found.ci95[0]) / 2 / ERRORS
+            estimate = record.parameters[parameter.name]
+            error = (estimate.ci95[1] - estimate.ci95[0]) / 2 / ERRORS
             if not error > 0.0:
                 continue
             moved = _move_value(item, parameter.name, error)
@@ -276,6 +276,6 @@ def _effect_errors(model: RotorModel, base: BaseTable, x: Channels) -> list[Floa
     return parts
 
 
-def _move_value(item: Placed, name: str, by: float) -> Placed:
-    """Return the placed effect with the value `name` moved by `by`."""
-    return replace(item, values={**item.values, name: item.values[name] + by})
+def _move_value(item: Placed, name: str, step: float) -> Placed:
+    """Return the placed effect with the value `name` moved by `step`."""
+    return replace(item, values={**item.values, name: item.values[name] + step})

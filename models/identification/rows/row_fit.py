@@ -112,33 +112,33 @@ def fit_rows(
     chosen = np.ones(problem.block_flight.size, dtype=bool) if chosen is None else chosen
     rows = chosen[problem.block]
 
-    def residual(of: Sequence[TrialEffect]) -> Floats:
+    def residual(effects: Sequence[TrialEffect]) -> Floats:
         """Return the residual (T, R), rpm in modes, with the given effects; 0 where unknown."""
-        return np.nan_to_num(measured - predicted_modes(problem, of))
+        return np.nan_to_num(measured - predicted_modes(problem, effects))
 
-    left = residual(trials)
+    remaining = residual(trials)
     for _ in range(ROUNDS if any(h.candidate.free for h in trials) else 1):
-        filter_ = unfiltered_whitening(left, problem.flight, problem.of_outputs, known_rpm)
+        filter_ = unfiltered_whitening(remaining, problem.flight, problem.of_outputs, known_rpm)
         for _ in range(STEPS):
             columns = _columns(problem, trials)
-            sums = _row_sums(problem, trials, filter_, columns, left)
-            taken = bounded_step(sums, sums.sums[chosen].sum(axis=0), trials)
+            sums = _row_sums(problem, trials, filter_, columns, remaining)
+            step = bounded_step(sums, sums.sums[chosen].sum(axis=0), trials)
             size = np.array([p.scale for h in trials for p in h.candidate.parameters])
-            taken = np.clip(taken, -FARTHEST * size, FARTHEST * size)
-            merit = _merit(trials, sums.prior, filter_.apply(left)[rows])
+            step = np.clip(step, -FARTHEST * size, FARTHEST * size)
+            merit = _merit(trials, sums.prior, filter_.apply(remaining)[rows])
             gained = 0.0
             for shrink in SHRINK:
-                moved = move_values(trials, shrink * taken)
+                moved = move_values(trials, shrink * step)
                 new = residual(moved)
                 value = _merit(moved, sums.prior, filter_.apply(new)[rows])
                 if value < merit:
-                    gained, trials, left = merit - value, moved, new
+                    gained, trials, remaining = merit - value, moved, new
                     break
             if gained <= CONVERGED * merit:
                 break
-    filter_ = unfiltered_whitening(left, problem.flight, problem.of_outputs, known_rpm)
+    filter_ = unfiltered_whitening(remaining, problem.flight, problem.of_outputs, known_rpm)
     columns = _columns(problem, trials)
-    sums = _row_sums(problem, trials, filter_, columns, left)
+    sums = _row_sums(problem, trials, filter_, columns, remaining)
     return RowFit(trials=trials, filter=filter_, columns=columns, sums=sums)
 
 
@@ -147,10 +147,10 @@ def held_out_costs_with(problem: Problem, fit: RowFit, filter_: Whitening) -> Fl
 
     A fit's own filter is scaled by its own residual, so costs of two fits need a common filter.
     """
-    left = np.nan_to_num(
+    remaining = np.nan_to_num(
         problem.mode_amplitudes(problem.measured_rpm) - predicted_modes(problem, fit.trials)
     )
-    return _row_sums(problem, fit.trials, filter_, fit.columns, left).held_out_costs()
+    return _row_sums(problem, fit.trials, filter_, fit.columns, remaining).held_out_costs()
 
 
 def bounded_step(sums: RowSums, total: Floats, trials: Sequence[TrialEffect]) -> Floats:
@@ -160,17 +160,17 @@ def bounded_step(sums: RowSums, total: Floats, trials: Sequence[TrialEffect]) ->
     """
     value = np.concatenate([np.zeros(0), *(h.free_values for h in trials)])
     which = [h.candidate.parameters for h in trials]
-    low = np.array([p.lower for of in which for p in of])
-    high = np.array([p.upper for of in which for p in of])
-    taken, free = np.zeros(value.size), np.ones(value.size, dtype=bool)
+    low = np.array([p.lower for parameters in which for p in parameters])
+    high = np.array([p.upper for parameters in which for p in parameters])
+    step, free = np.zeros(value.size), np.ones(value.size, dtype=bool)
     while True:
         some = np.flatnonzero(free)
-        taken[:] = 0.0
+        step[:] = 0.0
         kept = np.append(some, value.size)
-        taken[some] = sums.fix_values(some.tolist(), taken).move(total[np.ix_(kept, kept)])
-        out = ((value <= low) & (taken < 0.0)) | ((value >= high) & (taken > 0.0))
+        step[some] = sums.fix_values(some.tolist(), step).move(total[np.ix_(kept, kept)])
+        out = ((value <= low) & (step < 0.0)) | ((value >= high) & (step > 0.0))
         if not np.any(out):
-            return taken
+            return step
         free &= ~out
 
 
@@ -186,12 +186,14 @@ def _row_sums(
     trials: Sequence[TrialEffect],
     filter_: Whitening,
     columns: Floats,
-    left: Floats,
+    residual: Floats,
 ) -> RowSums:
-    """Return the sums by block of the derivatives and the residual `left` (T, R), with the ridge
-    prior."""
-    away, weight = _distances_from_absent(trials), RIDGE * left.shape[0] / _usual_sizes(trials) ** 2
-    whole = np.concatenate([columns, left[:, :, None]], axis=2)
+    """Return the sums by block of derivatives and `residual` (T, R), with the ridge prior."""
+    away, weight = (
+        _distances_from_absent(trials),
+        RIDGE * residual.shape[0] / _usual_sizes(trials) ** 2,
+    )
+    whole = np.concatenate([columns, residual[:, :, None]], axis=2)
     return RowSums(
         sums=block_sums(filter_, whole, problem.block),
         owner=problem.block_flight,
@@ -219,10 +221,10 @@ def _distances_from_absent(trials: Sequence[TrialEffect]) -> Floats:
     return np.array([0.0 if p.absent is None else v - p.absent for p, v in pairs])
 
 
-def move_values(trials: Sequence[TrialEffect], by: Floats) -> tuple[TrialEffect, ...]:
-    """Return the effects with all free values moved by `by` (P,), each clipped to its bounds."""
+def move_values(trials: Sequence[TrialEffect], step: Floats) -> tuple[TrialEffect, ...]:
+    """Return the effects with all free values moved by `step` (P,), each clipped to its bounds."""
     ends = np.cumsum([0, *(len(h.candidate.free) for h in trials)])
-    return tuple(h.moved(by[a:b]) for h, (a, b) in zip(trials, pairwise(ends), strict=True))
+    return tuple(h.moved(step[a:b]) for h, (a, b) in zip(trials, pairwise(ends), strict=True))
 
 
 def half_widths(

@@ -70,13 +70,13 @@ class ValueColumns:
 
         `flights` are the row slices of each flight.
         """
-        found = np.zeros(self.count)
+        products = np.zeros(self.count)
         for f in np.unique(self.flight):
             mine, rows = self.flight == f, slice(None) if f == ALL_FLIGHTS else flights[f]
             sums = other[rows].T[:, None] @ self.values[rows].swapaxes(0, 1)
             sums = np.concatenate([sums, sums.sum(axis=0)[None]])[:, 0]
-            found[mine] = sums[self.mode[mine], self.source[mine]]
-        return found
+            products[mine] = sums[self.mode[mine], self.source[mine]]
+        return products
 
     def dense(self, flight: NDArray[np.intp]) -> Floats:
         """Return the columns (N, R, q) written out; `flight` (N,) is each row's flight."""

@@ -96,31 +96,34 @@ def form_columns(x: Channels) -> Floats:
     return np.concatenate(parts, axis=1)
 
 
-def wander_columns(time_s: Floats, flight: NDArray[np.intp], apart: float = WANDER) -> Floats:
-    """Return hats (N, W) over the time of each flight, `apart` seconds between knots.
+def wander_columns(
+    time_s: Floats, flight: NDArray[np.intp], knot_spacing: float = WANDER
+) -> Floats:
+    """Return hats (N, W) over the time of each flight, `knot_spacing` seconds between knots.
 
     Flights share the columns. A pause in a log adds no columns, however long it is.
     """
     first = np.searchsorted(flight, np.unique(flight))
-    place = (time_s - time_s[first][flight]) / apart
+    place = (time_s - time_s[first][flight]) / knot_spacing
     before = np.floor(place)
     knots = np.union1d(before, before[place > before] + 1.0)
     return np.maximum(1.0 - np.abs(place[:, None] - knots), 0.0)
 
 
-def slow_wander(values: Floats, time_s: Floats, flight: NDArray[np.intp], apart: float) -> Floats:
-    """Estimate the size (R,) of slow noise within flights from values (T, R), knots every `apart`
-    s.
+def slow_wander(
+    values: Floats, time_s: Floats, flight: NDArray[np.intp], knot_spacing: float
+) -> Floats:
+    """Estimate the size (R,) of slow noise within flights from values (T, R).
 
-    Means over `apart` seconds scatter about their flight's mean by MEANS times the scatter of
-    knots. 0 where no flight is long enough.
+    Knots are `knot_spacing` s apart. Means over as long scatter about their flight's mean by MEANS
+    times the scatter of knots. 0 where no flight is long enough.
     """
     total, count = np.zeros(values.shape[1]), 0
     for f in np.unique(flight):
-        of, at = values[flight == f], time_s[flight == f]
-        long = at[-1] - at[0] + 1e-6
-        pieces = ((at - at[0]) / long * max(1, round(long / apart))).astype(np.intp)
-        parts = np.stack([of[pieces == k].mean(axis=0) for k in np.unique(pieces)])
+        of_flight, times = values[flight == f], time_s[flight == f]
+        long = times[-1] - times[0] + 1e-6
+        pieces = ((times - times[0]) / long * max(1, round(long / knot_spacing))).astype(np.intp)
+        parts = np.stack([of_flight[pieces == k].mean(axis=0) for k in np.unique(pieces)])
         total += np.sum((parts - parts.mean(axis=0)) ** 2, axis=0)
         count += len(parts) - 1
     return np.sqrt(total / max(count, 1)) / MEANS
@@ -132,8 +135,8 @@ def hats(values: Floats, count: int) -> Floats:
     Values beyond the knots get the outermost hat. Fewer hats where knots coincide.
     """
     knots = np.quantile(values, np.linspace(0.02, 0.98, count))
-    apart = 1e-3 * max(float(np.ptp(knots)), 1e-12)
-    knots = knots[np.concatenate([[True], np.diff(knots) > apart])]
+    shortest = 1e-3 * max(float(np.ptp(knots)), 1e-12)
+    knots = knots[np.concatenate([[True], np.diff(knots) > shortest])]
     if knots.size < 2:
         return np.ones((values.size, 1))
     place = np.interp(values, knots, np.arange(knots.size))
@@ -172,9 +175,9 @@ def law_uncertainty(reduced: Reduced) -> Floats:
             if np.sqrt(np.mean(change[:, mode] ** 2)) < LEAST_CHANGE:
                 continue
             size = change[:, mode, None]
-            along = np.concatenate([slow, (size / np.abs(size).max()) ** 2], axis=1)
-            own = np.zeros((*base.shape, along.shape[1]))
-            own[:, mode] = FORM * size * along
+            forms = np.concatenate([slow, (size / np.abs(size).max()) ** 2], axis=1)
+            own = np.zeros((*base.shape, forms.shape[1]))
+            own[:, mode] = FORM * size * forms
             columns.append(own)
     columns += _shape_columns(reduced, base)
     columns += [_load_response(reduced, base)]
@@ -265,7 +268,7 @@ def learn_variances(
     aircraft; the discrepancy's own sizes are estimated only if it is 1.
     """
     names = list(dict.fromkeys(groups))
-    of = np.array([names.index(g) for g in groups])
+    group = np.array([names.index(g) for g in groups])
     modes = nuisance.free.shape[0]
     scatter = np.ones(nuisance.scatter.shape[2])
     free = np.ones((modes, len(names)))
@@ -273,26 +276,26 @@ def learn_variances(
     if factor != 1.0 and len(sums.flights) == 1:
         sums = _marginalise_shared(sums, factor)
     known, hats = sums.known, sums.hats
-    of = of[:hats]
+    group = group[:hats]
     active = np.concatenate([one.active for one in sums.flights])
     for _ in range(STEPS):
-        size = np.concatenate([np.ones(known), free[:, of].ravel()])
-        taken, moved, spread = [], [], []
+        size = np.concatenate([np.ones(known), free[:, group].ravel()])
+        steps, moved, spread = [], [], []
         for one, seen in zip(sums.flights, sums.residual_products, strict=True):
             own = scatter[one.active, None]
             root = inverse_cholesky(np.eye(one.active.size) + own * one.gram * own.T)
-            taken.append(root @ (own * np.concatenate([one.cross_products * size, seen], axis=1)))
-            moved.append(root.T @ taken[-1])
+            steps.append(root @ (own * np.concatenate([one.cross_products * size, seen], axis=1)))
+            moved.append(root.T @ steps[-1])
             spread.append(np.sum(root**2, axis=0))
-        cross_products, drawn = np.split(np.concatenate(taken), [size.size], axis=1)
-        left = size[:, None] * sums.shared * size - cross_products.T @ cross_products
-        root = shared_root(left, known, hats, factor)
+        cross_products, drawn = np.split(np.concatenate(steps), [size.size], axis=1)
+        remaining = size[:, None] * sums.shared * size - cross_products.T @ cross_products
+        root = shared_root(remaining, known, hats, factor)
         mean = root.T @ (root @ (size[:, None] * sums.shared_products - cross_products.T @ drawn))
         square = (mean[:, 0] ** 2 + np.sum(root**2, axis=0))[known:].reshape(modes, hats)
         for g in range(len(names)):
-            free[:, g] *= np.sqrt(square[:, of == g].mean(axis=1)) if factor == 1.0 else 1.0
-        shift, at = np.split(np.concatenate(moved), [size.size], axis=1)
-        draws = (at - shift @ mean)[:, 0] ** 2 + np.concatenate(spread)
+            free[:, g] *= np.sqrt(square[:, group == g].mean(axis=1)) if factor == 1.0 else 1.0
+        shift, at_start = np.split(np.concatenate(moved), [size.size], axis=1)
+        draws = (at_start - shift @ mean)[:, 0] ** 2 + np.concatenate(spread)
         draws += np.sum((shift @ root.T) ** 2, axis=1)
         # A draw that no mean shows keeps its prior size.
         drawn = 1.0 + np.bincount(active, draws - 1.0, scatter.size) / len(sums.flights)

@@ -73,8 +73,8 @@ class ValuePrior:
     def exceeds_bounds(self, step: Floats) -> Bools:
         """Return which shape values (P,) a step (P,) would move beyond their bounds."""
         lower, upper = self.set_prior.limits[:2]
-        at = self.values + step
-        return ((at < lower) | (at > upper)) & self.set_prior.normal
+        moved = self.values + step
+        return ((moved < lower) | (moved > upper)) & self.set_prior.normal
 
     @property
     def log_likelihood_ratio(self) -> float:
@@ -177,9 +177,9 @@ def _set_prior(candidates: tuple[Candidate, ...]) -> SetPrior:
 def prior_of(trials: Sequence[TrialEffect]) -> ValuePrior:
     """Return the prior of a set's values, linearised at the values of `trials`."""
     set_prior = _set_prior(tuple(one.candidate for one in trials))
-    at = np.concatenate([np.zeros(0), *(one.free_values for one in trials)])
+    values = np.concatenate([np.zeros(0), *(one.free_values for one in trials)])
     return ValuePrior(
-        set_prior=set_prior, values=at, pull=-set_prior.weight * (at - set_prior.centre)
+        set_prior=set_prior, values=values, pull=-set_prior.weight * (values - set_prior.centre)
     )
 
 
@@ -240,8 +240,8 @@ def _step_at_bounds(prior: ValuePrior, system: Floats, pulled: Floats, step: Flo
     """
     lower, upper = prior.set_prior.limits[:2]
     trials = np.zeros(step.shape, dtype=np.bool_)
-    while (beyond := prior.exceeds_bounds(step) & ~trials).any():
-        trials |= beyond
+    while (outside := prior.exceeds_bounds(step) & ~trials).any():
+        trials |= outside
         to_bound = np.clip(step, lower - prior.values, upper - prior.values)
         stiff = np.where(trials, STIFF * system.diagonal(), 0.0)
         right = pulled + stiff * to_bound
@@ -249,23 +249,23 @@ def _step_at_bounds(prior: ValuePrior, system: Floats, pulled: Floats, step: Flo
     return np.where(trials, np.clip(step, lower - prior.values, upper - prior.values), step)
 
 
-def _log_sizes(prior: ValuePrior, at: Floats, error: Floats) -> float:
+def _log_sizes(prior: ValuePrior, values: Floats, error: Floats) -> float:
     """Return the log prior density of all effects' main values, including that they lie within
     bounds.
 
     An effect whose linearisation point is at a bound is IMPOSSIBLE.
     """
-    of = prior.set_prior
-    if not of.main.size:
+    set_prior = prior.set_prior
+    if not set_prior.main.size:
         return 0.0
-    lower, upper, scale, _, absent = of.limits[:, of.main]
-    at, error, now = at[of.main], error[of.main], prior.values[of.main]
-    inside = ndtr((upper - at) / error) - ndtr((lower - at) / error)
+    lower, upper, scale, _, absent = set_prior.limits[:, set_prior.main]
+    values, error, now = values[set_prior.main], error[set_prior.main], prior.values[set_prior.main]
+    inside = ndtr((upper - values) / error) - ndtr((lower - values) / error)
     possible = np.where(inside > 1e-12, np.log(np.maximum(inside, 1e-12)), IMPOSSIBLE)
-    square = np.add.reduceat(((np.abs(at - absent) + error) / scale) ** 2, of.first)
-    out = np.add.reduceat(possible, of.first) + of.constant
-    out -= of.dimensions * np.log(np.sqrt(square) + of.least)
-    free = np.logical_and.reduceat((lower < now) & (now < upper), of.first)
+    square = np.add.reduceat(((np.abs(values - absent) + error) / scale) ** 2, set_prior.first)
+    out = np.add.reduceat(possible, set_prior.first) + set_prior.constant
+    out -= set_prior.dimensions * np.log(np.sqrt(square) + set_prior.least)
+    free = np.logical_and.reduceat((lower < now) & (now < upper), set_prior.first)
     return float(np.where(free, out, IMPOSSIBLE).sum())  # else held at the bound of the possible
 
 

@@ -63,11 +63,11 @@ class FilteredColumns:
         n = self.nuisance
         r = n.filter_columns(residual[:, :, None])
         drawn, (shared, own) = n.flight_draws(r)[:, 0], n.products(r)
-        taken = self.solved.absorbed(shared - n.cross_products.T @ drawn[:, None])[:, 0]
-        along = self.z.products(r.values[:, :, 0], n.flights) - self.draws.T @ drawn
-        along = along - self.absorbed.T @ taken
-        corner = np.array([[own[0, 0] - drawn @ drawn - taken @ taken]])
-        return np.block([[self.products, along[:, None]], [along[None], corner]])
+        absorbed = self.solved.absorbed(shared - n.cross_products.T @ drawn[:, None])[:, 0]
+        cross = self.z.products(r.values[:, :, 0], n.flights) - self.draws.T @ drawn
+        cross = cross - self.absorbed.T @ absorbed
+        corner = np.array([[own[0, 0] - drawn @ drawn - absorbed @ absorbed]])
+        return np.block([[self.products, cross[:, None]], [cross[None], corner]])
 
 
 TINY = 1e-9  # keeps the matrix of a value without effect solvable
@@ -149,11 +149,11 @@ class LinearisedSets(_AboutSet):
         members = sorted(key)
         where = self._value_places(members)
         residual = self._residual_weights(frozenset(members))
-        along = self.gram @ residual
+        gradient = self.gram @ residual
         whole = np.empty((where.size + 1, where.size + 1))
         whole[:-1, :-1] = self.gram[where[:, None], where]
-        whole[:-1, -1] = whole[-1, :-1] = along[where]
-        whole[-1, -1] = along @ residual
+        whole[:-1, -1] = whole[-1, :-1] = gradient[where]
+        whole[-1, -1] = gradient @ residual
         return score(prior_of([self.trials[c] for c in members]), whole, self.temperature)
 
     def gains(self, key: Key, pool: Sequence[int]) -> Floats:
@@ -163,26 +163,26 @@ class LinearisedSets(_AboutSet):
         gram, where, residual = self.gram, self._value_places(members), self._residual_weights(key)
         prior = prior_of([self.trials[c] for c in members])
         system = gram[np.ix_(where, where)] + np.diag(prior.weight + TINY)
-        left = gram - gram[:, where] @ np.linalg.solve(system, gram[where])
-        along = left @ residual
+        remaining = gram - gram[:, where] @ np.linalg.solve(system, gram[where])
+        gradient = remaining @ residual
         first = self.columns[-1].stop if self.columns else 0
         out = np.zeros(len(pool))
         sizes = np.array([self.columns[c].stop - self.columns[c].start for c in pool])
         for size in np.unique(sizes):
-            of = np.flatnonzero(sizes == size)
-            some = np.array(pool)[of]
+            of_size = np.flatnonzero(sizes == size)
+            some = np.array(pool)[of_size]
             part = np.array([self.columns[c].start for c in some])[:, None] + np.arange(size)
             change, own = first + some, [self._priors[c] for c in some]
             sign = np.array([1.0 if c in self.about.key else -1.0 for c in some])
             pull = np.stack([one.pull for one in own])
-            g = along[part] + sign[:, None] * left[part, change[:, None]] + pull
-            h = left[part[:, :, None], part[:, None, :]].copy()
+            g = gradient[part] + sign[:, None] * remaining[part, change[:, None]] + pull
+            h = remaining[part[:, :, None], part[:, None, :]].copy()
             place = np.arange(size)
             weight = np.stack([one.weight for one in own])
             h[:, place, place] += weight + TINY * (np.abs(h[:, place, place]) + TINY)
             gain = np.sum(g * np.linalg.solve(h, g[:, :, None])[:, :, 0], axis=1)
-            out[of] = 0.5 * gain - sign * along[change] - 0.5 * left[change, change]
-            out[of] += self._reading_ratios[some]
+            out[of_size] = 0.5 * gain - sign * gradient[change] - 0.5 * remaining[change, change]
+            out[of_size] += self._reading_ratios[some]
         return out
 
     def restrict(self, members: Collection[int], without: Collection[int]) -> LinearisedSets:
@@ -212,8 +212,8 @@ class LinearisedSets(_AboutSet):
         place = self.columns[c].start + k
         first = self.columns[-1].stop if self.columns else 0
         changes = [first + c for c in self.about.key]
-        along = float(np.abs(self.gram[place, changes]).sum())
-        return FORM * along / max(float(self.gram[place, place]), TINY)
+        magnitude = float(np.abs(self.gram[place, changes]).sum())
+        return FORM * magnitude / max(float(self.gram[place, place]), TINY)
 
     def _value_places(self, members: Sequence[int]) -> NDArray[np.intp]:
         """Return the row indices in `gram` of the values of some candidates."""

@@ -94,8 +94,8 @@ class ReducedNuisance:
 
     def reduce(self, sums: Sums) -> Floats:
         """Return z'z (q, q) with all nuisances marginalised."""
-        taken = self.absorbed(sums[0])
-        return sums[1] - taken.T @ taken
+        absorbed = self.absorbed(sums[0])
+        return sums[1] - absorbed.T @ absorbed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -122,7 +122,7 @@ class Nuisance:
     @cached_property
     def by_flight(self) -> tuple[FlightScatter, ...]:
         """Return the scatter columns of each of the F flights, with their products."""
-        found, known = [], self.uncertainty.shape[2]
+        blocks, known = [], self.uncertainty.shape[2]
         for rows in self.flights:
             active = np.flatnonzero(self.scatter[rows].any(axis=(0, 1)))
             columns = self.scatter[rows][:, :, active].transpose(1, 2, 0).copy()
@@ -135,7 +135,7 @@ class Nuisance:
             free = np.concatenate(columns @ self.free[:, rows], axis=1)
             gram = (columns @ columns.swapaxes(1, 2)).sum(axis=0)
             cross_products = np.concatenate([by_known, free], axis=1)
-            found.append(
+            blocks.append(
                 FlightScatter(
                     active=active,
                     columns=columns,
@@ -144,7 +144,7 @@ class Nuisance:
                     cross_products=cross_products,
                 )
             )
-        return tuple(found)
+        return tuple(blocks)
 
     @cached_property
     def _uncertainty_by_mode(self) -> ModeColumns:
@@ -154,13 +154,15 @@ class Nuisance:
     @cached_property
     def _roots(self) -> tuple[Floats, ...]:
         """Return the inverse Cholesky factor (F,) of I + S'S of each flight."""
-        return tuple(inverse_cholesky(np.eye(of.active.size) + of.gram) for of in self.by_flight)
+        return tuple(
+            inverse_cholesky(np.eye(block.active.size) + block.gram) for block in self.by_flight
+        )
 
     @cached_property
     def cross_products(self) -> Floats:
         """Return L^-1 S'X (draws of all flights, X), like `flight_draws` of the shared columns."""
         pairs = zip(self._roots, self.by_flight, strict=True)
-        return np.concatenate([root @ of.cross_products for root, of in pairs])
+        return np.concatenate([root @ block.cross_products for root, block in pairs])
 
     @cached_property
     def shared_gram(self) -> Floats:
@@ -182,11 +184,11 @@ class Nuisance:
 
         `factor`: size of the discrepancy relative to a sound aircraft.
         """
-        left = self.shared_gram - self.cross_products.T @ self.cross_products
+        marginal = self.shared_gram - self.cross_products.T @ self.cross_products
         if less is not None:
-            left = left - (less.shared_gram - less.cross_products.T @ less.cross_products)
+            marginal = marginal - (less.shared_gram - less.cross_products.T @ less.cross_products)
         return ReducedNuisance(
-            gram=left,
+            gram=marginal,
             known=self.uncertainty.shape[2],
             hats=self.free.shape[2],
             factor=factor,
@@ -220,22 +222,26 @@ class Nuisance:
 
     def filter_columns(self, columns: ValueColumns | Floats) -> ValueColumns:
         """Filter columns of N means to columns of n means, in units of the noise."""
-        asked = columns if isinstance(columns, ValueColumns) else ValueColumns.from_values(columns)
-        return replace(asked, values=self.whitening.apply(asked.values))
+        filtered = (
+            columns if isinstance(columns, ValueColumns) else ValueColumns.from_values(columns)
+        )
+        return replace(filtered, values=self.whitening.apply(filtered.values))
 
     def flight_draws(self, z: ValueColumns) -> Floats:
         """Return L^-1 S'z (draws of all flights, q) of filtered columns z.
 
         Its square is the part of z'z that the scatter absorbs.
         """
-        found = []
+        draws = []
         for f, rows in enumerate(self.flights):
-            of = self.by_flight[f]
-            sums = _mode_products(of.mode_columns, of.active.size, z.values[rows].swapaxes(0, 1))
-            along = _with_mode_total(sums)[z.mode, :, z.source].T
-            along[:, (z.flight != ALL_FLIGHTS) & (z.flight != f)] = 0.0
-            found.append(self._roots[f] @ along)
-        return np.concatenate(found)
+            block = self.by_flight[f]
+            sums = _mode_products(
+                block.mode_columns, block.active.size, z.values[rows].swapaxes(0, 1)
+            )
+            cross = _with_mode_total(sums)[z.mode, :, z.source].T
+            cross[:, (z.flight != ALL_FLIGHTS) & (z.flight != f)] = 0.0
+            draws.append(self._roots[f] @ cross)
+        return np.concatenate(draws)
 
     def products(self, z: ValueColumns) -> Sums:
         """Return X'z and z'z of filtered columns z, without marginalising the scatter."""
@@ -244,40 +250,42 @@ class Nuisance:
         shared, own = np.zeros((known + modes * hats, z.count)), np.zeros((z.count, z.count))
         owners = [(EVERY, ALL_FLIGHTS), *((rows, f) for f, rows in enumerate(self.flights))]
         for rows, f in owners:
-            left, right = np.flatnonzero(z.flight == f), z.active_in(f)
-            if not left.size:
+            of_flight, right = np.flatnonzero(z.flight == f), z.active_in(f)
+            if not of_flight.size:
                 continue
             values = z.values[rows].swapaxes(0, 1)
-            sources, place = np.unique(z.source[left], return_inverse=True)
+            sources, place = np.unique(z.source[of_flight], return_inverse=True)
             part = values if sources.size == values.shape[2] else values[:, :, sources]
             sums = _with_mode_total(_mode_products(self._uncertainty_by_mode, known, part, rows))
-            shared[:known, left] = sums[z.mode[left], :, place].T
+            shared[:known, of_flight] = sums[z.mode[of_flight], :, place].T
             free = (self.free[:, rows].swapaxes(1, 2) @ part)[:, :, place]
-            one, other = z.mode[left], z.mode[right]
+            one, other = z.mode[of_flight], z.mode[right]
             active = (one == ALL_MODES) | (one == np.arange(modes)[:, None])
-            shared[known:, left] = (free * active[:, None]).reshape(modes * hats, -1)
+            shared[known:, of_flight] = (free * active[:, None]).reshape(modes * hats, -1)
             both = np.where(one[:, None] == ALL_MODES, other, one[:, None])
             both[(one[:, None] != other) & (one[:, None] != ALL_MODES) & (other != ALL_MODES)] = -2
             block = _with_mode_total(part.swapaxes(1, 2) @ values)[
                 both, place[:, None], z.source[right]
             ]
-            own[np.ix_(left, right)] = block
-            own[np.ix_(right, left)] = block.T
+            own[np.ix_(of_flight, right)] = block
+            own[np.ix_(right, of_flight)] = block.T
         return shared, own
 
 
 def _split_by_mode(columns: Floats) -> ModeColumns:
     """Split columns (R, K, n) into each mode's non-zero columns."""
-    active = [np.flatnonzero(of.any(axis=1)) for of in columns]
-    return tuple((some, of[some]) for some, of in zip(active, columns, strict=True))
+    active = [np.flatnonzero(mode_columns.any(axis=1)) for mode_columns in columns]
+    return tuple(
+        (some, mode_columns[some]) for some, mode_columns in zip(active, columns, strict=True)
+    )
 
 
 def _mode_products(columns: ModeColumns, count: int, values: Floats, rows: slice = EVERY) -> Floats:
     """Return products (R, K, q) of `count` columns, over the means `rows`, with values
     (R, n, q)."""
     sums = np.zeros((len(columns), count, values.shape[2]))
-    for (active, of), out, along in zip(columns, sums, values, strict=True):
-        out[active] = of[:, rows] @ along
+    for (active, mode_columns), out, amplitudes in zip(columns, sums, values, strict=True):
+        out[active] = mode_columns[:, rows] @ amplitudes
     return sums
 
 

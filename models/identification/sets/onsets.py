@@ -61,16 +61,16 @@ def drop_rotor_effects(search: Search, key: Key) -> Key:
     )
 
 
-def onset_candidates(search: Search, about: EffectSet) -> list[Candidate]:
+def onset_candidates(search: Search, effect_set: EffectSet) -> list[Candidate]:
     """Return step changes of rotors that raise the likelihood enough, best first.
 
-    Each is added to the set `about` without its rotor effects.
+    Each is added to the set `effect_set` without its rotor effects.
     """
-    sound = drop_rotor_effects(search, about.key)
-    near = about.effects
+    sound = drop_rotor_effects(search, effect_set.key)
+    near = effect_set.effects
     fitted = search.fitted.get(sound) or search.fit_near(sound, near)
     reduced, rotors = search.reduced, search.reduced.measured_rpm.shape[1]
-    found = []
+    candidates = []
     for rotor in range(rotors):
         loss = candidate(Term(effect=ROTOR_DEGRADATION, rotor=rotor), reduced.flights)
         trials = [*fitted.trials, loss.initial_effect]
@@ -103,9 +103,9 @@ def onset_candidates(search: Search, about: EffectSet) -> list[Candidate]:
         least = _step_gains(sums.constant_gram())[0] - FAR
         for kind, (gain, flight, when) in best.items():
             if gain > max(least, LEAST_GAIN + np.log(tries)):
-                found.append((gain, _step_candidate(search, kind, rotor, flight, when, tries)))
-    found.sort(key=lambda pair: -pair[0])
-    return [one for _, one in found[: 2 * len(KINDS)]]
+                candidates.append((gain, _step_candidate(search, kind, rotor, flight, when, tries)))
+    candidates.sort(key=lambda pair: -pair[0])
+    return [one for _, one in candidates[: 2 * len(KINDS)]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -143,8 +143,8 @@ def _grid(time_s: Floats) -> Floats:
     Times in a pause of the log are left out, as they are equivalent.
     """
     first, last = time_s.min() + LEAST_AFTER, time_s.max() - LEAST_AFTER
-    within = time_s[(time_s >= first) & (time_s < last)]
-    return first + GRID * np.unique(np.floor((within - first) / GRID))
+    inside = time_s[(time_s >= first) & (time_s < last)]
+    return first + GRID * np.unique(np.floor((inside - first) / GRID))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -187,11 +187,11 @@ class _LossSums:
         if flights < 3 or not np.isfinite(ends).all():
             return
         order = np.argsort(ends[:, 0])
-        shared, own = (np.array([of[f] for f in order]) for of in (self.shared, self.own))
+        shared, own = (np.array([sums[f] for f in order]) for sums in (self.shared, self.own))
         # Cumulative sums of the loss over flights; the residual is summed over all flights.
         loss = np.concatenate([np.zeros_like(shared[:1, :, 0]), np.cumsum(shared[:, :, 0], axis=0)])
         power = np.concatenate([[0.0], np.cumsum(own[:, 0, 0])])
-        along = np.concatenate([[0.0], np.cumsum(own[:, 0, 1])])
+        cumulative = np.concatenate([[0.0], np.cumsum(own[:, 0, 1])])
         inside = self.search.solved.shared
         residual = inside @ shared[:, :, 1].sum(axis=0)
         best: dict[str, tuple[float, int, int]] = {}
@@ -199,7 +199,7 @@ class _LossSums:
             stops = np.arange(i + 1, flights + (i > 0))
             part = loss[stops] - loss[i]
             size = power[stops] - power[i] - np.einsum("sx,xy,sy->s", part, inside, part)
-            pull = np.maximum(along[stops] - along[i] - part @ residual, 0.0)
+            pull = np.maximum(cumulative[stops] - cumulative[i] - part @ residual, 0.0)
             for stop, gain in zip(stops, pull**2 / np.maximum(size, 1e-12) / 2, strict=True):
                 kind = "since" if stop == flights else "until"
                 if gain > best.get(kind, (0.0,))[0]:
@@ -268,8 +268,8 @@ def _best_interval(sums: _LossSums, step: _Step, times: Floats) -> tuple[float, 
     """
     gram = sums.gram(step, times)
     inner, power = gram[:-1, -1], np.diag(gram)[:-1]
-    between = power[:, None] + power - 2.0 * gram[:-1, :-1]
-    score = np.maximum(inner[:, None] - inner, 0.0) ** 2 / np.maximum(between, 1e-12) / 2
+    gain = power[:, None] + power - 2.0 * gram[:-1, :-1]
+    score = np.maximum(inner[:, None] - inner, 0.0) ** 2 / np.maximum(gain, 1e-12) / 2
     score[times[None, :] - times[:, None] < LEAST_AFTER] = 0.0
     i, j = argmax_centre(score)
     return float(score[i, j]), (float(times[i]), float(times[j]))
@@ -281,9 +281,9 @@ def _step_candidate(
     """Return the candidate of a step found, with its times as start values and its prior for
     `tries` times."""
     effect, clock = KINDS[kind]
-    plain = candidate(Term(effect=effect, rotor=rotor), search.reduced.flights)
+    steady = candidate(Term(effect=effect, rotor=rotor), search.reduced.flights)
     names = [p.name for p in effect.parameters]
-    start = plain.start.copy()
+    start = steady.start.copy()
     time = when[0]
     if kind in ("while", "until"):
         start[:, names.index("end_clock" if kind == "until" else "end_time")] = when[1]
@@ -292,10 +292,10 @@ def _step_candidate(
         first = int(np.argmax(search.reduced.flight == flight))
         time += float(x.clock_s[first] - x.time_s[first])
     start[:, names.index(clock)] = time
-    free = plain.free
+    free = steady.free
     if flight < 0:  # no row determines the time of a step between flights
         free = tuple((k, f) for k, f in free if not names[k].endswith("_clock"))
     if kind in ("one", "while"):
-        free = tuple((k, f) for k, f in plain.free if f == flight)
+        free = tuple((k, f) for k, f in steady.free if f == flight)
     prior = float(np.log(ROTOR_PRIOR / len(KINDS)) - np.log(tries))
-    return replace(plain, start=start, free=free, log_prior=prior)
+    return replace(steady, start=start, free=free, log_prior=prior)

@@ -190,7 +190,7 @@ def _drop_constant_shares(
     """Drop candidates that shift the balance by a constant, for motor outputs without known sound
     flights.
 
-    `answer.standing_shares` reports them instead.
+    `answer.constant_shares` reports them instead.
     """
     if not (reduced.of_outputs and lacks_sound_flights(reduced.model)):
         return tuple(candidates)
@@ -231,14 +231,14 @@ def _unexplained_noise(open_: Nuisance, residual: Floats) -> Floats:
     mean = open_.marginalise(WIDE).shared @ shared[:, 0]
     known = open_.uncertainty.shape[2]
     free = mean[known:].reshape(open_.free.shape[0], -1)
-    left = z - open_.uncertainty @ mean[:known] - np.einsum("rnh,rh->nr", open_.free, free)
+    remaining = z - open_.uncertainty @ mean[:known] - np.einsum("rnh,rh->nr", open_.free, free)
     out = np.ones_like(z)
-    for of, rows in zip(open_.by_flight, open_.flights, strict=True):
+    for block, rows in zip(open_.by_flight, open_.flights, strict=True):
         # Of the residual after the shared columns, scatter absorbs S (I + S'S)^-1 S'.
-        seen = (of.columns @ left[rows].T[:, :, None]).sum(axis=0)[:, 0]
-        draws = np.linalg.solve(np.eye(of.active.size) + of.gram, seen)
-        left[rows] -= (draws @ of.columns).T
-        out[rows] = np.clip(np.sqrt(np.mean(left[rows] ** 2, axis=0)), 1.0, TAILS)
+        seen = (block.columns @ remaining[rows].T[:, :, None]).sum(axis=0)[:, 0]
+        draws = np.linalg.solve(np.eye(block.active.size) + block.gram, seen)
+        remaining[rows] -= (draws @ block.columns).T
+        out[rows] = np.clip(np.sqrt(np.mean(remaining[rows] ** 2, axis=0)), 1.0, TAILS)
     return out
 
 
@@ -261,15 +261,15 @@ def _effect_columns(
     Also return the derivatives (N, R, P) of each candidate that has such a value.
     """
     columns = []
-    at: dict[int, Floats] = {}
+    of_effect: dict[int, Floats] = {}
     for c, k, _ in main_values(candidates):
         one = candidates[c]
-        if c not in at:
-            at[c] = np.nan_to_num(derivatives(reduced, [one.initial_effect], 0))
-        columns.append(at[c][:, :, k] * one.parameters[k].smallest)
+        if c not in of_effect:
+            of_effect[c] = np.nan_to_num(derivatives(reduced, [one.initial_effect], 0))
+        columns.append(of_effect[c][:, :, k] * one.parameters[k].smallest)
     if not columns:
-        return np.zeros((*reduced.measured_rpm.shape, 0)), at
-    return np.stack(columns, axis=2), at
+        return np.zeros((*reduced.measured_rpm.shape, 0)), of_effect
+    return np.stack(columns, axis=2), of_effect
 
 
 def _unnamed_columns(reduced: Reduced, unnamed: Sequence[Candidate]) -> Floats:
@@ -328,11 +328,11 @@ def _flight_slopes(reduced: Reduced) -> tuple[Floats, Floats]:
     columns = [np.zeros((*reduced.measured_rpm.shape, 0))]
     for name, size in ({} if good is None or reduced.of_outputs else good.slope_rpm).items():
         mode, channel = name.split(".")
-        along = np.asarray(ALONG[channel].read(x), dtype=np.float64)
-        if along.shape != x.time_s.shape or not np.isfinite(along).all():
+        positions = np.asarray(ALONG[channel].read(x), dtype=np.float64)
+        if positions.shape != x.time_s.shape or not np.isfinite(positions).all():
             continue
         column = np.zeros((*reduced.measured_rpm.shape, 1))
-        column[:, reduced.modes.names.index(mode), 0] = size * along
+        column[:, reduced.modes.names.index(mode), 0] = size * positions
         columns.append(_subtract_flight_means(column, reduced.flight))
     whole = np.concatenate(columns, axis=2)
     flights = good.flights if good else 1
@@ -365,19 +365,19 @@ def _subtract_flight_means(columns: Floats, flight: NDArray[np.intp]) -> Floats:
 def _noise_filter(reduced: Reduced, residual: Floats, scatter: Floats, hats: Floats) -> Whitening:
     """Estimate the noise filter from the residual that no effect and no discrepancy
     curve explains."""
-    left = np.empty_like(residual)
+    remaining = np.empty_like(residual)
     for mode in range(residual.shape[1]):
         known = scatter[:, mode, :]
         known = known / np.maximum(np.abs(known).max(axis=0), 1e-9)
         columns = np.concatenate([hats, known], axis=1)
         gram = columns.T @ columns + RIDGE * np.eye(columns.shape[1])
-        left[:, mode] = residual[:, mode] - columns @ np.linalg.solve(
+        remaining[:, mode] = residual[:, mode] - columns @ np.linalg.solve(
             gram, columns.T @ residual[:, mode]
         )
     speed = float(reduced.measured_rpm.mean())
     busy = _manoeuvre_mask(reduced)
-    found = whitening_of(left, reduced.flight, reduced.follows, busy, speed)
-    return replace(found, weight=found.weight * reduced.scored_modes)
+    whitening = whitening_of(remaining, reduced.flight, reduced.follows, busy, speed)
+    return replace(whitening, weight=whitening.weight * reduced.scored_modes)
 
 
 def _manoeuvre_mask(reduced: Reduced) -> Bools:
@@ -385,10 +385,10 @@ def _manoeuvre_mask(reduced: Reduced) -> Bools:
     x = reduced.channels
     with np.errstate(invalid="ignore"):
         moved = (np.abs(x.yaw_rate) > TURN_RATE) | (np.abs(x.load_factor - 1.0) > LOADED)
-    beside = moved.copy()
-    beside[1:] |= moved[:-1] & reduced.follows[1:]
-    beside[:-1] |= moved[1:] & reduced.follows[1:]
-    return beside
+    neighbours = moved.copy()
+    neighbours[1:] |= moved[:-1] & reduced.follows[1:]
+    neighbours[:-1] |= moved[1:] & reduced.follows[1:]
+    return neighbours
 
 
 def _free_sizes(

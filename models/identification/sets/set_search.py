@@ -122,27 +122,27 @@ class Search:
         """
         best = self.fitted[linear.about.key]
         for key in self.possible_sets:
-            found = self.fitted[key]
+            fitted = self.fitted[key]
             promised = linear.score(key).log_evidence
-            if promised > max(found.total + STALE, best.total - NEAR):
+            if promised > max(fitted.total + STALE, best.total - NEAR):
                 other = self._fit(key, [linear.trials[c] for c in sorted(key)], 8, best.total)
-                self.fitted[key] = max(found, other, key=lambda one: one.total)
+                self.fitted[key] = max(fitted, other, key=lambda one: one.total)
 
-    def add(self, more: Sequence[Candidate], beside: Key) -> bool:
-        """Add candidates `more` and fit each alone and together with the set `beside`.
+    def add(self, further: Sequence[Candidate], members: Key) -> bool:
+        """Add candidates `further` and fit each alone and together with the set `members`.
 
         Return whether one of these sets comes within FAR of the best, so that the search should
         continue.
         """
         near = {c: h for f in self.fitted.values() for c, h in f.effects.items()}
-        found = []
-        for one in more:
+        added = []
+        for one in further:
             self.candidates.append(one)
             self.start.append(one.initial_effect)
             new = len(self.candidates) - 1
             values = [near.get(c, self.start[c]) for c in range(new + 1)]
-            found += [self.fit(key, values) for key in (frozenset({new}), beside | {new})]
-        return any(one.total > self.best.total - FAR for one in found)
+            added += [self.fit(key, values) for key in (frozenset({new}), members | {new})]
+        return any(one.total > self.best.total - FAR for one in added)
 
     def fit_near(self, key: Key, near: Mapping[int, TrialEffect]) -> EffectSet:
         """Fit a set from the values `near` of a similar set, without storing it among the fitted
@@ -159,14 +159,14 @@ class Search:
         """
         every = self.candidates
         uneven = {every[c].term.rotor for c in key if every[c].unnamed} - {None}
-        found = []
+        members = []
         for c, one in enumerate(every):
             effect, rotor = one.term.effect, one.term.rotor
             steady = effect.key == ROTOR_DEGRADATION.key and rotor in uneven
             lasts = rotor is None and not (effect.begins or effect.of_its_flights)
             if steady or (c in key and (one.unnamed or lasts)):
-                found.append(c)
-        return found
+                members.append(c)
+        return members
 
     def interchangeable(self, c: int) -> list[int]:
         """List the candidates that stand in for candidate `c`: of an unnamed cause all in the same
@@ -185,32 +185,32 @@ class Search:
     @property
     def possible_sets(self) -> list[Key]:
         """Return the fitted sets with all main values inside their bounds."""
-        return [key for key, found in self.fitted.items() if found.total > IMPOSSIBLE / 2]
+        return [key for key, fitted in self.fitted.items() if fitted.total > IMPOSSIBLE / 2]
 
     @property
     def best(self) -> EffectSet:
         """Return the fitted set with the highest log evidence."""
         return max(self.fitted.values(), key=lambda f: f.total)
 
-    def linearise(self, about: EffectSet) -> LinearisedSets:
+    def linearise(self, effect_set: EffectSet) -> LinearisedSets:
         """Linearise all candidates about a fitted set."""
-        columns = self.set_columns(about)
+        columns = self.set_columns(effect_set)
         return columns.linear(self.solved, self.nuisance.sums(columns.whole))
 
-    def set_columns(self, about: EffectSet, *, alone: bool = False) -> SetColumns:
+    def set_columns(self, effect_set: EffectSet, *, alone: bool = False) -> SetColumns:
         """Return the columns of all candidates about a fitted set.
 
         With `alone`, candidates outside the set have no values and no change.
         """
-        inside = about.effects
-        base = predicted_modes(self.reduced, about.trials)
+        inside = effect_set.effects
+        base = predicted_modes(self.reduced, effect_set.trials)
         trials, columns, changes, places = [], [], [], []
         first = 0
         for c, at_start in enumerate(self.start):
             if c in inside:
-                members = list(about.trials)
-                of = list(inside).index(c)
-                rest = [h for k, h in enumerate(members) if k != of]
+                members = list(effect_set.trials)
+                place = list(inside).index(c)
+                rest = [h for k, h in enumerate(members) if k != place]
                 changes.append(predicted_modes(self.reduced, rest) - base)
             elif alone:
                 trials.append(replace(at_start, candidate=replace(at_start.candidate, free=())))
@@ -218,17 +218,17 @@ class Search:
                 places.append(slice(first, first))
                 continue
             else:
-                members, of = [*about.trials, at_start], len(about.trials)
+                members, place = [*effect_set.trials, at_start], len(effect_set.trials)
                 changes.append(predicted_modes(self.reduced, members) - base)
-            columns.append(value_columns(self.reduced, members, of))
-            trials.append(members[of])
+            columns.append(value_columns(self.reduced, members, place))
+            trials.append(members[place])
             places.append(slice(first, first + columns[-1].count))
             first = places[-1].stop
         residual = self.reduced.mode_amplitudes(self.reduced.measured_rpm) - base
         both = np.stack([*changes, residual], axis=2)
         whole = concatenate_columns([*columns, ValueColumns.from_values(both)])
         return SetColumns(
-            about=about,
+            about=effect_set,
             trials=tuple(trials),
             columns=tuple(places),
             whole=whole.replace_nan(),
@@ -238,26 +238,26 @@ class Search:
     def promising_sets(self, linear: LinearisedSets) -> list[Key]:
         """Return unfitted sets to fit next: the highest-ranked by linear score, and neighbours of
         the best."""
-        found: dict[Key, float] = {}
+        scores: dict[Key, float] = {}
         best = self.fitted[linear.about.key]
 
         @cache
         def look(key: Key) -> float:
             """Score a set on the linear problem and keep the result."""
-            found[key] = linear.score(key).log_evidence
-            return found[key]
+            scores[key] = linear.score(key).log_evidence
+            return scores[key]
 
-        about = linear.about.key
-        if about:
-            fewer = (about - {*gone} for n in range(3) for gone in combinations(about, n))
+        centre = linear.about.key
+        if centre:
+            fewer = (centre - {*removed} for n in range(3) for removed in combinations(centre, n))
             self._grow(linear, list(fewer), look)
         # Grow from single effects too: other sets may replace all, pairs may gain only together.
         self._grow(linear, [frozenset({c}) for c in range(len(self.candidates))], look)
-        ranked = sorted(found, key=lambda k: -found[k])
-        top = max([best.total, *found.values()])  # `found` is empty without candidates
-        near = [k for k in ranked if found[k] > top - NEAR and k not in self.fitted]
-        more = [k for k in ranked if len(k ^ best.key) == 1 and k not in self.fitted]
-        return list(dict.fromkeys([*near[:FITTED], *more[:NEXT]]))
+        ranked = sorted(scores, key=lambda k: -scores[k])
+        top = max([best.total, *scores.values()])  # `scores` is empty without candidates
+        near = [k for k in ranked if scores[k] > top - NEAR and k not in self.fitted]
+        further = [k for k in ranked if len(k ^ best.key) == 1 and k not in self.fitted]
+        return list(dict.fromkeys([*near[:FITTED], *further[:NEXT]]))
 
     def _grow(
         self, linear: LinearisedSets, starts: Sequence[Key], look: Callable[[Key], float]
@@ -305,13 +305,13 @@ class Search:
         if key in self.fitted:
             return self.fitted[key]
         best = self.best.total if self.fitted else -np.inf
-        found = self._fit(
+        fitted = self._fit(
             key, [near[c] if near else self.start[c] for c in sorted(key)], steps, best
         )
-        self.fitted[key] = found
-        if found.possible_key != key:
-            self.fit(found.possible_key, near)  # an impossible effect may hide the others
-        return found
+        self.fitted[key] = fitted
+        if fitted.possible_key != key:
+            self.fit(fitted.possible_key, near)  # an impossible effect may hide the others
+        return fitted
 
     def _fit(
         self, key: Key, trials: Sequence[TrialEffect], steps: int, best: float = -np.inf
@@ -328,16 +328,16 @@ class Search:
         promised = np.inf
         for number in range(steps if trials else 0):
             if fresh:
-                found = self._fitted_set(key, columns, trials, residual)
-                change, promised = abs(found.total - promised), found.total
+                fitted = self._fitted_set(key, columns, trials, residual)
+                change, promised = abs(fitted.total - promised), fitted.total
                 if (number and promised < best - HOPELESS) or promised + 2 * change < best - FAR:
-                    return found
+                    return fitted
             prior = prior_of(trials)
-            taken = score(prior, gram).step
+            step = score(prior, gram).step
             gained = 0.0
             for shrink in (1.0, 0.3, 0.1):
                 parts = zip(trials, prior.groups, strict=True)
-                moved = [h.moved(shrink * taken[group]) for h, group in parts]
+                moved = [h.moved(shrink * step[group]) for h, group in parts]
                 new = np.nan_to_num(measured - predicted_modes(self.reduced, moved))
                 trial, value = self._normal_equations(columns, moved, new)
                 if value < merit:

@@ -186,7 +186,7 @@ def test_an_inner_frame_that_is_cut_by_the_end_of_the_bytes_is_waited_for():
 def walked(data: bytes, **given) -> list[tuple[FrameKind, int]]:
     options = {"closed": True, "wait": False, **given}
     walk = Walk()
-    found = walk.over(data + bytes(HEADER_PADDING), len(data), len(data), **options)
+    found = walk.frames(data + bytes(HEADER_PADDING), len(data), len(data), **options)
     return [(kind, at) for kind, at, _ in found]
 
 
@@ -218,7 +218,7 @@ def test_a_walk_waits_at_what_may_become_a_frame():
     data = first() + second()[:15]
     walk = Walk()
     found = list(
-        walk.over(data + bytes(HEADER_PADDING), len(data), len(data), closed=False, wait=True)
+        walk.frames(data + bytes(HEADER_PADDING), len(data), len(data), closed=False, wait=True)
     )
     assert [at for _, at, _ in found] == [0]
     assert walk.at == walk.expected == 17

@@ -105,7 +105,7 @@ def test_a_mission_comes_over_a_socket_that_somebody_else_owns(port: int):
         def send(out: bytes) -> None:
             own.sendto(out, peer)
 
-        with VehicleLink.over(send, name="own") as link:
+        with VehicleLink.from_sender(send, name="own") as link:
             stop = threading.Event()
 
             def listen() -> None:

@@ -22,7 +22,7 @@ from thrustmargin.models.effects.thrust_effects import (
 )
 from thrustmargin.models.effects.unnamed import UNNAMED
 from thrustmargin.models.identification.answer.acceptance import FOLLOWED_WIND
-from thrustmargin.models.identification.answer.result import Found, Identification
+from thrustmargin.models.identification.answer.result import Identification, ReportedEffect
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.candidates import Term
 
@@ -37,11 +37,11 @@ def whole() -> Identification:
     )
 
 
-def found(key: str | Effect, values: list, half: list, *, rotor=None) -> Found:
+def found(key: str | Effect, values: list, half: list, *, rotor=None) -> ReportedEffect:
     effect = BY_KEY[key] if isinstance(key, str) else key
     value = np.atleast_2d(np.array(values, dtype=np.float64))
     width = np.atleast_2d(np.array(half, dtype=np.float64))
-    return Found(
+    return ReportedEffect(
         term=Term(effect=effect, rotor=rotor),
         value=value,
         lower=value - width,

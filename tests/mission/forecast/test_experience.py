@@ -39,13 +39,13 @@ def test_two_missions_correct_nothing_and_three_do():
     assert made.missions == 3
     logs = [math.log(0.8), math.log(0.9), 0.0]
     middle = sum(logs) / 3.0
-    assert made.seconds.by == pytest.approx(middle)
+    assert made.seconds.mean == pytest.approx(middle)
     squares = 3 * 0.08**2 + sum((one - middle) ** 2 for one in logs)
     assert made.seconds.error == pytest.approx(math.sqrt(squares / 5.0 * 4.0 / 3.0))
-    assert made.peak_use.by == pytest.approx(0.05)
-    assert made.leg_use.by == 0.0
+    assert made.peak_use.mean == pytest.approx(0.05)
+    assert made.leg_use.mean == 0.0
     assert made.leg_use.error > 0.0  # equal three times is not sure for ever
-    assert (made.energy.by, made.energy.error) == (0.0, 0.0)  # no current in any of them
+    assert (made.energy.mean, made.energy.error) == (0.0, 0.0)  # no current in any of them
 
 
 def test_a_correction_moves_the_value_and_widens_its_interval():

@@ -75,7 +75,7 @@ def test_a_slope_steeper_than_the_climb_limit_slows_the_vehicle(slope, uphill):
     places = forecast(fast, MODEL, DAY, terrain=slope).places
     found = {place.item: place for place in places if place.kind == "slope slows"}
     assert found[5].amount == pytest.approx(2.5 / 0.3, rel=0.05)  # WPNAV_SPEED_UP over the slope
-    assert found[5].beside == 12.0
+    assert found[5].secondary == 12.0
 
 
 def test_ground_that_the_file_lacks_is_named(tmp_path):

@@ -22,10 +22,10 @@ MODEL = shipped_model()
 GIVEN = PlanConditions(fill_kg=10.0, density=1.225)
 
 
-def flown(*rows, limits=LIMITS, given=GIVEN, anew=None, **plan):
+def flown(*rows, limits=LIMITS, given=GIVEN, renewed=None, **plan):
     made = plan_of(*(rows or TWO_LINES), **plan)
     legs = plan_legs(made, plan_steps(made), limits)
-    return fly_plan("a plan", course(legs, limits), MODEL, given, anew=anew)
+    return fly_plan("a plan", course(legs, limits), MODEL, given, renewed=renewed)
 
 
 def span(flight, kind):
@@ -99,7 +99,7 @@ def test_an_empty_tank_stays_empty_and_a_refill_fills_it():
     given = replace(GIVEN, fill_kg=2.0, flow=0.05)
     assert flown(given=given).track.tank_kg[-1] == 0.0
     legs = [t.leg.item for t in flown().course.legs]
-    refilled = flown(given=given, anew={legs.index(5) + 1: Used(0.0, 0.0)}).track
+    refilled = flown(given=given, renewed={legs.index(5) + 1: Used(0.0, 0.0)}).track
     assert refilled.tank_kg[-1] > 0.5
 
 

@@ -28,7 +28,7 @@ def test_where_the_rotors_have_no_moment_left_every_forecast_gives_up_yaw_alike(
     made = before_take_off(PLAN, MODEL, TakeOff(fill_kg=16.0, altitude=4000.0), parameters=SHARP)
     assert "nose gives way" in made.assumed
     given = conditions_before_take_off(SHARP, MODEL.airframe, fill_kg=16.0, altitude=4000.0)
-    flight, _ = PlanToFly.of(PLAN, SHARP, MODEL).fly(given)
+    flight, _ = PlanToFly.from_plan(PLAN, SHARP, MODEL).fly(given)
     assert flight.course.limits.yaw_acceleration == made.limits.yaw_acceleration
     limits = flight_limits(SHARP)
     legs = plan_legs(PLAN, plan_steps(PLAN), limits)
@@ -70,7 +70,7 @@ def test_a_plan_that_does_not_switch_the_pump_is_compared_by_the_airframes_rule(
     dry = plan_of(*(row for row in TWO_LINES if row[0] != 216))
     ruled = replace(MODEL, airframe=replace(MODEL.airframe, pump_on="lines"))
     flown = [
-        {t.leg.item for t in PlanToFly.of(plan, {}, model).course.legs if t.leg.pump}
+        {t.leg.item for t in PlanToFly.from_plan(plan, {}, model).course.legs if t.leg.pump}
         for plan, model in ((dry, MODEL), (dry, ruled), (PLAN, ruled))
     ]
     assert flown == [set(), {4, 6}, {5, 9}]  # the last by its own orders

@@ -172,7 +172,7 @@ def test_a_running_mean_has_the_ends_that_are_asked_for(width, beyond):
     sides = [(width // 2, (width - 1) // 2), (0, 0)]
     longer = np.pad(values, sides, beyond)
     by_hand = [longer[row : row + width].mean(axis=0) for row in range(30)]
-    np.testing.assert_allclose(running_mean(values, width, beyond=beyond), by_hand, rtol=1e-9)
+    np.testing.assert_allclose(running_mean(values, width, padding=beyond), by_hand, rtol=1e-9)
 
 
 def test_nothing_has_no_running_mean():

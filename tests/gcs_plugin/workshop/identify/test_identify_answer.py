@@ -29,11 +29,11 @@ from thrustmargin.models.effects.unnamed import UNNAMED
 from thrustmargin.models.identification.answer.model_update import MarginChange, margin_changes
 from thrustmargin.models.identification.answer.result import (
     Excluded,
-    Found,
     Identification,
     Mentioned,
     OneOf,
     OpenCause,
+    ReportedEffect,
     SetWeight,
 )
 from thrustmargin.models.identification.loop import identify
@@ -439,7 +439,7 @@ def test_the_page_of_the_answer_shows_each_kind_of_sentence(sound):
 def test_what_has_no_name_is_said_with_its_range_and_its_interval_beyond(sound):
     def of(term: Term, *values: float) -> OpenCause:
         row = np.array([values])
-        found = Found(
+        found = ReportedEffect(
             term=term,
             value=row,
             lower=row - 0.05,

@@ -68,7 +68,7 @@ def answer(problem: Any, held_out: Any = None, **given: Any) -> Identification:
         "before": errors(40.0),
         "after": errors(10.0),
         "residual_after_rpm": np.zeros((0, 4)),
-        "residual_carried_rpm": np.zeros((0, 4)),
+        "residual_transferable_rpm": np.zeros((0, 4)),
         "floor_rpm": 9.0,
         "sensor_noise_rpm": 3.0,
     }
@@ -192,7 +192,7 @@ def carried(flights: int, *found: Any, outside: int = 0) -> Any:
     names = tuple(f"{k}.tlog" for k in range(flights))
     problem = SimpleNamespace(flights=flights, flight=flight, names=names, channels=channels)
     residual = rng.normal(0.0, 10.0, (flight.size, 4)) + flight[:, None]
-    return SimpleNamespace(problem=problem, found=found, residual_carried_rpm=residual)
+    return SimpleNamespace(problem=problem, found=found, residual_transferable_rpm=residual)
 
 
 def test_the_interval_is_calibrated_on_rows_inside_the_training():
@@ -204,7 +204,7 @@ def test_the_interval_is_calibrated_on_rows_inside_the_training():
     x = found.problem.channels
     airspeed, tank = x.airspeed[inside], x.tank_kg[inside]
     spread = ensemble_speed(model.network, airspeed, tank)[1]
-    rows = (found.residual_carried_rpm[inside], spread, airspeed, found.problem.flight[inside])
+    rows = (found.residual_transferable_rpm[inside], spread, airspeed, found.problem.flight[inside])
     by_hand = calibrate(*rows, coverage=0.9)
     assert interval is not None
     assert interval.factor == by_hand.factor

@@ -22,7 +22,7 @@ from thrustmargin.models.identification.answer.model_update import (
     update_model,
     with_effects,
 )
-from thrustmargin.models.identification.answer.result import Found, Identification
+from thrustmargin.models.identification.answer.result import Identification, ReportedEffect
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.model.analysis import analyse
@@ -43,9 +43,9 @@ def worn() -> Identification:
     return identify(flights[:2], curve_model(), held_out=flights[2:], catalogue=few)
 
 
-def found_by_hand(effect, rows: list[list[float]], rotor: int | None = None) -> Found:
+def found_by_hand(effect, rows: list[list[float]], rotor: int | None = None) -> ReportedEffect:
     values = np.array(rows)
-    return Found(
+    return ReportedEffect(
         term=Term(effect=effect, rotor=rotor),
         value=values,
         lower=values - 0.01,

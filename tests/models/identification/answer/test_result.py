@@ -12,7 +12,7 @@ from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer.held_out_errors import errors_of
-from thrustmargin.models.identification.answer.result import Found
+from thrustmargin.models.identification.answer.result import ReportedEffect
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.problem import assemble
@@ -58,7 +58,7 @@ class Log:
 
 
 def test_the_json_of_an_effect_has_its_values_units_and_intervals():
-    wind = Found(
+    wind = ReportedEffect(
         term=Term(effect=BY_KEY["wind"]),
         value=np.array([[1.0, 4.0], [-6.0, 3.0]]),
         lower=np.array([[0.5, 3.0], [-7.0, 2.0]]),

@@ -74,7 +74,7 @@ def test_one_flight_names_a_rotor_only_beside_what_good_flights_have_shown():
     few = table(["rotor_degradation", "cg_offset", "yaw_trim"])
     alone = identify(by_outputs(9, loss=0.3), curve_model(), catalogue=few)
     assert names(alone) == []
-    assert alone.standing is not None
+    assert alone.constant_shares is not None
     sound = identify(by_outputs(8), curve_model(), catalogue=few)
     assert any("learnt from good flights" in line for line in open_questions(sound))
     good = identify([by_outputs(k) for k in range(4)], curve_model(), catalogue=few)

@@ -191,7 +191,7 @@ def test_candidates_found_on_the_way_are_tried_alone_and_beside_a_set():
     mass = place(search, "extra_mass")
     search.fit(frozenset(), ())
     search.fit(mass, ())
-    assert search.add([late], beside=mass)
+    assert search.add([late], members=mass)
     new = len(search.candidates) - 1
     assert search.candidates[new] is late
     assert set(search.fitted) == {frozenset(), mass, frozenset({new}), mass | {new}}
@@ -208,7 +208,7 @@ def test_a_search_goes_on_for_candidates_that_come_near_the_best_alone():
     late = search.candidates.pop(other)
     search.start.pop(other)
     best = search.fit(place(search, "rotor_degradation@1"), ())
-    assert not search.add([late], beside=frozenset())
+    assert not search.add([late], members=frozenset())
     assert max(f.total for f in search.fitted.values() if f is not best) < best.total - FAR
 
 

@@ -265,14 +265,16 @@ def test_a_set_that_is_far_below_the_best_is_left_soon_and_ranks_as_if_fitted_to
 
 def test_the_slow_noise_of_each_flight_begins_with_it():
     time_s = np.array([100.0, 110.0, 125.0, 7.0, 19.5, 32.0])
-    columns = wander_columns(time_s, np.array([0, 0, 0, 1, 1, 1]), apart=25.0)
+    columns = wander_columns(time_s, np.array([0, 0, 0, 1, 1, 1]), knot_spacing=25.0)
     assert columns[:, 0] == pytest.approx([1.0, 0.6, 0.0, 1.0, 0.5, 0.0])
     assert columns[:, 1] == pytest.approx([0.0, 0.4, 1.0, 0.0, 0.5, 1.0])
 
 
 def test_a_pause_of_days_has_no_knots():
     """A clock that leaps ahead, or a log that goes on another day, had 40,000 of them."""
-    columns = wander_columns(np.array([0.0, 10.0, 1e6 + 5.0]), np.zeros(3, dtype=int), apart=25.0)
+    columns = wander_columns(
+        np.array([0.0, 10.0, 1e6 + 5.0]), np.zeros(3, dtype=int), knot_spacing=25.0
+    )
     np.testing.assert_allclose(columns, [[1, 0, 0, 0], [0.6, 0.4, 0, 0], [0, 0, 0.8, 0.2]])
 
 

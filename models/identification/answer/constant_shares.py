@@ -36,7 +36,7 @@ Change = Callable[[Sequence[Placed]], Floats]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StandingCause:
+class ShareCause:
     """One cause that would produce the same constant outputs, with its sizes."""
 
     cg_x: float  # m, forward of the model's
@@ -49,21 +49,21 @@ class StandingCause:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StandingShares:
+class ConstantShares:
     """The constant measured minus predicted speed of each of R rotors, and its possible causes."""
 
     rotor_rpm: tuple[float, ...]  # (R,) mean of all flights, or of `flight`
     #: the flight with the largest difference if flights differ too much, else None
     flight: int | None
     per_flight_rpm: tuple[tuple[float, ...], ...]  # (F, R)
-    trim: StandingCause | None  # centre of gravity and yaw moment; None where no size fits
+    trim: ShareCause | None  # centre of gravity and yaw moment; None where no size fits
     #: one rotor with a centre of gravity offset, largest loss first
-    weak_rotors: tuple[StandingCause, ...]
+    weak_rotors: tuple[ShareCause, ...]
 
 
-def standing_shares(
+def constant_shares(
     problem: Problem, trials: Sequence[TrialEffect], residual_rpm: Floats
-) -> StandingShares | None:
+) -> ConstantShares | None:
     """Return the constant difference between motor outputs and the model with the effects `trials`.
 
     `residual_rpm` (T, R) is measured minus predicted with these effects. None for measured speeds,
@@ -82,46 +82,46 @@ def standing_shares(
         flight = int(np.argmax(sizes))
         mean = flights[flight]
     few = thin_rows(problem, max(1, problem.measured_rpm.shape[0] // ROWS))
-    wanted = problem.mode_amplitudes(mean)[AXES]
-    beside = placed_effects(few, trials)
-    still = few.speeds(beside)
+    target = problem.mode_amplitudes(mean)[AXES]
+    others = placed_effects(few, trials)
+    still = few.speeds(others)
 
     def moved(effects: Sequence[Placed]) -> Floats:
         """Return the mean change (3,) rpm of roll, pitch and yaw modes by additional effects."""
-        change = few.speeds([*beside, *effects]) - still
+        change = few.speeds([*others, *effects]) - still
         return few.mode_amplitudes(change.mean(axis=0))[AXES]
 
     rotors = [
         one
         for rotor in range(problem.measured_rpm.shape[1])
-        if (one := _weak_rotor_cause(moved, wanted, rotor)) is not None
+        if (one := _weak_rotor_cause(moved, target, rotor)) is not None
     ]
-    return StandingShares(
+    return ConstantShares(
         rotor_rpm=tuple(mean.tolist()),
         flight=flight,
         per_flight_rpm=tuple(tuple(one.tolist()) for one in flights),
-        trim=_trim_cause(moved, wanted),
+        trim=_trim_cause(moved, target),
         weak_rotors=tuple(sorted(rotors, key=lambda one: -one.loss)),
     )
 
 
-def _trim_cause(moved: Change, wanted: Floats) -> StandingCause | None:
-    """Return the centre of gravity and yaw moment that produce `wanted` (3,) rpm; None
+def _trim_cause(moved: Change, target: Floats) -> ShareCause | None:
+    """Return the centre of gravity and yaw moment that produce `target` (3,) rpm; None
     if none do."""
     yaw = BY_KEY["yaw_trim"].parameters[0]
-    found = _solve_sizes(
+    solved = _solve_sizes(
         lambda v: moved([_cg_offset(v[0], v[1]), _placed_effect("yaw_trim", {yaw.name: v[2]})]),
-        wanted,
+        target,
         scale=(CG.scale, CG.scale, yaw.scale),
         most=(CG.upper, CG.upper, yaw.upper),
     )
     return (
-        None if found is None else StandingCause(cg_x=found[0], cg_y=found[1], yaw_moment=found[2])
+        None if solved is None else ShareCause(cg_x=solved[0], cg_y=solved[1], yaw_moment=solved[2])
     )
 
 
-def _weak_rotor_cause(moved: Change, wanted: Floats, rotor: int) -> StandingCause | None:
-    """Return the rotor's loss and the centre of gravity that together produce `wanted` (3,) rpm.
+def _weak_rotor_cause(moved: Change, target: Floats, rotor: int) -> ShareCause | None:
+    """Return the rotor's loss and the centre of gravity that together produce `target` (3,) rpm.
 
     Yaw determines the loss through the torque share that the rotor keeps, known to one standard
     deviation; `loss_range` covers that. None if the loss is below LEAST_LOSS or no size fits.
@@ -136,7 +136,7 @@ def _weak_rotor_cause(moved: Change, wanted: Floats, rotor: int) -> StandingCaus
                     ),
                 ]
             ),
-            wanted,
+            target,
             scale=(CG.scale, CG.scale, LOSS.scale),
             most=(CG.upper, CG.upper, LOSS.upper),
         )
@@ -146,7 +146,7 @@ def _weak_rotor_cause(moved: Change, wanted: Floats, rotor: int) -> StandingCaus
     if first is None or first[2] < LEAST_LOSS:
         return None
     losses = [one[2] for one in (first, *others) if one is not None]
-    return StandingCause(
+    return ShareCause(
         cg_x=first[0],
         cg_y=first[1],
         rotor=rotor,
@@ -177,20 +177,20 @@ def _placed_effect(key: str, values: Mapping[str, float], rotor: int | None = No
 
 def _solve_sizes(
     change: Callable[[Floats], Floats],
-    wanted: Floats,
+    target: Floats,
     *,
     scale: tuple[float, float, float],
     most: tuple[float, float, float],
 ) -> list[float] | None:
-    """Return values (3,) that produce the `wanted` change (3,) rpm of the axes, or None.
+    """Return values (3,) that produce the `target` change (3,) rpm of the axes, or None.
 
     Each value lies within its `most` of zero and is searched in steps of its `scale`. None if more
     than MATCHED of the change remains.
     """
     sizes, bounds = np.array(scale), np.array(most) / np.array(scale)
-    found = least_squares(
-        lambda v: change(v * sizes) - wanted, np.zeros(3), bounds=(-bounds, bounds)
+    solution = least_squares(
+        lambda v: change(v * sizes) - target, np.zeros(3), bounds=(-bounds, bounds)
     )
-    if np.linalg.norm(found.fun) > MATCHED * np.linalg.norm(wanted):
+    if np.linalg.norm(solution.fun) > MATCHED * np.linalg.norm(target):
         return None
-    return [float(v) for v in found.x * sizes]
+    return [float(v) for v in solution.x * sizes]

@@ -56,7 +56,7 @@ def test_no_cause_is_named_and_the_difference_is_reported(off, count):
     assert (found.mentioned, found.one_of) == ((), ())
     terms = {term.effect.name for one in found.alternatives for term in one.terms}
     assert not terms & {"rotor_degradation", "cg_offset", "yaw_trim"}
-    shares = found.standing
+    shares = found.constant_shares
     assert shares is not None
     mean = np.mean([f.rotor_speed_rpm.mean() for f in flights(*SOUND, count=count)])
     assert np.array(shares.rotor_rpm) / mean == pytest.approx(
@@ -68,7 +68,7 @@ def test_no_cause_is_named_and_the_difference_is_reported(off, count):
 
 def test_each_cause_makes_the_difference_by_itself():
     """A rotor that lacks 15 % with no more torque than it had, as outputs would show it."""
-    found = identify(flights(0.05, -0.014, -0.018, -0.018), curve_model()).standing
+    found = identify(flights(0.05, -0.014, -0.018, -0.018), curve_model()).constant_shares
     assert found is not None
     by_rotor = {one.rotor: one for one in found.weak_rotors}
     # Yaw tells the direction of rotation: rotors 1 and 2 turn one way, 3 and 4 the other.
@@ -94,7 +94,7 @@ def test_each_cause_makes_the_difference_by_itself():
 def test_a_model_of_sound_flights_names_the_rotor():
     taught = replace(curve_model(), background_rpm=(12.0,) * 4)
     weak = identify(flights(0.09, -0.03, -0.03, -0.03), taught)
-    assert weak.standing is None
+    assert weak.constant_shares is None
     assert [f.term.rotor for f in weak.found if f.term.effect.name == "rotor_degradation"] == [0]
 
 
@@ -103,7 +103,7 @@ def test_of_flights_that_differ_the_one_that_differs_most_is_reported():
     given = [*flights(*SOUND, count=3), *flights(0.09, -0.03, -0.03, -0.03, count=4)[3:]]
     found = identify(given, curve_model())
     assert not effects(found) & {"rotor_degradation", "cg_offset", "yaw_trim"}
-    shares = found.standing
+    shares = found.constant_shares
     assert shares is not None
     assert shares.flight == 3
     assert int(np.argmax(shares.rotor_rpm)) == 0
@@ -112,13 +112,13 @@ def test_of_flights_that_differ_the_one_that_differs_most_is_reported():
 
 def test_what_is_too_small_to_matter_is_not_reported():
     found = identify(flights(0.004, -0.004, 0.004, -0.004), curve_model())
-    assert found.standing is None
+    assert found.constant_shares is None
     assert nothing_missing_words(found).endswith("cannot clear a rotor")
 
 
 def test_measured_speeds_are_not_concerned():
     found = identify([made_flight(k, loss=0.08) for k in range(3)], curve_model())
-    assert found.standing is None
+    assert found.constant_shares is None
     assert "rotor_degradation" in effects(found)
 
 
@@ -149,7 +149,7 @@ def test_of_any_layout_a_weak_rotor_is_a_constant_and_a_step_is_not(airframe):
 
 
 def test_its_sentences_say_both_sizes_and_two_ways_to_find_out():
-    found = identify(flights(0.05, -0.014, -0.018, -0.018), curve_model()).standing
+    found = identify(flights(0.05, -0.014, -0.018, -0.018), curve_model()).constant_shares
     assert found is not None
     first, second = standing_words(found, NAMES, ("a", "b", "c"))
     assert "cannot tell a weak rotor from a shifted centre of gravity or trim" in first
