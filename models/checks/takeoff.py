@@ -48,14 +48,16 @@ LATE_S = 0.5
 ASKED_SHARE = 0.5
 #: Powers of motor output between which rotor speed lies: 0.8 to 1.2 on the aircraft recorded.
 LEAST_POWER, MOST_POWER = 0.5, 1.5
-#: s over which speeds and outputs are means, and s for which they must disagree.
-MEAN_S, LASTS_S = 0.5, 0.5
+#: s over which speeds and outputs are means, and s for which they must disagree: an automatic
+#: take-off spools up within 1 s.
+MEAN_S, LASTS_S = 0.3, 0.3
 #: Ratios of speed to that of the others, beyond the interval by outputs: a rotor without propeller
 #: turns 1.3 to 1.6 times as fast; a sound one at spool-up lags by up to a third.
 SLOW, FAST = 0.6, 1.25
 #: rad/s of yaw, rad/s by which it must have grown, and least share of the rotors' yaw moment in
 #: their thrust against it, for a rotor that turns the wrong way.
 RUNAWAY_RATE, RUNAWAY_GROWTH, AGAINST = 0.6, 0.4, 0.1
+RUNAWAY_S = 0.5  # s over which it grows
 #: Rotors from which an exchange of two can be seen, and the share of the deviation that it leaves.
 FEWEST_TO_EXCHANGE, EXCHANGE_EXPLAINS = 4, 0.25
 HOVER_S = 5.0  # s after lift-off that still belong to the check
@@ -526,7 +528,7 @@ def _reversed(track: FlightTrack, airframe: Airframe, begin: int) -> list[Takeof
         against = np.abs(share) > AGAINST
         against &= (rate * share < 0.0) & (np.abs(rate) > RUNAWAY_RATE)
     for row in np.flatnonzero(against).tolist():
-        first = max(int(np.searchsorted(time_s, time_s[row] - LASTS_S - 1e-6)), begin)
+        first = max(int(np.searchsorted(time_s, time_s[row] - RUNAWAY_S - 1e-6)), begin)
         part = slice(first, row + 1)
         way = -np.sign(share[row])
         pulls = np.isfinite(share[part]) & (share[part] * way < -AGAINST)
