@@ -16,7 +16,11 @@ from thrustmargin.gcs_plugin.wording.flight_words import (
     loss_words,
     recovered_words,
 )
+from thrustmargin.gcs_plugin.wording.takeoff_words import check_line, finding_words
 from thrustmargin.models.checks.loss_of_control import loss_of_control, recovered_signs
+from thrustmargin.models.checks.takeoff import TakeoffKind, takeoff_checks
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.physics.airframe import Airframe
 
 
 class Severity(StrEnum):
@@ -85,6 +89,26 @@ def loss_findings(log: FlightLog) -> list[Finding]:
 
 
 _OF_LOSS = ("time_s", "value")
+
+
+def takeoff_findings(track: FlightTrack, airframe: Airframe | None) -> list[Finding]:
+    """Return the findings of every run-up of a flight, and one line about each that is sound.
+
+    `airframe` is None where it is not known.
+    """
+    places = () if airframe is None else airframe.rotor_names
+    made = []
+    for check in takeoff_checks(track, airframe):
+        for one in check.findings:
+            level = Severity.GRAVE if one.forbids else Severity.WARNING
+            level = Severity.UNKNOWN if one.kind is TakeoffKind.SILENT else level
+            values = {"value": one.value, "reference": one.reference}
+            words = finding_words(one, places)
+            made.append(Finding("take-off", level, words, one.time_s, values))
+        if not check.findings:
+            level = Severity.OK if check.reporting else Severity.UNKNOWN
+            made.append(Finding("take-off", level, check_line(check), check.begin_s))
+    return made
 
 
 def event_findings(events: Iterable[VehicleEvent]) -> list[Finding]:

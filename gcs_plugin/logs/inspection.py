@@ -16,6 +16,7 @@ from thrustmargin.gcs_plugin.logs.findings import (
     event_findings,
     gravest_first,
     loss_findings,
+    takeoff_findings,
 )
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.wording.flight_words import LEFT_OUT, TOO_SELDOM
@@ -120,6 +121,7 @@ def inspect_log(
     # Of a flight without a claim a report has an airframe of which nothing is known.
     unknown = claim.basis == "not known" or not math.isfinite(airframe.empty_mass)
     known = None if unknown else airframe
+    findings += takeoff_findings(log.track, known)
     if known is None:
         if log.facts.rotor_conflict:
             findings.append(Finding("motors", Severity.WARNING, log.facts.words))

@@ -268,7 +268,7 @@ def motors_on(track: FlightTrack) -> Bools:
     """Flag rows (T,) in which a motor is driven or turns; unknown ones are as the row before."""
     speeds, outputs = np.abs(track.measured("rotor_speed_rpm")), track.throttle
     with np.errstate(invalid="ignore"):
-        on = (outputs > DRIVEN).any(axis=1) | (speeds >= TURNING).any(axis=1)
+        on: Bools = np.any(outputs > DRIVEN, axis=1) | np.any(speeds >= TURNING, axis=1)
     known = np.isfinite(outputs).any(axis=1) | np.isfinite(speeds).any(axis=1)
     last = np.maximum.accumulate(np.where(known, np.arange(known.size), -1))
     return np.where(last >= 0, on[np.maximum(last, 0)], False)

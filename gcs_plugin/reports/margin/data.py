@@ -79,6 +79,7 @@ class FlightReport:
     findings: tuple[Finding, ...]  # those of `inspect`, the gravest first
     alarms: tuple[JsonObject, ...]  # of rotors and motors, as the live alarms say them
     misread_speed: JsonObject | None  # the rotor, from 1, and its reported speed over the true one
+    takeoff: tuple[JsonObject, ...]  # the run-ups before it lifted, see `takeoff_rows`
     redundancy: JsonObject
     accuracy: Accuracy
     margin_check: MarginCheck | None  # thrust in use, predicted against measured
