@@ -55,10 +55,13 @@ class Finding:
     spoils: Spoils = Spoils.NOTHING
 
 
+#: Check of the findings that repeat what the vehicle reported.
+REPORTED = "vehicle reported"
 _ORDER = tuple(Severity)
 _GRAVE = (
     *(EventKind.CRASH, EventKind.LOST_CONTROL, EventKind.TERMINATED, EventKind.ATTITUDE_FAILURE),
     *(EventKind.THRUST_LOSS, EventKind.YAW_IMBALANCE),
+    *(EventKind.MOTOR_FAILURE, EventKind.ESC_FAILURE),
 )
 #: Said in the list of channels and times, and no fault.
 _PLAIN = (EventKind.ARMED, EventKind.DISARMED, EventKind.RESOLVED)
@@ -121,7 +124,7 @@ def event_findings(events: Iterable[VehicleEvent]) -> list[Finding]:
             alike.setdefault((event.kind, event.subject), []).append(event)
     return [
         Finding(
-            check="vehicle reported",
+            check=REPORTED,
             level=Severity.GRAVE if kind in _GRAVE else Severity.WARNING,
             words=event_words(kind, subject, same[0].text, same[0].time_s, len(same)),
             time_s=same[0].time_s,

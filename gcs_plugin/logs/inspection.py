@@ -410,6 +410,7 @@ def as_json(inspection: Inspection) -> dict[str, Any]:
         "start_unix_s": log.track.start_unix_s,
         "clock_start_s": log.clock_start_s,
         "notes": list(log.track.notes),
+        "engineer_notes": to_json_values(log.engineer_notes),
         "channels": to_json_values(log.channels),
         "quality": {
             "bytes": plain.pop("bytes"),

@@ -448,7 +448,7 @@ def _at_common_output(
                 high=float(FAST * high[row] * others[row]),
                 time_s=float(time_s[row]),
             )
-            other = _exchanged_with(motor, speeds[row], outputs[row])
+            other = exchanged_with(motor, speeds[row], outputs[row])
             if other is not None:
                 pair = tuple(sorted((motor, other)))
                 finding = replace(finding, kind=TakeoffKind.EXCHANGED, motors=pair)
@@ -463,7 +463,7 @@ def _at_common_output(
     return found, ratios
 
 
-def _exchanged_with(motor: int, speeds: Floats, outputs: Floats) -> int | None:
+def exchanged_with(motor: int, speeds: Floats, outputs: Floats) -> int | None:
     """Return the rotor whose speed and that of `motor` must be exchanged for all (R,) to follow
     their outputs; None if no exchange explains the speeds."""
     known = np.flatnonzero(np.isfinite(speeds * outputs) & (speeds > 0.0) & (outputs > 0.0))

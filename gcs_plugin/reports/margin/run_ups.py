@@ -10,10 +10,8 @@ import numpy as np
 from thrustmargin.gcs_plugin.reports.margin.data import JsonObject
 from thrustmargin.gcs_plugin.wording.takeoff_words import check_line, finding_words
 from thrustmargin.models.checks.takeoff import TakeoffCheck, TakeoffFinding, takeoff_checks
-from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.rotor_model import identified_airframe
-from thrustmargin.models.physics.margin import yaw_reserve
 from thrustmargin.models.physics.smoothing import known_least, known_median, moving_mean
 
 #: s over which the yaw reserve is a mean: shorter than a gust it is the noise of the speeds.
@@ -58,7 +56,7 @@ def yaw_rows(analysis: FlightAnalysis) -> JsonObject:
     By measured speeds, or those made from motor outputs; NaN where a rotor has neither, and of an
     aircraft that is not known.
     """
-    track, reserve = analysis.track, yaw_reserve_of(analysis)
+    track, reserve = analysis.track, analysis.yaw_reserve
     mean = moving_mean(track.time_s, np.where(track.flying, reserve, np.nan), YAW_MEAN_S)
     mean = np.where(track.flying & np.isfinite(reserve), mean, np.nan)
     known = np.isfinite(mean).any()
@@ -67,11 +65,3 @@ def yaw_rows(analysis: FlightAnalysis) -> JsonObject:
         "yaw_reserve_min_time_s": float(track.time_s[np.nanargmin(mean)]) if known else np.nan,
         "yaw_reserve_median": known_median(mean),
     }
-
-
-def yaw_reserve_of(analysis: FlightAnalysis) -> Floats:
-    """Return the share (T,) of the yaw authority that is left; NaN where it is unknown."""
-    airframe = identified_airframe(analysis.model)
-    if analysis.withheld or not airframe.rotor_count:
-        return np.full(analysis.track.time_s.size, np.nan)
-    return yaw_reserve(airframe, analysis.utilisation * airframe.rotor_effectiveness)
