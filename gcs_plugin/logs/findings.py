@@ -16,7 +16,11 @@ from thrustmargin.gcs_plugin.wording.flight_words import (
     loss_words,
     recovered_words,
 )
+from thrustmargin.gcs_plugin.wording.takeoff_words import check_line, finding_words
 from thrustmargin.models.checks.loss_of_control import loss_of_control, recovered_signs
+from thrustmargin.models.checks.takeoff import TakeoffKind, takeoff_checks
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.physics.airframe import Airframe
 
 
 class Severity(StrEnum):
@@ -51,10 +55,13 @@ class Finding:
     spoils: Spoils = Spoils.NOTHING
 
 
+#: Check of the findings that repeat what the vehicle reported.
+REPORTED = "vehicle reported"
 _ORDER = tuple(Severity)
 _GRAVE = (
     *(EventKind.CRASH, EventKind.LOST_CONTROL, EventKind.TERMINATED, EventKind.ATTITUDE_FAILURE),
     *(EventKind.THRUST_LOSS, EventKind.YAW_IMBALANCE),
+    *(EventKind.MOTOR_FAILURE, EventKind.ESC_FAILURE),
 )
 #: Reported in the list of channels and times, and no fault.
 _PLAIN = (EventKind.ARMED, EventKind.DISARMED, EventKind.RESOLVED)
@@ -87,6 +94,26 @@ def loss_findings(log: FlightLog) -> list[Finding]:
 _OF_LOSS = ("time_s", "value")
 
 
+def takeoff_findings(track: FlightTrack, airframe: Airframe | None) -> list[Finding]:
+    """Return the findings of every run-up of a flight, and one line about each that is sound.
+
+    `airframe` is None where it is not known.
+    """
+    places = () if airframe is None else airframe.rotor_names
+    made = []
+    for check in takeoff_checks(track, airframe):
+        for one in check.findings:
+            level = Severity.GRAVE if one.forbids else Severity.WARNING
+            level = Severity.UNKNOWN if one.kind is TakeoffKind.SILENT else level
+            values = {"value": one.value, "reference": one.reference}
+            words = finding_words(one, places)
+            made.append(Finding("take-off", level, words, one.time_s, values))
+        if not check.findings:
+            level = Severity.OK if check.reporting else Severity.UNKNOWN
+            made.append(Finding("take-off", level, check_line(check), check.begin_s))
+    return made
+
+
 def event_findings(events: Iterable[VehicleEvent]) -> list[Finding]:
     """Return one finding for each kind and subject of the vehicle's events: the first, and the
     count.
@@ -97,7 +124,7 @@ def event_findings(events: Iterable[VehicleEvent]) -> list[Finding]:
             equal_events.setdefault((event.kind, event.subject), []).append(event)
     return [
         Finding(
-            check="vehicle reported",
+            check=REPORTED,
             level=Severity.GRAVE if kind in _GRAVE else Severity.WARNING,
             words=event_words(kind, subject, same[0].text, same[0].time_s, len(same)),
             time_s=same[0].time_s,

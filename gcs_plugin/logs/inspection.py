@@ -16,6 +16,7 @@ from thrustmargin.gcs_plugin.logs.findings import (
     event_findings,
     gravest_first,
     loss_findings,
+    takeoff_findings,
 )
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.wording.flight_words import LEFT_OUT, TOO_SELDOM
@@ -120,6 +121,7 @@ def inspect_log(
     # Of a flight without a claim a report has an airframe of which nothing is known.
     unknown = claim.basis == "not known" or not math.isfinite(airframe.empty_mass)
     known = None if unknown else airframe
+    findings += takeoff_findings(log.track, known)
     if known is None:
         if log.facts.rotor_conflict:
             findings.append(Finding("motors", Severity.WARNING, log.facts.words))
@@ -408,6 +410,7 @@ def as_json(inspection: Inspection) -> dict[str, Any]:
         "start_unix_s": log.track.start_unix_s,
         "clock_start_s": log.clock_start_s,
         "notes": list(log.track.notes),
+        "engineer_notes": to_json_values(log.engineer_notes),
         "channels": to_json_values(log.channels),
         "quality": {
             "bytes": values.pop("bytes"),

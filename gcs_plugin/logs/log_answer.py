@@ -6,10 +6,12 @@ Report, replay and live share this function.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from thrustmargin.gcs_plugin.logs.findings import Finding, Severity, names_wrong
+from thrustmargin.gcs_plugin.logs.findings import REPORTED, Finding, Severity, names_wrong
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
+from thrustmargin.gcs_plugin.logs.vehicle_statements import VehicleStatement, vehicle_statements
 from thrustmargin.gcs_plugin.telemetry.first_contact import first_contact
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.gcs_plugin.wording.advice_words import (
@@ -19,7 +21,9 @@ from thrustmargin.gcs_plugin.wording.advice_words import (
     misfit_words,
     misread_words,
 )
+from thrustmargin.gcs_plugin.wording.flight_words import event_words, loss_words
 from thrustmargin.gcs_plugin.wording.report_words import FirstContact
+from thrustmargin.gcs_plugin.wording.vehicle_words import beside_words
 from thrustmargin.models.model.advice import Advice, Advised, advise
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis
@@ -33,6 +37,7 @@ class LogAnswer:
     findings: tuple[Finding, ...]  # the gravest first
     made: Advised
     contact: FirstContact | None  # None of an aircraft that is known
+    statements: tuple[VehicleStatement, ...] = ()  # of the vehicle, beside what the log shows
 
 
 def answer_log(log: FlightLog, analysis: FlightAnalysis, limit: float) -> LogAnswer:
@@ -46,10 +51,49 @@ def answer_log(log: FlightLog, analysis: FlightAnalysis, limit: float) -> LogAns
         other_order=bool(names_wrong(findings)),
         open_pairs=() if order is None else order.open_pairs,
     )
+    made = advise(replace(analysis, claim=claim), limit=limit)
+    said = vehicle_statements(
+        log.events,
+        log.track,
+        faults=made.advice.faults,
+        losses=made.advice.losses,
+        yaw_reserve=None if analysis.withheld else analysis.yaw_reserve,
+    )
     return LogAnswer(
-        findings=findings,
-        made=advise(replace(analysis, claim=claim), limit=limit),
+        findings=with_statements(findings, said, made.advice),
+        made=made,
         contact=first_contact_of(log, analysis.claim),
+        statements=said,
+    )
+
+
+def with_statements(
+    findings: Sequence[Finding], statements: Sequence[VehicleStatement], advice: Advice | None
+) -> tuple[Finding, ...]:
+    """Return the findings with what the log shows behind each report of the vehicle; `advice` is
+    None where no verdict is given."""
+    beside = {
+        event_words(one.kind, one.subject, one.text, one.times_s[0], len(one.times_s)): words
+        for one in statements
+        if (words := statement_words(one, advice))
+    }
+    return tuple(
+        replace(one, words=f"{one.words}: {beside[one.words]}")
+        if one.check == REPORTED and one.words in beside
+        else one
+        for one in findings
+    )
+
+
+def statement_words(one: VehicleStatement, advice: Advice | None) -> str:
+    """Return how the log stands beside a report of the vehicle; empty where there is no view."""
+    return beside_words(
+        one.beside,
+        named=one.named,
+        found=one.found,
+        value=one.value,
+        losses="" if advice is None else loss_words(advice.losses),
+        places=() if advice is None or advice.withheld else advice.rotor_names,
     )
 
 

@@ -24,6 +24,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from thrustmargin.gcs_plugin.logs.px4_failures import px4_failure_events
 from thrustmargin.gcs_plugin.logs.read import LogFormat
 from thrustmargin.gcs_plugin.logs.ulog_topics import (
     TOPICS,
@@ -359,7 +360,10 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
         streams={},
         parameters=parameters,
         messages=tuple((m.timestamp * 1e-6, clean(str(m.message))) for m in log.logged_messages),
-        events=tuple(parameter_events([*initial, *changed], first=True)),
+        events=(
+            *parameter_events([*initial, *changed], first=True),
+            *px4_failure_events(topics),
+        ),
         parameters_sent=(*initial, *changed),
         unix_minus_clock=_unix_offset(topics),
         quality=LogQuality(

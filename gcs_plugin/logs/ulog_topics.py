@@ -279,6 +279,7 @@ _EVERY_INSTANCE = (_BATTERY, _FUEL)
 TOPICS = (
     *dict.fromkeys(rule.message for rule in RULES),
     "esc_status",
+    "failure_detector_status",
     "actuator_motors",
     "actuator_outputs",
 )

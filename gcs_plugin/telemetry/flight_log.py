@@ -28,11 +28,12 @@ from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
 )
 from thrustmargin.gcs_plugin.telemetry.rows import FlightRows, flight_rows
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
-from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
+from thrustmargin.gcs_plugin.telemetry.signals import Signals, best, by_index
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import (
     EventKind,
     Options,
     arming_events,
+    flag_events,
     text_events,
 )
 from thrustmargin.models.checks.speed_readings import resolution_words
@@ -112,7 +113,17 @@ def log_of_rows(rows: FlightRows, recording: Recording, signals: Signals) -> Fli
         if (silent := signals.get(name) or signals.get(_REPORTED_AS.get(name, "")))
     } | dict(recording.unused)
     texts, armed = text_events(recording.messages), best(signals, "armed")
-    events = sorted([*recording.events, *texts, *arming_events(armed)], key=lambda e: e.time_s)
+    escs = by_index(signals, "esc_failure")
+    failures = [
+        event
+        for motor, esc in enumerate(motors.escs)
+        if (sent := escs.get(esc)) is not None
+        for event in flag_events(
+            EventKind.ESC_FAILURE, sent.time_s, sent.values, str(motor + 1), "failure flags"
+        )
+    ]
+    events = [*recording.events, *texts, *failures, *arming_events(armed)]
+    events = sorted(events, key=lambda e: e.time_s)
     flown_s = rows.clock_s[track.flying]
     up_s, down_s = (flown_s[0], flown_s[-1]) if flown_s.size else (np.inf, np.inf)
     # On the ground parameters are set and sent anew.

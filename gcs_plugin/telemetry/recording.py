@@ -107,6 +107,14 @@ class ChannelReport:
     maximum: float
 
 
+@dataclass(frozen=True, slots=True)
+class EngineerNote:
+    """A note that somebody made of a flight, at s from its first row."""
+
+    time_s: float
+    text: str
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class LogHeader:
     """The metadata that a recording shares with each of its sorties."""
@@ -162,6 +170,7 @@ class FlightLog(LogHeader):
     sortie: int = 1  # its number in the log, of `sorties` in all
     sorties: int = 1
     unflown: tuple[str, ...] = ()  # lines about the rest of the log
+    engineer_notes: tuple[EngineerNote, ...] = ()  # of a file beside the log, in order of time
 
     @property
     def name(self) -> str:

@@ -138,6 +138,9 @@ class EventKind(StrEnum):
     ATTITUDE_FAILURE = "attitude failure"
     THRUST_LOSS = "thrust loss"
     YAW_IMBALANCE = "yaw imbalance"
+    MOTOR_FAILURE = "motor failure"
+    ESC_FAILURE = "ESC failure"
+    IMBALANCE = "propeller imbalance"
     BATTERY = "battery failsafe"
     RADIO = "radio failsafe"
     GCS = "ground station failsafe"
@@ -297,6 +300,23 @@ def error_events(time_s: Floats, subsystem: Floats, code: Floats) -> Iterator[Ve
         elif (int(part), number) == (_CRASH_CHECK, _CONTROL_LOST):
             kind = EventKind.LOST_CONTROL
         yield VehicleEvent(kind, when, subject, f"ERR {part:.0f} {number:.0f}")
+
+
+def flag_events(
+    kind: EventKind, time_s: Floats, flags: Floats, subject: str, text: str
+) -> Iterator[VehicleEvent]:
+    """Yield an event of `kind` at each report (n,) in which a bit of `flags` (n,) is newly set.
+
+    The text is `text` with the flags in hexadecimal digits. NaN is no report.
+    """
+    before = 0
+    for when, value in zip(time_s.tolist(), flags.tolist(), strict=True):
+        if not np.isfinite(value):
+            continue
+        now = int(value)
+        if now & ~before:
+            yield VehicleEvent(kind, when, subject, f"{text} 0x{now:x}")
+        before = now
 
 
 def arming_events(armed: Signal | None) -> Iterator[VehicleEvent]:

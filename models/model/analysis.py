@@ -58,6 +58,7 @@ from thrustmargin.models.physics.margin import (
     trimmable_loss,
     utilisation,
     weight,
+    yaw_reserve,
 )
 from thrustmargin.models.physics.smoothing import known_median
 from thrustmargin.models.vehicle_facts import VehicleFacts
@@ -340,6 +341,15 @@ class FlightAnalysis:
     def margin_predicted(self) -> Floats:
         """Return the thrust margin (T, R) by predicted rotor speeds."""
         return 1.0 - self.utilisation_predicted
+
+    @property
+    def yaw_reserve(self) -> Floats:
+        """Return the share (T,) of the yaw authority that is left, by measured or output-based
+        rotor speeds; NaN where one is unknown, or where no margin is claimed."""
+        airframe = identified_airframe(self.model)
+        if self.withheld or not airframe.rotor_count:
+            return np.full(self.track.time_s.size, np.nan)
+        return yaw_reserve(airframe, self.utilisation * airframe.rotor_effectiveness)
 
     @property
     def measured(self) -> Bools:

@@ -285,6 +285,41 @@ def trimmable_loss(
     return worst
 
 
+def yaw_reserve(airframe: Airframe, thrust: Floats) -> Floats:
+    """Return the share (T,) of the yaw authority that is left, 1 in the middle of it, 0 at its end.
+
+    `thrust` (T, R) is in units of a free rotor's ceiling. The authority is the range of yaw moments
+    that the rotors can make with collective, roll and pitch moment as they are, and no rotor below
+    0 or above its ceiling; the reserve is the distance to its nearer end over half of its width.
+    A rotor at its ceiling in a standing roll or pitch moment takes authority on one side or both.
+    NaN where a rotor's thrust is unknown.
+    """
+    matrix = mixer(airframe)
+    arm = float(np.max(np.hypot(matrix[1], matrix[2]), initial=1e-9))
+    kept = matrix[:3] / np.array([[1.0], [arm], [arm]])
+    turn, size, columns = _row_space(kept)
+    moments = (thrust @ kept.T) @ (turn / size)  # (T, q), as the columns are scaled
+    yaw = thrust @ airframe.rotor_spin
+    left = np.stack([_most(airframe, columns, way, moments) - way * yaw for way in (1.0, -1.0)])
+    width = left.sum(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = np.clip(2.0 * left.min(axis=0) / width, 0.0, 1.0)
+    return np.where(width > ROUNDING, share, np.where(np.isnan(width), np.nan, 0.0))
+
+
+def _most(airframe: Airframe, columns: Floats, way: float, moments: Floats) -> Floats:
+    """Return the largest yaw moment (T,), to the right with `way` 1 and to the left with -1, with
+    the others as they are.
+
+    By the dual: the least, over its corners l, of l . moments plus the sum of ceiling x
+    max(0, way x spin - l . column).
+    """
+    gain = way * airframe.rotor_spin
+    corners = _intersections(columns, gain)
+    rest = np.maximum(gain - corners @ columns, 0.0) @ airframe.rotor_effectiveness
+    return np.min(moments @ corners.T + rest, axis=1, initial=np.inf)
+
+
 def largest_fill(
     airframe: Airframe,
     limits: Ceiling,

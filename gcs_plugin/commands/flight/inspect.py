@@ -16,6 +16,7 @@ from rich.text import Text
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.analysed import with_recorded
+from thrustmargin.gcs_plugin.commands.shared.engineer_notes import with_engineer_notes
 from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Inputs, Reading
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
@@ -27,7 +28,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.reports.shared.page_shell import grid
 from thrustmargin.gcs_plugin.wording.flight_words import several_words, sortie_words
-from thrustmargin.gcs_plugin.wording.language import Verbatim, known, say
+from thrustmargin.gcs_plugin.wording.language import Verbatim, clock, known, say
 from thrustmargin.models.errors import LogError, ThrustMarginError
 from thrustmargin.models.whole_file import whole_file
 
@@ -56,6 +57,7 @@ def inspect(
     airframe: str | None = None,
     reading: Reading = AS_HEARD,
     json: Path | None = None,
+    notes: Path | None = None,
     anonymise: Path | None = None,
 ) -> int:
     """Show what a log holds: every channel, the message it came from, its rate, gaps and range.
@@ -73,6 +75,8 @@ def inspect(
             topxgun-f16-sitl is taken when the flight is recognised as one of it.
         reading: How the logs are read.
         json: Write the same as JSON to this file (.json); - is standard output, and nothing else.
+        notes: Your notes of the flight (.csv, with the columns time and text); without it notes.csv
+            beside the log.
         anonymise: Write a copy of the telemetry log without names, ids, texts and place to this
             file (.tlog), to be shared; margins and verdict stay.
     """
@@ -85,7 +89,9 @@ def inspect(
         OutputFile("--json", json, endings=(".json",)),
         OutputFile("--anonymise", anonymise, endings=(".tlog",)),
     )
-    check_outputs(outputs, inputs=inputs.files)
+    check_outputs(outputs, inputs=[*inputs.files, notes])
+    if notes is not None and len(logs) > 1:
+        raise UsageError("--notes are of one log; name one")
     if anonymise is not None and len(logs) > 1:
         raise UsageError("--anonymise makes a copy of one log; name one")
     done, failed = [], 0
@@ -93,6 +99,8 @@ def inspect(
         try:
             with errors.status(escape(f"reading {path.name}")):
                 found = _inspect(replace(inputs, logs=(path,)), errors)
+                noted = with_engineer_notes([one.log for one in found], notes, errors)
+                found = [replace(one, log=log) for one, log in zip(found, noted, strict=True)]
         except ThrustMarginError as error:
             # One bad log must not hide the others.
             if len(logs) == 1:
@@ -136,7 +144,13 @@ def _inspect(inputs: Inputs, console: Console) -> list[Inspection]:
     from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
     from thrustmargin.gcs_plugin.logs.findings import gravest_first
     from thrustmargin.gcs_plugin.logs.inspection import inspect_log
-    from thrustmargin.gcs_plugin.logs.log_answer import answer_log, verdict_findings
+    from thrustmargin.gcs_plugin.logs.log_answer import (
+        answer_log,
+        verdict_findings,
+        with_statements,
+    )
+    from thrustmargin.gcs_plugin.logs.vehicle_statements import vehicle_statements
+    from thrustmargin.models.checks.loss_of_control import loss_of_control
     from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
     from thrustmargin.models.model.rotor_model import physics_model
 
@@ -151,9 +165,13 @@ def _inspect(inputs: Inputs, console: Console) -> list[Inspection]:
         inspection = inspect_log(log, craft, claim)
         if not claim.withheld:
             flown = analysis_for_verdict(analyse(log.track, model, claim=claim))
-            found = verdict_findings(answer_log(log, flown, inputs.limit).made.advice)
-            findings = gravest_first([*found, *inspection.findings])
-            inspection = replace(inspection, findings=findings)
+            answer = answer_log(log, flown, inputs.limit)
+            found = verdict_findings(answer.made.advice)
+            findings = gravest_first([*found, *answer.findings])
+        else:
+            said = vehicle_statements(log.events, log.track, losses=loss_of_control(log.track))
+            findings = with_statements(inspection.findings, said, None)
+        inspection = replace(inspection, findings=findings)
         made.append(inspection)
     return made
 
@@ -190,6 +208,10 @@ def _print(console: Console, inspection: Inspection) -> None:
         mark, colour = MARK[finding.level]
         findings.add_row(Text(mark, style=colour), Text(say(finding.check)), Text(finding.words))
     console.print(findings)
+    for noted in log.engineer_notes:
+        when = clock(max(noted.time_s, 0.0))
+        words = say("noted at {clock}: {text}", clock=when, text=Verbatim(noted.text))
+        console.print(Text(words), soft_wrap=True)
     for note in track.notes:
         console.print(Text(say("note: {note}", note=Verbatim(note))), soft_wrap=True)
     unknown = log.quality.unknown_ids

@@ -11,6 +11,7 @@ from rich.console import Console
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.analysed import flights_of, with_recorded
+from thrustmargin.gcs_plugin.commands.shared.engineer_notes import with_engineer_notes
 from thrustmargin.gcs_plugin.commands.shared.inputs import (
     ANY_KNOWN,
     AS_HEARD,
@@ -50,6 +51,7 @@ def report(
     plan: Path | None = None,
     assumed: Path | None = None,
     max_utilisation: Share | None = None,
+    notes: Path | None = None,
     anonymise: bool = False,
 ) -> int:
     """Write a margin report of one or more flights: how close it was, where, and with which rotor.
@@ -80,6 +82,8 @@ def report(
             without it still, standard air, a full battery, and the fill at take-off.
         max_utilisation: Largest share of a rotor's maximum thrust that may be in use; without it
             50%, or what a recording was made with.
+        notes: Your notes of the flight (.csv, with the columns time and text), shown in its
+            timeline; without it notes.csv beside the log.
         anonymise: Strip who and where: names, serial numbers, ids, texts, the place on the globe.
     """
     planned = beforehand = None
@@ -119,8 +123,10 @@ def report(
             OutputFile("--out", out.with_suffix(".json"), content="numbers"),
             OutputFile("--out", out.with_suffix(".csv")),
         ]
-    check_outputs(outputs, inputs=[*inputs.files, plan, assumed])
+    check_outputs(outputs, inputs=[*inputs.files, plan, assumed, notes])
     flights, unread = flights_of(inputs, console)
+    noted = with_engineer_notes([log for _, log in flights], notes, console)
+    flights = [(analysis, log) for (analysis, _), log in zip(flights, noted, strict=True)]
     shown = unread
     if anonymise:
         from thrustmargin.gcs_plugin.commands.shared.anonymous import anonymous

@@ -58,6 +58,7 @@ def anonymous(
     events = tuple(replace(event, text="") for event in log.events)
     hidden = {
         "messages": (),
+        "engineer_notes": (),
         "events": events,
         "waypoints": (),
         "parameters": {},

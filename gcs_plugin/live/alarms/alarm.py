@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from thrustmargin.gcs_plugin.live.rows.tank_balance import TankBalance
 from thrustmargin.gcs_plugin.wording import alarm_words as words
+from thrustmargin.models.checks.takeoff import TakeoffCheck
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.fault_test import Kind, RotorFault
@@ -29,6 +30,7 @@ CRITICAL, WARNING, NOTICE = 2, 4, 5
 GRAVEST_FIRST = (
     *(
         "control",
+        "take-off",
         "stopped",
         "rotor",
         "motor",
@@ -207,6 +209,7 @@ class RowsNow:
     #: (T, R) s for which messages came without a rotor's speed; NaN: none was ever reported
     unheard_s: Floats | None = None
     from_outputs: bool = False  # all rotor speeds are made from motor outputs
+    takeoff: TakeoffCheck | None = None  # of the last run-up; None before the first
     listed: Mapping[Key, Alarm] = field(default_factory=dict)  # what stands before these rows
 
     @property

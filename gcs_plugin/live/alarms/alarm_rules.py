@@ -39,7 +39,9 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import (
 from thrustmargin.gcs_plugin.live.rows.tank_balance import TankBalance
 from thrustmargin.gcs_plugin.wording import alarm_words as words
 from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
+from thrustmargin.gcs_plugin.wording.takeoff_words import takeoff_alarm
 from thrustmargin.models.checks.loss_of_control import signs_so_far
+from thrustmargin.models.checks.takeoff import TakeoffFinding
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.advice import cell_count, stopped_fault
 from thrustmargin.models.model.analysis import Basis
@@ -136,6 +138,28 @@ def control(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
         severity=lambda *_: CRITICAL,
         text=text,
         past=lambda _: words.CONTROL_WAS_LOST,
+    )
+
+
+def takeoff(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
+    """Check in each row of a run-up whether a finding before it forbids to lift."""
+    track, check = now.analysis.track, now.takeoff
+    time_s, flying = track.time_s[now.rows], track.flying[now.rows]
+    found = () if check is None else check.forbidding
+    on = np.zeros(time_s.size, dtype=np.bool_)
+    if check is not None and found:
+        on = (time_s >= found[0].time_s) & ~(check.ended & (time_s > check.until_s))
+
+    def first(row: int) -> TakeoffFinding:
+        return next(one for one in found if one.time_s <= time_s[row])
+
+    return one_alarm(
+        on,
+        ~on,
+        np.ones(time_s.size, dtype=np.bool_),
+        severity=lambda *_: CRITICAL,
+        text=lambda row, _: takeoff_alarm(first(row), flying=bool(flying[row])),
+        rotors=lambda row, _: tuple(motor + 1 for motor in first(row).motors),
     )
 
 
@@ -376,6 +400,7 @@ ROTOR_SPEEDS = AlarmRule("rotor speeds", ROTORS_HOLD, 1.0, rotor_speeds, Missing
 OF_ROWS = (
     # An aircraft that lies there has not regained it: calm flight alone clears it.
     AlarmRule("control", 0.0, 3.0, control, Missing.ATTITUDE, on_ground="kept"),
+    AlarmRule("take-off", 0.0, 0.0, takeoff, Missing.SPEEDS, on_ground="checked"),
     AlarmRule("stopped", 0.0, 3.0, stopped, Missing.SPEEDS, on_ground="kept"),
     AlarmRule("esc", 0.0, 3.0, esc, Missing.ESC, on_ground="checked"),
     ROTOR_SPEEDS,

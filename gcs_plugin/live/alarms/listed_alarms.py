@@ -36,11 +36,13 @@ from thrustmargin.gcs_plugin.live.rows.tank_balance import BalanceWatch, TankBal
 from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.checks.loss_of_control import StoppedWatch
+from thrustmargin.models.checks.takeoff import TakeoffCheck, TakeoffWatch
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.fault_test import Kind, RotorFault
 from thrustmargin.models.model.output_faults import undecided
 from thrustmargin.models.model.rotor_faults import FaultHistory, RotorFaults, fault_signals
+from thrustmargin.models.model.rotor_model import identified_airframe
 
 AGAIN = 60.0  # s within which an alarm that comes again is the same one
 UNSEEN = 3.0  # s for which nothing is known of an alarm before it cannot be confirmed
@@ -65,6 +67,7 @@ class Alarms:
         self._faults: RotorFaults | None = None
         self._weighed_s = float("-inf")
         self._balance, self._stopped = BalanceWatch(), StoppedWatch()
+        self._takeoff = TakeoffWatch()
         self._rest_voltage = float("nan")
         self._conditions: dict[Key, _Condition] = {}
         self._cleared: dict[Key, tuple[Alarm, float]] = {}  # and when
@@ -75,6 +78,11 @@ class Alarms:
         from then on.
         """
         return [] if self._faults is None else self._faults.history
+
+    @property
+    def takeoff(self) -> TakeoffCheck | None:
+        """The check of the last run-up; None before the first."""
+        return self._takeoff.now
 
     @property
     def of_parts(self) -> bool:
@@ -122,6 +130,10 @@ class Alarms:
             stopped=self._stopped.add(analysis.track.rows(new)),
             unheard_s=unheard_s,
             from_outputs=from_outputs,
+            takeoff=self._takeoff.add(
+                analysis.track.rows(new),
+                None if analysis.withheld else identified_airframe(analysis.model),
+            ),
         )
         events: list[AlarmEvent] = []
         for rules, rows in ((OF_ROWS, new), (OF_SOUGHT_ROWS, known), (OF_SETTLED_ROWS, final)):

@@ -24,6 +24,7 @@ from thrustmargin.gcs_plugin.live.watch.outlook import Outlook
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.live_words import NO_ALARM, no_escs, tank_by
+from thrustmargin.models.checks.takeoff import TakeoffCheck
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, with_bad_part
 from thrustmargin.models.provenance import Meaning, SourceKind
@@ -113,6 +114,7 @@ class Update:
     events: tuple[AlarmEvent, ...]
     #: Since its take-off, or the last one, also of before a restart; None before the first.
     flight: FlightSoFar | None = None
+    takeoff: TakeoffCheck | None = None  # of the last run-up; None before the first
     landed_us: int = 0  # ground's clock of the landing of `flight`; 0 while it flies
     notes: tuple[str, ...] = ()
     asked: frozenset[str] = frozenset()  # options by which the vehicle is asked

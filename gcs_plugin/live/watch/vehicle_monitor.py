@@ -295,6 +295,7 @@ class VehicleMonitor:
             alarms=tuple(self.alarms.listed.values()),
             events=self._stamped(events, time_s, arrays, last=new is None),
             flight=self._sortie.now or self._flight_before,
+            takeoff=self.alarms.takeoff,
             landed_us=self._landed_us,
             notes=() if rows is None else rows.notes,
             asked=self._asked,

@@ -18,6 +18,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.logs.findings import Finding
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+from thrustmargin.gcs_plugin.telemetry.recording import EngineerNote
 from thrustmargin.gcs_plugin.wording.margin_verdict import Moment
 from thrustmargin.gcs_plugin.wording.report_words import FirstContact
 from thrustmargin.models.checks.loss_of_control import LossOfControl
@@ -79,6 +80,10 @@ class FlightReport:
     findings: tuple[Finding, ...]  # those of `inspect`, the gravest first
     alarms: tuple[JsonObject, ...]  # of rotors and motors, as the live alarms say them
     misread_speed: JsonObject | None  # the rotor, from 1, and its reported speed over the true one
+    takeoff: tuple[JsonObject, ...]  # the run-ups before it lifted, see `takeoff_rows`
+    vehicle_said: tuple[JsonObject, ...]  # reports of the vehicle, beside what the log shows
+    notes: tuple[EngineerNote, ...]  # of an engineer, of a file beside the log
+    timeline: tuple[JsonObject, ...]  # both, and what the program found, in order of time
     redundancy: JsonObject
     accuracy: Accuracy
     margin_check: MarginCheck | None  # thrust in use, predicted against measured

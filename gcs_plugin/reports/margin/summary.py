@@ -20,6 +20,8 @@ from thrustmargin.gcs_plugin.reports.margin.moments import (
     misread_row,
     worst_moments,
 )
+from thrustmargin.gcs_plugin.reports.margin.run_ups import takeoff_rows, yaw_rows
+from thrustmargin.gcs_plugin.reports.margin.timeline import said_rows, timeline_rows
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version, unix_text, utc_text
 from thrustmargin.gcs_plugin.wording import margin_verdict
@@ -120,7 +122,11 @@ def report_flight(
         findings=found,
         alarms=tuple(alarm_row(one, advice.rotor_names) for one in advice.faults),
         misread_speed=misread_row(advice.misread),
-        redundancy=load.redundancy_rows(analysis, rows, seconds),
+        takeoff=(starts := takeoff_rows(whole)),
+        vehicle_said=(reported := said_rows(said.statements, advice)),
+        notes=log.engineer_notes,
+        timeline=timeline_rows(starts, reported, log.engineer_notes, advice),
+        redundancy={**load.redundancy_rows(analysis, rows, seconds), **yaw_rows(analysis)},
         accuracy=accuracy(analysis, analysis.places),
         margin_check=check,
         quality=_quality(log),

@@ -19,6 +19,7 @@ from thrustmargin.gcs_plugin.wording import palette as colours
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.glance_words import before_take_off, in_the_air
 from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.gcs_plugin.wording.takeoff_words import check_line
 from thrustmargin.models.model.advice import FlightLevel
 
 if TYPE_CHECKING:
@@ -176,11 +177,16 @@ class VehicleSummary:
         return headline, because or self.pending, "grey" if unsure else level
 
     def _before_take_off(self, row: ShownRow) -> tuple[str, str, Level]:
-        """Return the fill on board against the largest: red where it is more, else grey."""
+        """Return the fill on board against the largest: red where it is more, else grey.
+
+        While the motors run, the check of the run-up follows.
+        """
+        check = None if self.update is None else self.update.takeoff
+        run_up = "" if check is None or check.ended else check_line(check)
         if self.largest is None:
-            return "", self.pending, "grey"
+            return "", _joined(run_up, self.pending), "grey"
         headline, over = before_take_off(self.largest, float(row.track.tank_kg[row.row]))
-        return headline, self.fill, "red" if over else "grey"
+        return headline, _joined(run_up, self.fill), "red" if over else "grey"
 
     @property
     def shown(self) -> tuple[tuple[Alarm, ...], str, bool]:
@@ -200,6 +206,10 @@ def _found(answer: FlightAnswer, level: Level, rest: Sequence[str]) -> tuple[str
     finding = answer.headline if answer.glance else ""
     do = _sentence(answer.action or answer.why)
     return headline, " · ".join(filter(None, (finding, do, *rest))), level
+
+
+def _joined(*texts: str) -> str:
+    return " · ".join(filter(None, texts))
 
 
 def _sentence(words: str) -> str:

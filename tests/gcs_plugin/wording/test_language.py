@@ -42,6 +42,7 @@ WORDING = Path(alarm_words.__file__).parent
 MODULES = (
     *("alarm_words", "advice_words", "answer", "fill_words", "day_words"),
     *("report_words", "margin_verdict", "flight_words"),
+    *("takeoff_words", "vehicle_words"),
     *("forecast_words", "plan_words", "../office/season/fleet_words"),
     *("effect_amounts", "effect_sentences"),
     *("../workshop/identify/identify_words", "../workshop/identify/asked_words"),

@@ -38,6 +38,7 @@ def test_the_times_are_those_of_the_table_that_users_read():
     assert {r.name: (r.hold, r.release, r.on_ground) for r in RULES} == {
         "control": (0.0, 3.0, "kept"),
         "battery": (1.0, 5.0, "cleared"),
+        "take-off": (0.0, 0.0, "checked"),
         "gauge": (5.0, 10.0, "cleared"),
         "misfit": (0.0, 0.0, "kept"),
         "motor order": (0.0, 0.0, "kept"),

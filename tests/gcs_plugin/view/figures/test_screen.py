@@ -128,14 +128,14 @@ def landed(answer: FlightAnswer = BAD, **changes) -> VehicleSummary:
     track = hover(2.0, tank=0.0)
     on_ground = replace(track, flying=np.zeros_like(track.flying))
     update: Any = SimpleNamespace(
-        answer=answer, landed_us=LANDED_US, outlook=None, beside_the_airframe=()
+        answer=answer, landed_us=LANDED_US, outlook=None, beside_the_airframe=(), takeoff=None
     )
     return replace(standing_of(on_ground), update=update, **changes)
 
 
 @pytest.mark.parametrize("doubt", [{}, {"age": 4.0}, {"pending": "being sought"}])
 def test_what_was_found_in_the_flight_does_not_end_with_a_gap_in_the_telemetry(doubt: dict):
-    update: Any = SimpleNamespace(answer=BAD, landed_us=0)
+    update: Any = SimpleNamespace(answer=BAD, landed_us=0, takeoff=None)
     late = replace(standing_of(hover(2.0, tank=0.0)), update=update, **doubt)
     assert late.first_line[0] == SAYS[0]
     assert late.first_line[1].startswith(SAYS[1])

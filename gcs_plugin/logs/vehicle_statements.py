@@ -1,0 +1,180 @@
+"""Set what a vehicle reported of itself beside what its log shows: thrust, motors, ESCs, control.
+
+A report is evidence, not the truth: ArduPilot names the motor with the highest output, and a crash
+check may trip on the ground. Reports of one kind and one motor are one statement, with their times.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import EventKind, VehicleEvent
+from thrustmargin.models.checks.loss_of_control import LossOfControl
+from thrustmargin.models.checks.motor_evidence import MotorEvidence, motor_evidence
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.model.rotor_faults import FaultEpisode
+from thrustmargin.models.physics.smoothing import known_mean
+
+#: s by which a fault that the program finds may begin or end beside the report.
+NEAR_S = 30.0
+#: s within which an error code and a text are one report.
+TOGETHER_S = 1.0
+#: s about a report over which the yaw authority is a mean: ArduPilot's check filters over seconds.
+YAW_S = 5.0
+_OF_MOTORS = (EventKind.THRUST_LOSS, EventKind.MOTOR_FAILURE, EventKind.ESC_FAILURE)
+_OF_CONTROL = (
+    EventKind.CRASH,
+    EventKind.LOST_CONTROL,
+    EventKind.TERMINATED,
+    EventKind.ATTITUDE_FAILURE,
+)
+_NO_REPORT = (EventKind.ARMED, EventKind.DISARMED, EventKind.RESOLVED, EventKind.PARAMETER)
+
+
+class Beside(StrEnum):
+    """How the log stands beside a report."""
+
+    AGREES = "agrees"  # the same motor by speeds
+    OTHER_MOTOR = "other motor"  # another one by speeds
+    MOTOR_FOUND = "motor found"  # the report names none, the log does
+    EXCHANGED = "exchanged"  # two motors each follow the output of the other: no name is sure
+    ALL_HARD = "all hard"  # all motors near full output, none stands out
+    HARDEST = "hardest"  # the named motor works hardest, and its speed follows
+    FOLLOWS = "follows"  # speed of the named motor follows its output
+    CONTROL_LOST = "control lost"
+    CONTROL_KEPT = "control kept"
+    YAW = "yaw"  # the yaw authority that was left
+    NOT_COMPARED = "not compared"  # without speeds and outputs
+    NOTHING = "nothing"  # the program has no view of it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleStatement:
+    """One report of a vehicle, or several alike, beside what its log shows; motors from 0."""
+
+    kind: EventKind
+    subject: str
+    text: str  # as it was sent
+    times_s: tuple[float, ...]  # s from the first row, in order
+    named: tuple[int, ...]  # motors that it names
+    beside: Beside
+    found: tuple[int, ...] = ()  # motors that the log shows
+    value: float = math.nan  # output of the named motor, or share of the yaw authority
+
+
+def vehicle_statements(
+    events: Iterable[VehicleEvent],
+    track: FlightTrack,
+    *,
+    faults: Sequence[FaultEpisode] = (),
+    losses: Sequence[LossOfControl] = (),
+    yaw_reserve: Floats | None = None,
+) -> tuple[VehicleStatement, ...]:
+    """Return the reports of a flight in order of their first time, each beside what the log shows.
+
+    `faults` and `losses` are what was found in the flight, `yaw_reserve` (T,) the share of yaw
+    authority that was left; None where no airframe is known.
+    """
+    alike: dict[tuple[EventKind, str], list[VehicleEvent]] = {}
+    for event in events:
+        if event.kind not in _NO_REPORT:
+            alike.setdefault((event.kind, event.subject), []).append(event)
+    groups = [same for same in alike.values() if not _doubled(same, alike.values())]
+    made = [_statement(same, track, faults, losses, yaw_reserve) for same in groups]
+    return tuple(sorted(made, key=lambda one: one.times_s[0]))
+
+
+def _doubled(same: Sequence[VehicleEvent], groups: Iterable[Sequence[VehicleEvent]]) -> bool:
+    """Return whether error codes repeat what texts of the same kind say at the same times."""
+    if not all(event.text.startswith("ERR ") for event in same):
+        return False
+    texts = [
+        event.time_s
+        for other in groups
+        for event in other
+        if event.kind is same[0].kind and not event.text.startswith("ERR ")
+    ]
+    return all(any(abs(e.time_s - when) <= TOGETHER_S for when in texts) for e in same)
+
+
+def _statement(
+    same: Sequence[VehicleEvent],
+    track: FlightTrack,
+    faults: Sequence[FaultEpisode],
+    losses: Sequence[LossOfControl],
+    yaw_reserve: Floats | None,
+) -> VehicleStatement:
+    """Return the statement of events of one kind and subject."""
+    first = same[0]
+    named = ()
+    if first.kind in _OF_MOTORS and first.subject.isdigit():
+        motor = int(first.subject) - 1
+        named = (motor,) if 0 <= motor < track.rotor_count else ()
+    beside, found, value = Beside.NOTHING, (), math.nan
+    if first.kind in _OF_MOTORS or first.kind is EventKind.IMBALANCE:
+        beside, found, value = _of_motors(first.time_s, named, track, faults)
+    elif first.kind in _OF_CONTROL:
+        beside = Beside.CONTROL_LOST if losses else Beside.CONTROL_KEPT
+    elif first.kind is EventKind.YAW_IMBALANCE:
+        beside, value = _of_yaw(first.time_s, track, yaw_reserve)
+    return VehicleStatement(
+        kind=first.kind,
+        subject=first.subject,
+        text=first.text,
+        times_s=tuple(event.time_s for event in same),
+        named=named,
+        beside=beside,
+        found=found,
+        value=value,
+    )
+
+
+def _of_motors(
+    time_s: float, named: tuple[int, ...], track: FlightTrack, faults: Sequence[FaultEpisode]
+) -> tuple[Beside, tuple[int, ...], float]:
+    """Return how the log stands beside a report on motors, the motors it shows, and the output of
+    the named one."""
+    seen = motor_evidence(track, time_s)
+    value = seen.outputs[named[0]] if named else math.nan
+    found = _found(time_s, seen, faults)
+    if found and named:
+        same = set(named) & set(found)
+        return (Beside.AGREES if same else Beside.OTHER_MOTOR), found, value
+    if found:
+        return Beside.MOTOR_FOUND, found, value
+    if seen.exchanged:
+        return Beside.EXCHANGED, seen.exchanged, value
+    if not seen.compared:
+        return Beside.NOT_COMPARED, (), value
+    if seen.all_hard:
+        return Beside.ALL_HARD, (), value
+    if named and seen.highest == named[0]:
+        return Beside.HARDEST, (), value
+    return Beside.FOLLOWS, (), value
+
+
+def _found(time_s: float, seen: MotorEvidence, faults: Sequence[FaultEpisode]) -> tuple[int, ...]:
+    """Return the motors that were found bad about a time: by the flight's faults, else by what
+    stands or is slow then."""
+    for episode in faults:
+        end_s = math.inf if episode.end_s is None else episode.end_s
+        if episode.begin_s - NEAR_S <= time_s <= end_s + NEAR_S:
+            return tuple(episode.fault.rotors) or (episode.fault.rotor,)
+    if seen.stands:
+        return seen.stands
+    # Of several that are slow, all may follow an output that one of them does not.
+    return seen.slow if len(seen.slow) == 1 else ()
+
+
+def _of_yaw(time_s: float, track: FlightTrack, yaw_reserve: Floats | None) -> tuple[Beside, float]:
+    """Return the mean share of the yaw authority that was left about a report."""
+    if yaw_reserve is None:
+        return Beside.NOT_COMPARED, math.nan
+    near = np.abs(track.time_s - time_s) <= YAW_S
+    value = known_mean(yaw_reserve[near & track.flying])
+    return (Beside.YAW if math.isfinite(value) else Beside.NOT_COMPARED), value
