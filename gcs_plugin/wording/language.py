@@ -165,21 +165,6 @@ def percent(share: float | None, decimals: int = 0) -> str:
     return number(None if share is None else share * 100.0, "%", decimals)
 
 
-def percent_down(share: float) -> int:
-    """Whole percent of a margin, rounded down: what is below a limit also reads below it."""
-    return math.floor(100.0 * share + 1e-6)
-
-
-def percent_up(share: float) -> int:
-    """Whole percent of the upper end of a margin, rounded up."""
-    return math.ceil(100.0 * share - 1e-6)
-
-
-def margin_or_beyond(share: float) -> str:
-    """Return `margin 64 %` for 0.64; BEYOND_CEILING for a negative margin."""
-    return BEYOND_CEILING if share < 0.0 else f"margin {percent(share)}"
-
-
 def percent_within(share: float, low: float, high: float) -> str:
     """Return a share with its interval, `52 % (47 to 57)`; without it if both ends are equal or one
     is unknown."""

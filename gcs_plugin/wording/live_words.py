@@ -14,7 +14,8 @@ from functools import cache
 from importlib import resources
 
 from thrustmargin.gcs_plugin.wording.alarm_words import ONE_LOST, ONE_MORE_LOST, SPINS
-from thrustmargin.gcs_plugin.wording.language import margin_or_beyond, say, translations
+from thrustmargin.gcs_plugin.wording.language import say, translations
+from thrustmargin.gcs_plugin.wording.thrust_left import left_words
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
 PREDICTED = "predicted"
@@ -24,7 +25,7 @@ ALARMS_SOUGHT = "alarms still being looked for"
 ALARMS_UNKNOWN = "alarms are not known: this flight could not be searched for them"
 #: Names of colours and cameras, which the catalogue has in other languages.
 THRUST_LEFT = "Thrust left"
-THRUST_IN_USE, TANK_SHOWN = "Thrust in use", "Tank"
+TANK_SHOWN = "Tank"
 PLANNED = "forecast from the plan"
 WHOLE_FIELD, NORTH_UP, NOSE_AHEAD = "Whole field", "Follow, north up", "Follow, nose ahead"
 RESIDUAL_BEFORE, RESIDUAL_AFTER = "Residual before", "Residual after"
@@ -54,9 +55,9 @@ def wind_words(speed: float) -> str:
 
 
 def margin_ahead(share: float) -> str:
-    """Return the sustained margin of the rest of the route; turns and climbs need more for
+    """Return the sustained thrust left on the rest of the route; turns and climbs need more for
     moments."""
-    return f"rest of the route: {margin_or_beyond(share)} that lasts, less for moments in turns"
+    return f"rest of the route: thrust left {left_words(share)}, less for moments in turns"
 
 
 def model_with(effects: Sequence[str]) -> str:

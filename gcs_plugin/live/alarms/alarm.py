@@ -83,7 +83,6 @@ class AlarmSettings:
     """The thresholds of all alarms; shares are of one, times in s."""
 
     max_utilisation: float = 0.5  # largest share of a rotor's maximum thrust in use
-    margin_hysteresis: float = 0.03
     tank_share: float = 0.5  # of the larger loss by which two estimates may part
     tank_kg: float = 0.5  # kg by which they must part besides
     tank_mass_kg: float = 3.0  # kg between gauge and thrust

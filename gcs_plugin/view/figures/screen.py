@@ -105,7 +105,6 @@ class FillAdvice:
 
 STATE, CHARTS, ACT = "/screen.json", "/screen/charts.json", "/screen/act"
 KEPT = 200  # lines of the history
-OF_MARGIN = ("margin", "predicted margin")  # alarms that a rotor is below the limit
 LONGEST_TAB = 40  # characters of a tab's name
 Key = tuple[int, tuple[str, int | None], float]  # vehicle, alarm and when it was raised
 #: What a page may ask for, by name; each takes the text that came with it and the tab that asks.
@@ -318,8 +317,7 @@ class PageState:
         if one.row is None:
             return {**entry, "figures": None}
         outlook = None if one.update is None else one.update.outlook
-        low = any(alarm.name in OF_MARGIN for alarm in one.alarms)
-        figures = aircraft_figures(one.row, one.seconds_to_empty, one.faulty, below_limit=low)
+        figures = aircraft_figures(one.row, one.seconds_to_empty, one.faulty)
         ahead = {"ahead": None, "full": None, "remarks": [], "why": one.row.why_unknown}
         if one.update is not None and outlook is not None:
             ahead["ahead"] = known(outlook.margin_ahead)

@@ -15,7 +15,6 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import (
     Alarm,
 )
 from thrustmargin.gcs_plugin.live.link_vehicles import OLD
-from thrustmargin.gcs_plugin.wording import palette as colours
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.glance_words import before_take_off, in_the_air
 from thrustmargin.gcs_plugin.wording.language import say
@@ -135,7 +134,7 @@ class VehicleSummary:
             return "", self.pending, "grey"
         if not self.row.flying:
             return self._before_take_off(self.row)
-        calm = self.row.survives and self.row.surely_left >= colours.ENOUGH
+        calm = self.row.survives and self.row.calm
         return "", self.pending, "green" if calm else "grey"
 
     def _leads(self, answer: FlightAnswer) -> bool:

@@ -62,9 +62,10 @@ class Overlay:
         return int(np.argmax(score)) if np.isfinite(score).any() else None
 
 
-def overlays_of(analysis: FlightAnalysis) -> tuple[Overlay, ...]:
+def overlays_of(analysis: FlightAnalysis, least: float = 0.5) -> tuple[Overlay, ...]:
     """Return thrust left, redundancy and residual of an analysis, in the order of the switch.
 
+    `least` is the share of thrust that must be left, where the colours of the first turn.
     Where no rotor was measured the predicted value is shown, and the note states its share.
     """
     use = analysis.known_utilisation
@@ -74,7 +75,7 @@ def overlays_of(analysis: FlightAnalysis) -> tuple[Overlay, ...]:
         Overlay(
             name=words.THRUST_LEFT,
             values=1.0 - load,
-            scale=colours.MARGIN,
+            scale=colours.thrust_left(least),
             worst="min",
             rotor=rotor,
             note=note,
@@ -91,18 +92,11 @@ def overlays_of(analysis: FlightAnalysis) -> tuple[Overlay, ...]:
 
 
 def planned_overlays(analysis: FlightAnalysis, limit: float) -> tuple[Overlay, ...]:
-    """Return thrust in use, thrust left, redundancy and tank of a plan that is not flown yet."""
-    left, redundancy, _ = overlays_of(analysis)
+    """Return thrust left, redundancy and tank of a plan that is not flown yet; `limit` is the
+    largest share of a rotor's maximum thrust that may be in use."""
+    left, redundancy, _ = overlays_of(analysis, 1.0 - limit)
     tank = analysis.track.tank_kg
     return (
-        replace(
-            left,
-            name=words.THRUST_IN_USE,
-            values=1.0 - left.values,
-            scale=colours.moved(colours.LOAD, limit),
-            worst="max",
-            note=words.PLANNED,
-        ),
         replace(left, note=words.PLANNED),
         replace(redundancy, note=f"{SPINS}, {words.PLANNED}"),
         Overlay(
