@@ -13,6 +13,7 @@ import time
 from collections import defaultdict, deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,6 +43,7 @@ from thrustmargin.gcs_plugin.view.scene.shown_row import (
 )
 from thrustmargin.gcs_plugin.view.scene.surroundings import Camera, SprayedGround
 from thrustmargin.gcs_plugin.wording import thrust_left
+from thrustmargin.gcs_plugin.wording.language import Sentence
 from thrustmargin.mission.route import Trail
 from thrustmargin.models.flight import Bools, Floats, Origin
 from thrustmargin.models.physics.airframe import Airframe
@@ -176,10 +178,10 @@ class HeardVehicles:
                 self._aged(before, now_us),
                 alarms=tuple(sorted(watch.alarms.listed.values(), key=lambda a: a.order)),
                 old_s=fleet.old_s,
-                problem=watch.problem,
+                problem=Sentence.of(lambda one=watch: one.problem),
                 gone=watch.has_left(now_us),
                 mission=watch.state.mission,
-                stale=watch.stale(now_us) if look else before.stale,
+                stale=Sentence.of(partial(watch.stale, now_us)) if look else before.stale,
             )
             self._put(now)
             if now.shown != before.shown:

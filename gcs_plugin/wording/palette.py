@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.gcs_plugin.wording.language import in_spoken, say
 from thrustmargin.gcs_plugin.wording.thrust_left import percent_down
 
 Colours = NDArray[np.uint8]
@@ -194,7 +194,7 @@ def legend(scale: ColourScale, note: str = "") -> dict[str, Any]:
             place(a) for (a, _), (b, _) in zip(scale.stops, scale.stops[1:], strict=False) if a == b
         ],
         "unknown": css(NO_DATA),
-        "note": note,
+        "note": in_spoken(note),
     }
 
 

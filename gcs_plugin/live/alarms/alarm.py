@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from thrustmargin.gcs_plugin.live.rows.tank_balance import TankBalance
 from thrustmargin.gcs_plugin.wording import alarm_words as words
+from thrustmargin.gcs_plugin.wording.language import in_spoken
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.fault_test import Kind, RotorFault
@@ -93,7 +94,8 @@ class AlarmSettings:
 
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """One alarm of one vehicle. `text` fits the 50 characters of a STATUSTEXT."""
+    """One alarm of one vehicle. `text` fits the 50 characters of a STATUSTEXT; as a string it is in
+    the program's language, which the link has, and as a `Sentence` in every other one."""
 
     name: str
     rotor: int | None  # from 1; None: of no rotor, or of one of `rotors`
@@ -113,8 +115,11 @@ class Alarm:
 
     @property
     def line(self) -> str:
-        """Text with the number of times, or why the alarm cannot be confirmed."""
-        return words.alarm_line(self.text, self.missing, self.times, self.last_s - self.since_s)
+        """Text with the number of times, or why the alarm cannot be confirmed, in the language that
+        is spoken now."""
+        return words.alarm_line(
+            in_spoken(self.text), self.missing, self.times, self.last_s - self.since_s
+        )
 
     @property
     def order(self) -> tuple[int, int, bool, float]:

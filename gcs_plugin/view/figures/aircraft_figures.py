@@ -15,6 +15,8 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording import palette as colours
+from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.gcs_plugin.wording.live_words import claim_words
 from thrustmargin.gcs_plugin.wording.thrust_left import below, percent_down, percent_up
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.advice import cell_count
@@ -64,12 +66,12 @@ def aircraft_figures(
         for i in range(airframe.rotor_count)
     ]
     return {
-        "title": airframe.title,
+        "title": say(airframe.title),
         "name": track.name,
         "flying": row.flying,
-        "withheld": list(claim.withheld),
+        "withheld": [say(why) for why in claim.withheld],
         "remedy": claim.remedy if claim.withheld else "",
-        "claim": claim.words,
+        "claim": claim_words(claim, airframe.name),
         "rotors": rotors,
         "placed": placed,
         "radius": round(radius, 3),
