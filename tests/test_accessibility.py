@@ -128,7 +128,10 @@ def test_the_live_page():
 
 def test_the_replay():
     view = ReplayView(
-        shown(), port=0, paused=True, whole=FlightAnswer("BELOW THE 50 % LIMIT", FlightLevel.UNDER)
+        shown(),
+        port=0,
+        paused=True,
+        whole=FlightAnswer("THRUST LEFT ABOVE THE 50 % LIMIT", FlightLevel.UNDER),
     )
     view.start()
     try:

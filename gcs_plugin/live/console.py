@@ -23,6 +23,7 @@ from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.wording import live_words as words
 from thrustmargin.gcs_plugin.wording.alarm_words import ONE_LOST
+from thrustmargin.gcs_plugin.wording.language import say
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
@@ -107,7 +108,7 @@ def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> Re
         remarks.append(Text(words.LEGEND, style="dim"))
     parts: list[RenderableType] = [*lines, table, *remarks]
     for line in status_lines(monitor.status(), page=page):
-        loud = line.startswith((words.NOT_RECORDING, words.STOPPED, words.BEHIND))
+        loud = line.startswith(tuple(map(say, (words.NOT_RECORDING, words.STOPPED, words.BEHIND))))
         parts.append(Text(line, style="bold white on red" if loud else "dim"))
     return Group(*parts)
 

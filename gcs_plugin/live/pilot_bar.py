@@ -11,11 +11,14 @@ the port may see it.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import resources
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
+
+import numpy as np
 
 from thrustmargin.gcs_plugin.live.announce import figures, what_to_do
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
@@ -26,6 +29,7 @@ from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.wording.alarm_words import ASKED
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.gcs_plugin.wording.thrust_left import too_little
 
 FRESH = 3.0  # s for which figures are shown as live
 FILES = "thrustmargin.gcs_plugin.live"
@@ -36,6 +40,7 @@ class _Shown:
     figures: dict[str, float]
     answer: FlightAnswer | None
     update: Update
+    low: bool  # too little thrust is left
 
 
 class PilotBar(Output):
@@ -56,7 +61,10 @@ class PilotBar(Output):
         for number, watch in fleet.vehicles.items():
             if watch.last is not None:
                 found = figures(watch.last) | what_to_do(watch.alarms.listed.values())
-                shown[number] = _Shown(found, watch.last.answer, watch.last)
+                left = found.get("MARGIN", found.get("MARGIN_PRE", math.nan))
+                before = number in self._shown and self._shown[number].low
+                low = bool(too_little(np.array([[left / 100.0]]), self._limit, before)[0, 0])
+                shown[number] = _Shown(found, watch.last.answer, watch.last, low)
         self._shown = shown
 
     @property
@@ -100,6 +108,7 @@ class PilotBar(Output):
                     "margin": margin if live else None,
                     "predicted": predicted if live else None,
                     "last_margin": margin,
+                    "low": live and shown.low,
                     "rotor": int(found["MARGIN_ROT"]) if live and "MARGIN_ROT" in found else None,
                     "action": say(ASKED[int(found["MARGIN_DO"])]) if live else "",
                     "flight": None if shown.answer is None else shown.answer.json,

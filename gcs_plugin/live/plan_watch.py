@@ -11,6 +11,7 @@ import math
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.live_monitor import OutputContext
 from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.live.watch.update import Update
+from thrustmargin.gcs_plugin.wording.language import Sentence
 from thrustmargin.gcs_plugin.wording.plan_words import (
     NOT_BESIDE,
     beside_words,
@@ -174,10 +176,10 @@ class PlanWatch(Output):
             return
         flight.spoken = len(made.stretches)
         for stretch in new:
-            self._say(number, stretch_words(stretch))
+            self._say(number, Sentence.of(partial(stretch_words, stretch)))
         off = which_was_off(lambda changed: to_fly.compare(changed, way, over_s=over_s), given, day)
         left = made.left_at if ended else None
-        text = beside_words(off, made.stretches, left_at=left)
+        text = Sentence.of(lambda: beside_words(off, made.stretches, left_at=left))
         # That a wind is 5.8 m/s now, and was 5.6, is no news; how it all was is said at the end.
         causes = [left, *((o.what, o.mattered) for o in off)]
         if causes != flight.causes or (ended and text != flight.so_far):

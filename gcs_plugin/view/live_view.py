@@ -13,6 +13,7 @@ import time
 from collections import defaultdict, deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,10 +34,18 @@ from thrustmargin.gcs_plugin.view.page.tabs import BrowserTab, Tabs
 from thrustmargin.gcs_plugin.view.page.view_page import ViewPage
 from thrustmargin.gcs_plugin.view.scene.overlays import Overlay, overlays_of
 from thrustmargin.gcs_plugin.view.scene.scene import Scene
-from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow, enu, ground_height, plan_enu
+from thrustmargin.gcs_plugin.view.scene.shown_row import (
+    ShownRow,
+    enu,
+    ground_height,
+    lower_ends,
+    plan_enu,
+)
 from thrustmargin.gcs_plugin.view.scene.surroundings import Camera, SprayedGround
+from thrustmargin.gcs_plugin.wording import thrust_left
+from thrustmargin.gcs_plugin.wording.language import Sentence
 from thrustmargin.mission.route import Trail
-from thrustmargin.models.flight import Floats, Origin
+from thrustmargin.models.flight import Bools, Floats, Origin
 from thrustmargin.models.physics.airframe import Airframe
 
 if TYPE_CHECKING:
@@ -88,13 +97,20 @@ class HeardVehicles:
 
     Each `VehicleSummary` is replaced as a whole and never changed, so no lock is needed; rows for
     the trails wait in a queue for each aircraft. `wake` is set when there is something new to draw;
-    `overlays` are those of the last rows. `clock` is the ground's, µs: ages go on by it while the
+    `overlays` are those of the last rows; `least` is the share of thrust that must be left.
+    `clock` is the ground's, µs: ages go on by it while the
     compute thread is busy; without it they are those of the last `round`.
     """
 
-    def __init__(self, wake: threading.Event, clock: Callable[[], int] | None = None) -> None:
+    def __init__(
+        self,
+        wake: threading.Event,
+        clock: Callable[[], int] | None = None,
+        *,
+        least: float = 0.5,
+    ) -> None:
         self.wake = wake
-        self._clock = clock
+        self._clock, self._least = clock, least
         self._watches: dict[int, VehicleMonitor] = {}
         self.overlays: tuple[Overlay, ...] = ()
         #: For the trails, rows in flight: (N,) time s, (N, 3) position NED m, (N, K) of overlays,
@@ -120,7 +136,7 @@ class HeardVehicles:
     def update(self, update: Update) -> None:
         """Take the new rows of one aircraft."""
         number, track = update.vehicle, update.analysis.track
-        overlays = overlays_of(update.analysis)
+        overlays = overlays_of(update.analysis, self._least)
         values = np.column_stack([overlay.values for overlay in overlays])
         fresh = update.first + np.flatnonzero(track.flying[update.first :])
         self.rows[number].append(
@@ -129,15 +145,24 @@ class HeardVehicles:
         self.history[number].add(update)
         self.overlays = overlays
         before = self._summaries.get(number) or VehicleSummary(number=number)
+        row = self._shown_row(update, None if before.row is None else before.row.low)
         self._put(
             replace(
                 before,
-                row=ShownRow(update.analysis, -1),
+                row=row,
                 update=update,
                 seconds_to_empty=update.outlook.seconds_to_empty,
             )
         )
         self.wake.set()
+
+    def _shown_row(self, update: Update, before: Bools | None) -> ShownRow:
+        """Return the last row, with the rotors that have too little thrust left after `before`."""
+        left = lower_ends(update.analysis)[update.first :]
+        if before is None or before.size != left.shape[1]:
+            before = np.zeros(left.shape[1], dtype=np.bool_)
+        low = thrust_left.too_little(left, self._least, before)[-1] if len(left) else before
+        return ShownRow(update.analysis, -1, least=self._least, low=low)
 
     def round(self, fleet: Fleet, now_us: int) -> None:
         """Take ages, alarms and missions of all aircraft."""
@@ -153,10 +178,10 @@ class HeardVehicles:
                 self._aged(before, now_us),
                 alarms=tuple(sorted(watch.alarms.listed.values(), key=lambda a: a.order)),
                 old_s=fleet.old_s,
-                problem=watch.problem,
+                problem=Sentence.of(lambda one=watch: one.problem),
                 gone=watch.has_left(now_us),
                 mission=watch.state.mission,
-                stale=watch.stale(now_us) if look else before.stale,
+                stale=Sentence.of(partial(watch.stale, now_us)) if look else before.stale,
             )
             self._put(now)
             if now.shown != before.shown:
@@ -245,7 +270,7 @@ class LiveView(ViewPage, Output):
         self._airframe = airframe
         self._status, self._limit, self._browser = status, max_utilisation, browser
         self._listens, self._open = tuple(listens), not is_loopback(host)
-        self._heard = HeardVehicles(self.wake, clock)
+        self._heard = HeardVehicles(self.wake, clock, least=1.0 - max_utilisation)
         self._origin: Origin | None = None
         self._tabs = Tabs(LiveTab)
         self._aircraft: dict[int, Aircraft] = {}
@@ -424,7 +449,9 @@ class LiveView(ViewPage, Output):
         if update is None:
             return
         offset_ned = self._offset_ned(self._aircraft[summary.number], update)
-        row = ShownRow(update.analysis, -1, offset_ned)
+        shown = summary.row
+        assert shown is not None
+        row = replace(shown, analysis=update.analysis, offset_ned=offset_ned)
         airframe = update.analysis.model.airframe
         if airframe.rotor_count != one.rotor_count:
             one.rotor_count = airframe.rotor_count

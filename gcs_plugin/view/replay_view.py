@@ -35,11 +35,13 @@ from thrustmargin.gcs_plugin.view.scene.shown_row import (
     ShownRow,
     enu,
     ground_height,
+    lower_ends,
     plan_enu,
     row_at,
 )
 from thrustmargin.gcs_plugin.view.scene.surroundings import Camera
 from thrustmargin.gcs_plugin.wording import live_words as words
+from thrustmargin.gcs_plugin.wording import thrust_left
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.forecast_words import fill_words, verdict
 from thrustmargin.gcs_plugin.wording.glance_words import alarm_then
@@ -86,7 +88,8 @@ class ReplayView(ViewPage):
     `waypoints` are the log's mission items and `messages` its texts with their time in s from the
     first row; `whole` returns the answer of the whole flight in the language that is spoken;
     `overlays` are further ways to colour the route, besides those of the analysis; a `planned`
-    flight has those alone. After its end it rests on the worst moment.
+    flight has those alone; `limit` is the largest share of a rotor's maximum thrust that may be in
+    use. After its end it rests on the worst moment.
     Raises DataError for a flight without rows, and LinkError from `start` when the port is taken.
     """
 
@@ -104,6 +107,7 @@ class ReplayView(ViewPage):
         paused: bool = False,
         whole: FlightAnswer | Callable[[], FlightAnswer] | None = None,
         planned: bool = False,
+        limit: float = 0.5,
     ) -> None:
         self._answer = whole if callable(whole) else lambda: whole
         self._answers: dict[str, FlightAnswer | None] = {}  # by language
@@ -115,7 +119,7 @@ class ReplayView(ViewPage):
             connected=self._connected,
             recorded=True,
             planned=planned,
-            timeline=charts.timeline_colours(analysis),
+            timeline=charts.timeline_colours(analysis, 1.0 - limit),
         )
         super().__init__(
             "plan" if planned else "replay",
@@ -130,10 +134,11 @@ class ReplayView(ViewPage):
             raise DataError(f"{track.name}: no rows to replay; is the log empty?")
         if not 0 < speed < np.inf:
             raise DataError(f"a replay cannot run at speed {speed:g}; give a number above 0")
-        self._analysis = analysis
+        self._analysis, self._least = analysis, 1.0 - limit
+        self._low = thrust_left.too_little(lower_ends(analysis), self._least)
         self._airframe = analysis.model.airframe
         self._speeds = charts.Speeds.of(analysis)
-        shown = (speed_overlay(track),) if analysis.withheld else overlays_of(analysis)
+        shown = (speed_overlay(track),) if analysis.withheld else overlays_of(analysis, self._least)
         self._overlays = tuple(overlays) if planned else (*shown, *overlays)
         self._waypoints = waypoints
         self._messages = sorted(messages)
@@ -365,8 +370,9 @@ class ReplayView(ViewPage):
         """Return the summary at `time_s`: margin, and alarms of rotors and motors as they were in
         flight.
         """
-        row = ShownRow(self._analysis, row_at(self._analysis.track.time_s, self._start_s + time_s))
         at_s = self._start_s + time_s
+        at = row_at(self._analysis.track.time_s, at_s)
+        row = ShownRow(self._analysis, at, least=self._least, low=self._low[at])
         last = int(np.searchsorted(self._fault_times, at_s, side="right")) - 1
         stopped = [e.fault for e in self._stopped if e.holds(at_s)]
         found = self._faults[last][1] if last >= 0 else ()
@@ -461,5 +467,6 @@ def planned_view(made: PlanForecast, **options: Any) -> ReplayView:
         overlays=planned_overlays(advised.analysis, advised.advice.limit),
         whole=lambda: FlightAnswer(verdict(made), made.level, fill_words(made)),
         planned=True,
+        limit=advised.advice.limit,
         **options,
     )

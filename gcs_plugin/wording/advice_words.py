@@ -15,26 +15,26 @@ from thrustmargin.gcs_plugin.wording.language import (
     duration,
     number,
     percent,
-    percent_within,
     say,
 )
+from thrustmargin.gcs_plugin.wording.thrust_left import least_words, left_words
 from thrustmargin.models.model.advice import Advice, FlightLevel
 from thrustmargin.models.model.fault_test import LEAST, MOST, RotorFault
 from thrustmargin.models.model.model_misfit import Caveat
 from thrustmargin.models.model.output_faults import MisreadSpeed
 from thrustmargin.models.model.rotor_faults import FaultEpisode
 
-#: Level -> its name when flights are counted; {limit} is like "50 %".
+#: Level -> its name when flights are counted; {limit} is the thrust that must be left, as "50 %".
 SEVERAL: Mapping[FlightLevel, str] = {
     FlightLevel.DAMAGED: "WITH A BAD ROTOR OR MOTOR",
     FlightLevel.LOST: "LOST CONTROL",
     FlightLevel.BATTERY: "WITH A COLLAPSED BATTERY",
     FlightLevel.NO_THRUST: "WITH NO THRUST LEFT AT TIMES",
     FlightLevel.CRITICAL: "TOO HEAVY TO LOSE A ROTOR",
-    FlightLevel.OVER: "ABOVE THE {limit} LIMIT",
+    FlightLevel.OVER: "THRUST LEFT BELOW THE {limit} LIMIT",
     FlightLevel.ORDER: "WITH MOTORS IN ANOTHER ORDER",
-    FlightLevel.NEAR: "NEAR THE {limit} LIMIT: CANNOT TELL",
-    FlightLevel.UNDER: "BELOW THE {limit} LIMIT",
+    FlightLevel.NEAR: "THRUST LEFT NEAR THE {limit} LIMIT: CANNOT TELL",
+    FlightLevel.UNDER: "THRUST LEFT ABOVE THE {limit} LIMIT",
     FlightLevel.UNKNOWN: "WITHOUT VERDICT",
 }
 #: Levels in which a flight that goes on should end.
@@ -76,7 +76,7 @@ def headline(advice: Advice) -> str:
 
 def _first_line(advice: Advice, level: FlightLevel) -> str:
     """Return the words of one level in capitals."""
-    use, limit = advice.use, percent(advice.limit)
+    use, limit = advice.use, least_words(advice.limit)
     if level is FlightLevel.DAMAGED:
         return damage_words(advice)
     if level is FlightLevel.LOST:
@@ -112,9 +112,9 @@ def _first_line(advice: Advice, level: FlightLevel) -> str:
         return say(words, first=first, long=too_long)
     if level is FlightLevel.OVER:
         if use.lasting_above_limit_s >= use.known_s - 1.0:
-            return say("ABOVE THE {limit} LIMIT ALL FLIGHT", limit=limit)
+            return say("THRUST LEFT BELOW THE {limit} LIMIT ALL FLIGHT", limit=limit)
         long = duration(use.lasting_above_limit_s).upper()
-        return say("ABOVE THE {limit} LIMIT FOR {long}", limit=limit, long=long)
+        return say("THRUST LEFT BELOW THE {limit} LIMIT FOR {long}", limit=limit, long=long)
     if level is FlightLevel.ORDER:
         return say("MOTOR ORDER DIFFERS: ROTOR NAMES ARE WRONG")
     if level is FlightLevel.UNKNOWN and Caveat.MODEL in advice.caveats:
@@ -175,11 +175,11 @@ def several_headline(levels: Sequence[FlightLevel], limit: float) -> tuple[Fligh
     level = min(levels, key=lambda one: one.gravity)
     count = levels.count(level)
     words = (
-        "ALL {count} FLIGHTS {level}"
+        "ALL {count} FLIGHTS: {level}"
         if count == len(levels)
-        else "{count} OF {all} FLIGHTS {level}"
+        else "{count} OF {all} FLIGHTS: {level}"
     )
-    has = say(SEVERAL[level], limit=percent(limit))
+    has = say(SEVERAL[level], limit=least_words(limit))
     return level, say(words, count=count, all=len(levels), level=has)
 
 
@@ -386,29 +386,28 @@ def misread_words(misread: MisreadSpeed) -> str:
 
 
 def _lasting(advice: Advice) -> str:
-    """Return the largest sustained thrust, and how long it was above the limit."""
-    use, limit = advice.use, percent(advice.limit)
-    worst = percent(use.lasting_most)
-    if use.lasting_high - use.lasting_low > 1e-9:
-        worst = percent_within(use.lasting_most, use.lasting_low, use.lasting_high)
+    """Return the least sustained thrust left, and how long it was below the limit."""
+    use, limit = advice.use, least_words(advice.limit)
+    worst = left_words(1.0 - use.lasting_most, 1.0 - use.lasting_high, 1.0 - use.lasting_low)
     never = use.lasting_above_limit_s <= 0.0
     unsure = use.maybe_above.any() if never else not use.surely_above.any()
     near = say("; the limit lies within the error") if unsure else ""
-    words = "up to {worst} of a rotor's maximum thrust, above {limit} for {long} of {all}"
+    words = "thrust left down to {worst}, below {limit} for {long} of {all}"
     if never:
-        words = "up to {worst} of a rotor's maximum thrust, never above {limit}"
+        words = "thrust left down to {worst}, never below {limit}"
     long, whole = duration(use.lasting_above_limit_s), duration(use.known_s)
     return say(words, worst=worst, limit=limit, long=long, all=whole) + near
 
 
 def _passing(advice: Advice) -> str:
-    """Return the peaks of turns and gusts: how high, how often and how long above the limit."""
+    """Return the thrust left in turns and gusts: how low, how often and how long below the
+    limit."""
     use = advice.use
     times = say("once") if use.passing == 1 else say("{count} times", count=use.passing)
     return say(
-        "up to {peak}, above {limit} {times} for {long} at most",
-        peak=percent(use.peak),
-        limit=percent(advice.limit),
+        "thrust left down to {peak}, below {limit} {times} for {long} at most",
+        peak=left_words(1.0 - use.peak),
+        limit=least_words(advice.limit),
         times=times,
         long=duration(max(use.passing_longest_s, 1.0)),
     )

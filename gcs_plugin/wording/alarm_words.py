@@ -15,10 +15,9 @@ from thrustmargin.gcs_plugin.wording.language import (
     clock,
     duration,
     number,
-    percent_down,
-    percent_up,
     say,
 )
+from thrustmargin.gcs_plugin.wording.thrust_left import percent_down, percent_up
 from thrustmargin.models.checks.loss_of_control import LossKind
 from thrustmargin.models.model.fault_test import MOST, Evidence, Kind, RotorFault
 from thrustmargin.models.model.rotor_faults import FaultEpisode

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 
 from thrustmargin.gcs_plugin.wording.alarm_words import TOO_HEAVY
 from thrustmargin.gcs_plugin.wording.day_words import day_briefly
-from thrustmargin.gcs_plugin.wording.language import number, percent, say
+from thrustmargin.gcs_plugin.wording.language import number, say
+from thrustmargin.gcs_plugin.wording.thrust_left import least_words
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.fill_limits import FillLevel, NextFill, Reason
 from thrustmargin.models.physics.day import Day
@@ -15,8 +16,8 @@ from thrustmargin.models.physics.day import Day
 #: Reason of the limit -> consequence of more, and consequence with an empty tank.
 _BECAUSE: Mapping[Reason, tuple[str, str]] = {
     "utilisation": (
-        "more would take over {limit} of a rotor's maximum thrust in steady flight",
-        "steady flight takes over {limit} of a rotor's maximum thrust",
+        "more would leave less than {limit} thrust in steady flight",
+        "steady flight leaves less than {limit} thrust",
     ),
     "one rotor lost": TOO_HEAVY,
     "take-off mass": (
@@ -26,8 +27,8 @@ _BECAUSE: Mapping[Reason, tuple[str, str]] = {
     "tank": ("the tank holds no more", ""),
     "unreported": ("what was not reported may be in the tank", ""),
     "as flown": (
-        "with more, this flight was above {limit} of a rotor's maximum thrust",
-        "this flight was above {limit} of a rotor's maximum thrust with hardly any load",
+        "with more, this flight had less than {limit} thrust left",
+        "this flight had less than {limit} thrust left with hardly any load",
     ),
 }
 #: Reason why nothing can be filled -> its words.
@@ -72,7 +73,7 @@ def fill_advice(fill: NextFill, limit: float, *, was_within: bool = False) -> st
     if level is FillLevel.UNKNOWN:
         return say(UNKNOWN_FILL)
     assert fill.reason is not None
-    more, empty = (say(words, limit=percent(limit)) for words in _BECAUSE[fill.reason])
+    more, empty = (say(words, limit=least_words(limit)) for words in _BECAUSE[fill.reason])
     day = with_day(fill.day)
     if fill.nothing_fits is not None:
         why = say(_NOTHING_FITS[fill.nothing_fits])

@@ -15,11 +15,11 @@ from thrustmargin.gcs_plugin.wording.language import (
     joined,
     number,
     percent,
-    percent_within,
     say,
     within,
 )
 from thrustmargin.gcs_plugin.wording.plan_words import fault_words, not_understood_words
+from thrustmargin.gcs_plugin.wording.thrust_left import least_words, left_words
 from thrustmargin.mission.forecast.fill_along import Weakest
 from thrustmargin.mission.forecast.legs import Sortie
 from thrustmargin.mission.forecast.plan_forecast import PlanForecast
@@ -97,7 +97,7 @@ LEAST_SHARE = 0.005  # of utilisation, worth a word
 def verdict(made: PlanForecast) -> str:
     """Return the first line: whether it may take off with this fill, and the reason."""
     advice = made.advised.advice
-    use, limit = advice.use, percent(advice.limit)
+    use, limit = advice.use, least_words(advice.limit)
     by_battery = made.battery_unsure and advice.level is FlightLevel.UNDER
     fill = ""
     if _has_tank(made):
@@ -106,7 +106,7 @@ def verdict(made: PlanForecast) -> str:
             fill += say(" AND THE PUMP OFF")
         if hidden := made.assumed.get("hidden mass"):
             fill += say(" AND {kg} kg THAT NOBODY REPORTED", kg=hidden[0])
-    lasting = percent_within(use.lasting_most, use.lasting_low, use.lasting_high)
+    left = left_words(1.0 - use.lasting_most, 1.0 - use.lasting_high, 1.0 - use.lasting_low)
     no = f"{say('DO NOT TAKE OFF{fill}', fill=fill)}: "
     if made.too_heavy:
         return no + say("over the maker's maximum take-off mass")
@@ -126,10 +126,10 @@ def verdict(made: PlanForecast) -> str:
         return no + say("for {long} a lost rotor brings it down", long=long)
     if level is FlightLevel.ORDER:
         return no + say("its motors are not in the airframe's order; test it, propellers off")
-    known = {"lasting": lasting, "limit": limit}
+    known = {"left": left, "limit": limit}
     if level is FlightLevel.OVER:
-        return no + say("lasting use of thrust {lasting}, above the {limit} limit", **known)
-    why = say("lasting use of thrust {lasting}, limit {limit}", **known)
+        return no + say("thrust left {left}, below the {limit} limit", **known)
+    why = say("thrust left {left}, limit {limit}", **known)
     if level is FlightLevel.NEAR:
         why = say("the battery may not last") if by_battery else why
         return f"{say('TOO CLOSE TO TELL{fill}', fill=fill)}{_as_far(made)}: {why}"
@@ -139,28 +139,32 @@ def verdict(made: PlanForecast) -> str:
 
 
 def weakest_words(weakest: Weakest | None) -> str:
-    """Return the place with the largest utilisation, and the shares of its causes."""
+    """Return the place with the least thrust left, and what takes it: `Weakest in the turn at item
+    5: thrust left 31 % (27 to 35); 22 % go to 15.0 kg on board, 12 % to the turn.`"""
     if weakest is None:
         return say("Weakest place unknown.")
     parts = [
         (
             weakest.manoeuvre,
-            say("by the turn" if weakest.kind == "turn" else "by turning and speeding up"),
+            "{share} to the turn"
+            if weakest.kind == "turn"
+            else "{share} to turning and speeding up",
         ),
-        (weakest.load, say("by {kg} on board", kg=number(weakest.tank_kg, "kg"))),
-        (weakest.wind, say("by the wind")),
-        (weakest.battery, say("by the fallen voltage")),
+        (weakest.load, "{share} to the {kg} on board"),
+        (weakest.wind, "{share} to the wind"),
+        (weakest.battery, "{share} to the fallen voltage"),
     ]
     named = [
-        f"{number(100.0 * share, say('points' if share >= 0.015 else 'point'), 0)} {why}"
+        say(why, share=percent(share), kg=number(weakest.tank_kg, "kg"))
         for share, why in sorted(parts, reverse=True)
         if share >= LEAST_SHARE
     ]
-    use = percent_within(weakest.utilisation, *weakest.interval)
-    beyond = say("; more than the rotors can give") if weakest.utilisation > 1.0 else ""
+    low, high = weakest.interval
+    left = left_words(1.0 - weakest.utilisation, 1.0 - high, 1.0 - low)
+    beyond = say(" (it takes more than the rotors can give)") if weakest.utilisation > 1.0 else ""
     where = say(_KINDS[weakest.kind], item=weakest.item)
-    why = f" ({', '.join(named)})" if named else ""
-    words = say("Weakest {where}: {use} of a rotor's thrust", where=where, use=use)
+    why = f"; {say('of the thrust go')} {', '.join(named)}" if named else ""
+    words = say("Weakest {where}: thrust left {left}", where=where, left=left)
     return f"{words}{beyond}{why}."
 
 
@@ -170,7 +174,7 @@ _PLACES: Mapping[str, str] = {
         "the slope to item {item} slows the vehicle to {amount} m/s, of {beside} m/s ordered"
     ),
     "slope beyond thrust": (
-        "the slope to item {item} takes {percent} of a rotor's thrust at {beside} m/s of climb: "
+        "the slope to item {item} takes more thrust than there is at {beside} m/s of climb: "
         "fly it slower, or with less"
     ),
     "loses height": (
@@ -194,7 +198,6 @@ def place_words(made: PlanForecast) -> tuple[str, ...]:
             item=place.item,
             amount=f"{place.amount:.1f}",
             beside=f"{place.secondary:.1f}",
-            percent=percent(place.amount),
         )
         for place in found
     ]
@@ -203,7 +206,7 @@ def place_words(made: PlanForecast) -> tuple[str, ...]:
 
 def fill_words(made: PlanForecast) -> str:
     """Return the largest fill that keeps the limit throughout the plan."""
-    liquid, limit = _liquid(made), percent(made.advised.advice.limit)
+    liquid, limit = _liquid(made), least_words(made.advised.advice.limit)
     if made.advised.advice.faults:
         return f"{say(UNSOUND)}."
     if made.level is FlightLevel.UNKNOWN or not math.isfinite(made.largest_fill_kg):
@@ -211,9 +214,9 @@ def fill_words(made: PlanForecast) -> str:
     if not _has_tank(made):
         return f"{say('Nothing to fill: {why}', why=say('it has no tank'))}."
     if made.largest_fill_kg <= 0.0:
-        words = "No fill{day} keeps the {limit} limit and survives a lost rotor all along."
+        words = "No fill{day} leaves {limit} thrust and survives a lost rotor all along."
         return say(words, day=with_day(made.day), limit=limit)
-    words = "Fill at most {fill}{day}: keeps the {limit} limit and survives a lost rotor all along."
+    words = "Fill at most {fill}{day}: leaves {limit} thrust and survives a lost rotor all along."
     fill = amount(made.largest_fill_kg, liquid)
     return say(words, fill=fill, day=with_day(made.day), limit=limit)
 
@@ -342,15 +345,16 @@ def as_flown_words(made: PlanForecast) -> tuple[str, ...]:
     known = made.as_flown
     if known is None:
         return ()
+    peak, least, most = known.peak
     return (
         say(
             "By how {missions} earlier missions differed from their forecasts: {long} ({low} to "
-            "{high}), {peak} of a rotor's thrust at most.",
+            "{high}), thrust left {peak} at least.",
             missions=known.missions,
             long=duration(known.seconds[0]),
             low=duration(known.seconds[1]),
             high=duration(known.seconds[2]),
-            peak=percent_within(*known.peak),
+            peak=left_words(1.0 - peak, 1.0 - most, 1.0 - least),
         ),
     )
 
@@ -467,7 +471,8 @@ def _liquid(made: PlanForecast) -> float:
 
 def gate_limit(limit: float) -> str:
     """Return the condition that the vehicle's fill gate checks."""
-    return f"{percent(limit)} of a rotor's maximum thrust, and the weight held with one rotor lost"
+    left = least_words(limit)
+    return f"{left} of a rotor's maximum thrust left, and the weight held with one rotor lost"
 
 
 def gate_sag(resistance: float) -> str:

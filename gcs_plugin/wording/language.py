@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
@@ -58,19 +58,24 @@ def spoken() -> str:
 
 
 @cache
+def _catalogue(language: str) -> dict[str | None, dict[str, str]]:
+    """Return the translations of a language by context, as `translations`."""
+    import polib  # English needs none of it
+
+    file = resources.files(__package__ or "") / f"{language}.po"
+    tables: dict[str | None, dict[str, str]] = {}
+    for entry in polib.pofile(file.read_text("utf-8")):
+        tables.setdefault(entry.msgctxt, {})[str(entry.msgid)] = str(entry.msgstr)
+    return tables
+
+
 def translations(language: str, context: str | None = None) -> dict[str, str]:
     """Return the sentences of a language by their English; empty for English itself.
 
     `context` is the msgctxt of the entries: None for what `say` translates, "page" for the words
     of the live page.
     """
-    if language == LANGUAGES[0]:
-        return {}
-    import polib  # English needs none of it
-
-    file = resources.files(__package__ or "") / f"{language}.po"
-    entries = polib.pofile(file.read_text("utf-8"))
-    return {str(e.msgid): str(e.msgstr) for e in entries if e.msgctxt == context}
+    return {} if language == LANGUAGES[0] else _catalogue(language).get(context, {})
 
 
 def say(english: str, /, *listed: object, **values: object) -> str:
@@ -86,6 +91,36 @@ def say(english: str, /, *listed: object, **values: object) -> str:
         return text.format(*listed, **values)
     named = {name: _comma(value) for name, value in values.items()}
     return text.format(*map(_comma, listed), **named)
+
+
+class Sentence(str):
+    """A text in the program's language that knows itself in every other one.
+
+    It is made where its numbers are, long before a page of another language asks for it.
+    """
+
+    __slots__ = ("_by_language",)
+    _by_language: dict[str, str]
+
+    @classmethod
+    def of(cls, make: Callable[[], str]) -> Sentence:
+        """Return the text that `make` gives, which is called once for each language."""
+        texts = {}
+        for language in LANGUAGES:
+            with speaking(language):
+                texts[language] = str(make())
+        made = cls(texts[spoken()])
+        made._by_language = texts
+        return made
+
+    def now(self) -> str:
+        """Return the text in the language that is spoken now."""
+        return self._by_language[spoken()]
+
+
+def in_spoken(text: str) -> str:
+    """Return a text in the language that is spoken now, where it is a `Sentence`."""
+    return text.now() if isinstance(text, Sentence) else text
 
 
 class Verbatim(str):
@@ -163,21 +198,6 @@ def significant(value: float | None, digits: int = 4) -> str:
 def percent(share: float | None, decimals: int = 0) -> str:
     """Return a share in per cent: `64 %` for 0.64."""
     return number(None if share is None else share * 100.0, "%", decimals)
-
-
-def percent_down(share: float) -> int:
-    """Whole percent of a margin, rounded down: what is below a limit also reads below it."""
-    return math.floor(100.0 * share + 1e-6)
-
-
-def percent_up(share: float) -> int:
-    """Whole percent of the upper end of a margin, rounded up."""
-    return math.ceil(100.0 * share - 1e-6)
-
-
-def margin_or_beyond(share: float) -> str:
-    """Return `margin 64 %` for 0.64; BEYOND_CEILING for a negative margin."""
-    return BEYOND_CEILING if share < 0.0 else f"margin {percent(share)}"
 
 
 def percent_within(share: float, low: float, high: float) -> str:

@@ -14,7 +14,9 @@ from functools import cache
 from importlib import resources
 
 from thrustmargin.gcs_plugin.wording.alarm_words import ONE_LOST, ONE_MORE_LOST, SPINS
-from thrustmargin.gcs_plugin.wording.language import margin_or_beyond, say, translations
+from thrustmargin.gcs_plugin.wording.language import Verbatim, percent, say, translations
+from thrustmargin.gcs_plugin.wording.thrust_left import left_words
+from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
 PREDICTED = "predicted"
@@ -24,7 +26,7 @@ ALARMS_SOUGHT = "alarms still being looked for"
 ALARMS_UNKNOWN = "alarms are not known: this flight could not be searched for them"
 #: Names of colours and cameras, which the catalogue has in other languages.
 THRUST_LEFT = "Thrust left"
-THRUST_IN_USE, TANK_SHOWN = "Thrust in use", "Tank"
+TANK_SHOWN = "Tank"
 PLANNED = "forecast from the plan"
 WHOLE_FIELD, NORTH_UP, NOSE_AHEAD = "Whole field", "Follow, north up", "Follow, nose ahead"
 RESIDUAL_BEFORE, RESIDUAL_AFTER = "Residual before", "Residual after"
@@ -48,26 +50,39 @@ def page_words(language: str) -> dict[str, dict[str, str]]:
     }
 
 
+def claim_words(claim: AirframeClaim, name: str) -> str:
+    """Return in a few words why a vehicle counts as one of the airframe called `name`."""
+    if claim.basis == "recognised":
+        return say("airframe {name}: nobody named it, and the flight fits it", name=Verbatim(name))
+    if claim.basis == "given":
+        return say("airframe {name}, given", name=Verbatim(name))
+    return say(claim.words)
+
+
 def wind_words(speed: float) -> str:
     """Return the wind speed, m/s, in words."""
     return f"wind {speed:.1f} m/s"
 
 
 def margin_ahead(share: float) -> str:
-    """Return the sustained margin of the rest of the route; turns and climbs need more for
+    """Return the sustained thrust left on the rest of the route; turns and climbs need more for
     moments."""
-    return f"rest of the route: {margin_or_beyond(share)} that lasts, less for moments in turns"
+    return f"rest of the route: thrust left {left_words(share)}, less for moments in turns"
 
 
 def model_with(effects: Sequence[str]) -> str:
     """Return the words that list the effects in the model."""
-    return f"model with {', '.join(effects)}" if effects else "model without effects"
+    if not effects:
+        return say("model without effects")
+    return say("model with {effects}", effects=", ".join(effects))
 
 
 def measured_share(basis: str, share: float) -> str:
     """Return the words for rotor speeds that are measured, or else known, for `share` of the
     time."""
-    return f"{basis} for {100 * share:.0f} %, predicted for the rest"
+    return say(
+        "{basis} for {share}, predicted for the rest", basis=say(basis), share=percent(share)
+    )
 
 
 def drawn_larger(scale: float) -> str:
@@ -170,8 +185,10 @@ LOST: Mapping[str, str] = {
 
 def behind_words(behind_s: float, *, page: bool = False) -> str:
     """Return the line about a computer that is too slow, `behind_s` late, and the remedy."""
-    helps = "closing the 3D page" if page else "closing other programs"
-    return f"{BEHIND} {behind_s:.0f} s behind: {helps} helps"
+    words = "this computer is {seconds} s behind: closing other programs helps"
+    if page:
+        words = "this computer is {seconds} s behind: closing the 3D page helps"
+    return say(words, seconds=f"{behind_s:.0f}")
 
 
 def not_read_again(error: BaseException) -> str:
@@ -188,7 +205,7 @@ def output_failed(name: str, error: BaseException) -> str:
 
 def of_vehicle(number: int, words: str) -> str:
     """Return `words` with the vehicle's number in front."""
-    return f"vehicle {number}: {words}"
+    return say("vehicle {number}: {words}", number=number, words=Verbatim(words))
 
 
 def not_heard_on(urls: Iterable[str]) -> str:
@@ -204,9 +221,10 @@ def last_heard(number: int, unix_s: float) -> str:
 
 def two_vehicles(system: int) -> str:
     """Return the line about two vehicles with the same system id, and the remedy."""
-    return (
-        f"two vehicles send as system {system}: nothing is computed; "
-        "give each its own id (SYSID_THISMAV or MAV_SYSID)"
+    return say(
+        "two vehicles send as system {system}: nothing is computed; give each its own id "
+        "(SYSID_THISMAV or MAV_SYSID)",
+        system=system,
     )
 
 
@@ -236,7 +254,7 @@ def heard_words(number: int, *, again: bool = False) -> str:
 
 def unknown_words(figures: Iterable[str], reason: str) -> str:
     """Return the line about unknown figures with one reason."""
-    return f"unknown: {', '.join(figures)}: {reason}"
+    return say("unknown: {figures}: {reason}", figures=", ".join(map(say, figures)), reason=reason)
 
 
 def stale_words(ages: Mapping[str, float]) -> str:
@@ -244,8 +262,9 @@ def stale_words(ages: Mapping[str, float]) -> str:
     if none."""
     if not ages:
         return ""
-    parts = [f"{words} ({age:.0f} s)" for words, age in sorted(ages.items(), key=lambda a: -a[1])]
-    return "no longer reported: " + ", ".join(parts)
+    oldest_first = sorted(ages.items(), key=lambda a: -a[1])
+    parts = [f"{say(words)} ({age:.0f} s)" for words, age in oldest_first]
+    return say("no longer reported: {fields}", fields=", ".join(parts))
 
 
 def not_followed_words(rates: Mapping[str, tuple[float, float]]) -> str:
@@ -259,12 +278,12 @@ def not_followed_words(rates: Mapping[str, tuple[float, float]]) -> str:
 
 def no_escs(source: Provenance) -> str:
     """Return the line about rotor speeds from `source` without ESC telemetry."""
-    return f"no ESC telemetry: rotor speeds {source.words}"
+    return say("no ESC telemetry: rotor speeds {how}", how=say(source.words))
 
 
 def tank_by(source: Provenance) -> str:
     """Return the words for the source of the tank level."""
-    return f"tank {by_source(source)}"
+    return say("tank {how}", how=by_source(source))
 
 
 def by_source(source: Provenance) -> str:
@@ -272,7 +291,7 @@ def by_source(source: Provenance) -> str:
     if source.kind is SourceKind.ABSENT:
         return ""
     reported = source.kind is not SourceKind.STATED and source.meaning is not Meaning.HOVER_THRUST
-    return f"by {source.words}" if reported else source.words
+    return say("by {source}", source=source.words) if reported else say(source.words)
 
 
 def order_assumed(words: str, asked: Collection[str]) -> str:
@@ -282,23 +301,24 @@ def order_assumed(words: str, asked: Collection[str]) -> str:
 
 def messages_words(frames: int, lost: Mapping[str, int], refused_why: str = "") -> str:
     """Return the line about received frames, lost ones by the counters of LOST, and refusals."""
-    parts = [f"{lost[name]} {words}" for name, words in LOST.items() if lost.get(name)]
-    line = f"{frames} messages" + (f" ({', '.join(parts)})" if parts else "")
-    return f"{line}; refused: {refused_why}" if refused_why else line
+    parts = [f"{lost[name]} {say(words)}" for name, words in LOST.items() if lost.get(name)]
+    line = say("{count} messages", count=frames) + (f" ({', '.join(parts)})" if parts else "")
+    return line + (say("; refused: {why}", why=refused_why) if refused_why else "")
 
 
 def recording_words(folder: str, frames: int, rows: int, lost: int) -> str:
     """Return the line about a recording: folder, messages, samples, and messages lost earlier."""
-    earlier = f", {lost} lost earlier" if lost else ""
-    return f"recording to {folder}: {frames} messages, {rows} samples{earlier}"
+    earlier = say(", {lost} lost earlier", lost=lost) if lost else ""
+    words = "recording to {folder}: {frames} messages, {rows} samples"
+    return say(words, folder=Verbatim(folder), frames=frames, rows=rows) + earlier
 
 
 def not_recording(trouble: str, lost: int | None = None) -> str:
     """Return the line about a recording that has stopped; with `lost` messages, also the remedy."""
-    line = f"{NOT_RECORDING}: {trouble}"
+    line = f"{say(NOT_RECORDING)}: {trouble}"
     if lost is None:
         return line
-    return f"{line} ({lost} messages lost); make room, it goes on by itself"
+    return line + say(" ({lost} messages lost); make room, it goes on by itself", lost=lost)
 
 
 def tried_words(tried: Mapping[str, str]) -> str:

@@ -15,6 +15,7 @@ from thrustmargin.gcs_plugin.wording import language
 from thrustmargin.gcs_plugin.wording.advice_words import action, facts, fault_found, no_ground
 from thrustmargin.gcs_plugin.wording.alarm_words import place_words
 from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.gcs_plugin.wording.thrust_left import left_words
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.advice import Advice, FlightLevel, pauses_in_flight
 from thrustmargin.models.model.airframe_claim import AirframeClaim
@@ -103,15 +104,15 @@ def _beyond(worst: Moment) -> tuple[Fact, ...]:
     """
     if not worst.capacity_use_low > 1.0:  # one reading of sensors that scatter shows nothing
         return ()
-    more = language.percent(worst.capacity_use)
+    more = language.percent(worst.capacity_use - 1.0)
     words = (
-        "rotor {rotor} shows {more} of what the airframe says it can make: check the "
+        "rotor {rotor} shows {more} more thrust than the airframe says it can make: check the "
         "battery voltage, max_rotor_speed_rpm and motor_poles (eRPM)"
     )
     if worst.basis == SpeedBasis.MOTOR_OUTPUTS:
         words = (
-            "rotor {rotor} shows {more} of what the airframe says it can make: check the "
-            "battery voltage and max_rotor_speed_rpm"
+            "rotor {rotor} shows {more} more thrust than the airframe says it can make: check "
+            "the battery voltage and max_rotor_speed_rpm"
         )
     return (Fact("beyond the ceiling", say(words, rotor=worst.rotor, more=more)),)
 
@@ -153,20 +154,22 @@ def unseen_facts(track: FlightTrack) -> tuple[Fact, ...]:
     return (Fact("log", "; ".join(words)),) if words else ()
 
 
+def moment_left(moment: Moment) -> str:
+    """Return the thrust left of a moment with its interval: `34 % (29 to 39)`."""
+    low, high = moment.capacity_use_low, moment.capacity_use_high
+    return left_words(1.0 - moment.capacity_use, 1.0 - high, 1.0 - low)
+
+
 def worst_words(moment: Moment) -> str:
-    """Return where the worst moment is and how sure its use: `Worst: rotor 1, front right, at 2:58,
-    66 % in use (61 to 71), measured`."""
-    place, use = place_words(moment.rotor_name), language.percent(moment.capacity_use)
-    if moment.capacity_use_high - moment.capacity_use_low > 1e-9:
-        use = language.percent_within(
-            moment.capacity_use, moment.capacity_use_low, moment.capacity_use_high
-        )
+    """Return where the worst moment is and how sure its thrust left: `Worst: rotor 1, front right,
+    at 2:58: thrust left 34 % (29 to 39), measured`."""
+    place = place_words(moment.rotor_name)
     rotor = say("rotor {rotor}", rotor=moment.rotor) + (f", {place}" if place else "")
     return say(
-        "Worst: {rotor}, at {clock}: {use} in use, {basis}",
+        "Worst: {rotor}, at {clock}: thrust left {left}, {basis}",
         rotor=rotor,
         clock=language.clock(moment.time_s),
-        use=use,
+        left=moment_left(moment),
         basis=say(moment.basis),
     )
 
@@ -177,8 +180,7 @@ def moment_words(moment: Moment) -> str:
     words, place = "rotor {rotor}, {place}, at {clock}", place_words(moment.rotor_name)
     parts = [say(words if place else "rotor {rotor}, at {clock}", place=place, **known)]
     if moment.capacity_use_high - moment.capacity_use_low > 1e-9:
-        use = moment.capacity_use, moment.capacity_use_low, moment.capacity_use_high
-        parts.append(say("{use} in use", use=language.percent_within(*use)))
+        parts.append(say("thrust left {left}", left=moment_left(moment)))
         parts.append(say(moment.basis))
     parts += [", ".join(moment.doing)] if moment.doing else []
     if math.isfinite(moment.tank_kg):

@@ -1,9 +1,9 @@
 """Colours readable in sunlight and by colour-blind pilots, with their legends.
 
 Two families on a light background: blue for good values, orange to dark red for bad ones, with a
-jump at the limit (50 % of thrust in use, redundancy 1.0). All common kinds of colour blindness
-distinguish blue from orange; within a family darker is worse. The scale of residuals is dark in the
-middle, so that only differences stand out. Grey always means "no data".
+jump at the limit (the least thrust that must be left, redundancy 1.0). All common kinds of colour
+blindness distinguish blue from orange; within a family darker is worse. The scale of residuals is
+dark in the middle, so that only differences stand out. Grey always means "no data".
 
 Colours are those seen on the screen. viser draws lines and batched meshes through three.js's filmic
 tone mapping, which changes them: (0, 255, 0) appears as (147, 228, 89). `sent_for` inverts that to
@@ -13,11 +13,14 @@ strength pi.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from thrustmargin.gcs_plugin.wording.language import in_spoken, say
+from thrustmargin.gcs_plugin.wording.thrust_left import percent_down
 
 Colours = NDArray[np.uint8]
 Rgb = tuple[int, int, int]
@@ -41,6 +44,8 @@ class ColourScale:
     form: str  # format of the printed number
     stops: tuple[tuple[float, Rgb], ...]  # ascending; the same value twice is a jump
     marks: tuple[tuple[float, str], ...]  # values named under the legend
+    limit: float | None = None  # a value that is named as the limit besides
+    rounded_down: bool = False  # printed as a margin is, by the one rule of thrust_left
 
     @property
     def low(self) -> float:
@@ -51,6 +56,15 @@ class ColourScale:
     def high(self) -> float:
         """Return the highest value of the scale."""
         return self.stops[-1][0]
+
+    @property
+    def labels(self) -> tuple[tuple[float, str], ...]:
+        """Return values and their names, in order, in the language that is spoken."""
+        named = [(value, say(text)) for value, text in self.marks]
+        if self.limit is not None:
+            number = f"{percent_down(self.limit)}{self.unit}"
+            named.append((self.limit, say("{value} limit", value=number)))
+        return tuple(sorted(named))
 
     def screen(self, values: ArrayLike) -> Colours:
         """Return the screen colours (..., 3) of values; NaN is grey. A value at a jump has the
@@ -65,6 +79,8 @@ class ColourScale:
         """Return the value with its unit as text; `no data` for NaN."""
         if not np.isfinite(value):
             return "no data"
+        if self.rounded_down:
+            return f"{percent_down(value)}{self.unit}"
         return f"{value * self.factor:{self.form}}{self.unit}"
 
 
@@ -84,20 +100,26 @@ GROUND_SPEED = ColourScale(
     stops=((0.0, GOOD[0]), (5.0, GOOD[1]), (10.0, GOOD[2])),
     marks=((0.0, "0"), (5.0, "5"), (10.0, "10 m/s")),
 )
-LOAD = ColourScale(
-    title="Load: thrust in use, worst rotor",
-    unit=" %",
-    factor=100.0,
-    form=".0f",
-    stops=_two_sided(0.0, 0.5, 1.0, GOOD, BAD),
-    marks=((0.0, "0"), (0.25, "25"), (0.5, "50 % limit"), (0.75, "75"), (1.0, "100 %")),
-)
-ENOUGH = 0.5  # of the thrust left, where the colours of a margin turn
-MARGIN = replace(
-    LOAD,
-    title="Thrust left, worst rotor",
-    stops=_two_sided(0.0, ENOUGH, 1.0, BAD[::-1], GOOD[::-1]),
-)
+
+
+def thrust_left(least: float = 0.5) -> ColourScale:
+    """Return the scale of thrust left, whose colours turn at `least`, the share that must be left.
+
+    It is the one of the page, the 3D scene, replays, reports and forecasts.
+    """
+    return ColourScale(
+        title="Thrust left, worst rotor",
+        unit=" %",
+        factor=100.0,
+        form=".0f",
+        rounded_down=True,
+        stops=_two_sided(0.0, least, 1.0, BAD[::-1], GOOD[::-1]),
+        marks=((0.0, "0"), (1.0, "100 %")),
+        limit=least,
+    )
+
+
+MARGIN = thrust_left()
 REDUNDANCY = ColourScale(
     title="One rotor lost: thrust that can still be held, over weight",
     unit=" x",
@@ -106,21 +128,6 @@ REDUNDANCY = ColourScale(
     stops=_two_sided(0.5, 1.0, 1.5, BAD[::-1], GOOD[::-1]),
     marks=((0.5, "0.5"), (0.75, "descends"), (1.0, "1.0"), (1.25, "holds"), (1.5, "1.5")),
 )
-
-
-def moved(scale: ColourScale, limit: float) -> ColourScale:
-    """Return the scale of thrust in use with its jump at `limit` instead of 50 %."""
-    if limit == 0.5:
-        return scale
-
-    def at(value: float) -> float:
-        return value / 0.5 * limit if value <= 0.5 else 1.0 - (1.0 - value) / 0.5 * (1.0 - limit)
-
-    return replace(
-        scale,
-        stops=tuple((at(value), colour) for value, colour in scale.stops),
-        marks=((0.0, "0"), (limit, f"{limit * 100:.0f} % limit"), (1.0, "100 %")),
-    )
 
 
 def residual_scale(limit_rpm: float) -> ColourScale:
@@ -182,12 +189,12 @@ def legend(scale: ColourScale, note: str = "") -> dict[str, Any]:
 
     return {
         "stops": [[css(colour), place(value)] for value, colour in scale.stops],
-        "marks": [[place(value), text] for value, text in scale.marks],
+        "marks": [[place(value), text] for value, text in scale.labels],
         "jumps": [
             place(a) for (a, _), (b, _) in zip(scale.stops, scale.stops[1:], strict=False) if a == b
         ],
         "unknown": css(NO_DATA),
-        "note": note,
+        "note": in_spoken(note),
     }
 
 

@@ -9,6 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from thrustmargin.gcs_plugin.wording.language import number, percent, say
+from thrustmargin.gcs_plugin.wording.thrust_left import left_words
 from thrustmargin.mission.plan_items import NotUnderstood
 from thrustmargin.mission.plan_tracking.blame import Off
 from thrustmargin.mission.plan_tracking.stretches import StretchBeside
@@ -131,8 +132,8 @@ _OFF: Mapping[str, tuple[str, str, int]] = {
     ),
     "battery": ("battery at {flown} on average, {forecast} forecast", "V", 1),
     "model": (
-        "{flown} of thrust in use, {forecast} forecast, and no assumption explains it: look for "
-        "the cause with identify",
+        "{flown} thrust left, {forecast} forecast, and no assumption explains it: look for the "
+        "cause with identify",
         "%",
         0,
     ),
@@ -143,15 +144,14 @@ def off_sentence(off: Off) -> str:
     """Return one difference between plan and flight: `took off with 16.0 kg, 13.0 kg assumed`."""
     sentence, unit, digits = _OFF[off.what]
     flown, forecast = off.amount.flown, off.amount.forecast
-    percents = 100.0 if unit == "%" else 1.0
     words = say(
         sentence,
-        flown=number(percents * flown, unit, digits),
-        forecast=number(percents * forecast, unit, digits),
+        flown=left_words(1.0 - flown) if unit == "%" else number(flown, unit, digits),
+        forecast=left_words(1.0 - forecast) if unit == "%" else number(forecast, unit, digits),
         share=percent(flown / forecast) if forecast else "",
     )
     if off.what == "model":
-        return f"{say('to item')} {off.item} {words}"
+        return f"{say('on the way to item {item}', item=off.item)}: {words}"
     return words if off.mattered else f"{words}{say(', which took no more thrust')}"
 
 
@@ -159,7 +159,7 @@ def stretch_words(stretch: StretchBeside) -> str:
     """Return a stretch as flown, with the forecast in brackets: `leg to item 5: 23 s (22 s),
     ...`."""
     used = stretch.utilisation_mean, stretch.utilisation_peak
-    mean, most = (f"{percent(p.flown)} ({percent(p.forecast)})" for p in used)
+    mean, least = (f"{left_words(1.0 - p.flown)} ({left_words(1.0 - p.forecast)})" for p in used)
     figures = (
         (stretch.seconds, "s", 0),
         (stretch.speed, "m/s", 1),
@@ -168,9 +168,9 @@ def stretch_words(stretch: StretchBeside) -> str:
     )
     parts = [
         *(f"{number(p.flown, unit, d)} ({number(p.forecast, unit, d)})" for p, unit, d in figures),
-        say("thrust in use {mean}, at most {most}", mean=mean, most=most),
+        say("thrust left {mean}, at least {least}", mean=mean, least=least),
     ]
-    return f"{say(stretch.kind)} {say('to item')} {stretch.item}: {', '.join(parts)}"
+    return f"{say(stretch.kind)} {say('to mission item')} {stretch.item}: {', '.join(parts)}"
 
 
 def beside_words(
@@ -185,5 +185,5 @@ def beside_words(
         return left or say("nothing of the plan was flown")
     so = say("until then flown as forecast" if left else "flown as forecast")
     if not any(math.isfinite(s.utilisation_mean.off) for s in stretches):
-        so = say("its thrust in use is not known")
+        so = say("its thrust left is not known")
     return "; ".join(part for part in (left, *(map(off_sentence, off) if off else (so,))) if part)

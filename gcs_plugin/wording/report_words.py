@@ -15,6 +15,7 @@ from thrustmargin.gcs_plugin.wording.advice_words import headline
 from thrustmargin.gcs_plugin.wording.alarm_words import ONE_LOST, SPINS
 from thrustmargin.gcs_plugin.wording.language import clock, known, number, percent, say
 from thrustmargin.gcs_plugin.wording.margin_verdict import Fact
+from thrustmargin.gcs_plugin.wording.thrust_left import least_words, left_words
 from thrustmargin.models.model.advice import Advice, FlightLevel
 from thrustmargin.models.model.model_misfit import MarginCheck
 
@@ -42,8 +43,13 @@ IN_HOVER, IN_FLIGHT = (
     "thrust in use in hover, by weight",
     "thrust in use in flight, mean of the rotors",
 )
+#: Row of shares in use -> its name where the page shows what is left instead.
+SHOWN_AS_LEFT: Mapping[str, str] = {
+    IN_HOVER: "thrust left in hover, by weight",
+    IN_FLIGHT: "thrust left in flight, mean of the rotors",
+}
 #: Axes and lines of charts.
-IN_USE, OVER_WEIGHT, IN_THE_TANK = "thrust in use", "thrust over weight", "on board"
+LEFT, OVER_WEIGHT, IN_THE_TANK = "thrust left", "thrust over weight", "on board"
 MEAN_ROTOR = "mean of the rotors"
 LOAD_INFERRED, TANK_SPRAYING = "load inferred, 90 % interval", "tank while spraying"
 MEASURED_MINUS_PREDICTED = "measured minus predicted"
@@ -59,13 +65,18 @@ NO_ROW_OF_BOTH = "No airborne row has both a measured and a predicted rotor spee
 
 
 def prediction_checked(check: MarginCheck, *, trained_on: bool) -> str:
-    """Return thrust in use as predicted and measured, the interval's coverage, and whether the
-    model was trained on this flight."""
+    """Return thrust left as predicted and measured, the interval's coverage, and whether the model
+    was trained on this flight."""
     steps = ", ".join(
-        f"{say(step.name)} {percent(step.predicted)} ({percent(step.measured)})"
+        say(
+            "{when} {predicted} and {measured}",
+            when=say(step.name),
+            predicted=left_words(1.0 - step.predicted),
+            measured=left_words(1.0 - step.measured),
+        )
         for step in check.steps
     )
-    parts = [say("thrust in use as predicted, and in brackets as measured: {steps}", steps=steps)]
+    parts = [say("thrust left, predicted and measured: {steps}", steps=steps)]
     if known(check.coverage):
         held = say(
             "{share} of the measurements are inside its interval", share=percent(check.coverage)
@@ -156,14 +167,14 @@ def no_error(why: str) -> str:
 
 def fill_line(limit: float) -> str:
     """Return the label of the fill line at the limit."""
-    return say("most for {share} in steady flight", share=percent(limit))
+    return say("most that leaves {share} in steady flight", share=least_words(limit))
 
 
 def fill_limit(limit: float, *, rotor_lost: bool) -> str:
     """Return the sentence about the limits of a fill, with the loss of a rotor if `rotor_lost`."""
     also = f", {say('and')} {say(ONE_LOST)}: {say(SPINS)}." if rotor_lost else "."
-    words = "Limit: {share} of a rotor's maximum thrust in steady flight"
-    return f"{say(words, share=percent(limit))}{also}"
+    words = "Limit: {share} thrust left in steady flight"
+    return f"{say(words, share=least_words(limit))}{also}"
 
 
 def guessed(names: Sequence[str]) -> str:

@@ -120,7 +120,8 @@ def airframe_claim(
         )
     if by := recognition(found):
         words = (
-            f"airframe {airframe.name}, recognised ({by}); none was given{_guessed_words(airframe)}"
+            f"airframe {airframe.name}: nobody named it, and the flight fits it ({by})"
+            f"{_guessed_words(airframe)}"
         )
         return AirframeClaim(basis="recognised", words=words, outputs=outputs)
     unlike = (c.words for c in found if c.verdict != "close" and c.check != "frame")

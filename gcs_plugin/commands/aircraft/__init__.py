@@ -14,6 +14,7 @@ from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.language import percent
+from thrustmargin.gcs_plugin.wording.thrust_left import left_words
 from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ def _show(known: KnownAircraft, console: Console) -> None:
     where = known.flights[-1].longitude_deg if known.flights else float("nan")
     lines = [(event.unix_s, f"changed: {event.changed}") for event in known.events]
     for row in known.flights:
-        use = f"{percent(row.use_lasting)} of thrust in use"
+        use = f"thrust left {left_words(1.0 - row.use_lasting)}"
         held = f"interval held {percent(row.coverage)}"
         taught = "trained" if row.trained else "taught"
         if row.not_taught is not None:

@@ -173,5 +173,6 @@ def replay_view(
         messages=(*flight.messages, *dated),
         overlays=() if older is None else before_and_after(older, analysis),
         whole=lambda: answer_of(answers[shown], said[shown].contact),
+        limit=limit,
         **options,
     )

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from thrustmargin.gcs_plugin.live.rows.tank_balance import TankBalance
 from thrustmargin.gcs_plugin.wording import alarm_words as words
+from thrustmargin.gcs_plugin.wording.language import in_spoken
 from thrustmargin.models.checks.takeoff import TakeoffCheck
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
@@ -85,7 +86,6 @@ class AlarmSettings:
     """The thresholds of all alarms; shares are of one, times in s."""
 
     max_utilisation: float = 0.5  # largest share of a rotor's maximum thrust in use
-    margin_hysteresis: float = 0.03
     tank_share: float = 0.5  # of the larger loss by which two estimates may part
     tank_kg: float = 0.5  # kg by which they must part besides
     tank_mass_kg: float = 3.0  # kg between gauge and thrust
@@ -96,7 +96,8 @@ class AlarmSettings:
 
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """One alarm of one vehicle. `text` fits the 50 characters of a STATUSTEXT."""
+    """One alarm of one vehicle. `text` fits the 50 characters of a STATUSTEXT; as a string it is in
+    the program's language, which the link has, and as a `Sentence` in every other one."""
 
     name: str
     rotor: int | None  # from 1; None: of no rotor, or of one of `rotors`
@@ -116,8 +117,11 @@ class Alarm:
 
     @property
     def line(self) -> str:
-        """Text with the number of times, or why the alarm cannot be confirmed."""
-        return words.alarm_line(self.text, self.missing, self.times, self.last_s - self.since_s)
+        """Text with the number of times, or why the alarm cannot be confirmed, in the language that
+        is spoken now."""
+        return words.alarm_line(
+            in_spoken(self.text), self.missing, self.times, self.last_s - self.since_s
+        )
 
     @property
     def order(self) -> tuple[int, int, bool, float]:

@@ -40,6 +40,7 @@ from thrustmargin.gcs_plugin.live.rows.tank_balance import TankBalance
 from thrustmargin.gcs_plugin.wording import alarm_words as words
 from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
 from thrustmargin.gcs_plugin.wording.takeoff_words import takeoff_alarm
+from thrustmargin.gcs_plugin.wording.thrust_left import below, clear
 from thrustmargin.models.checks.loss_of_control import signs_so_far
 from thrustmargin.models.checks.takeoff import TakeoffFinding
 from thrustmargin.models.flight import Bools, Floats
@@ -169,7 +170,7 @@ def margin(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     measured = np.isfinite(use)
     # Without a speed the prediction may say that there is thrust again, and nothing else can.
     with np.errstate(invalid="ignore"):
-        enough = np.max(ends[1], axis=1) < s.max_utilisation - s.margin_hysteresis
+        enough = clear(1.0 - np.max(ends[1], axis=1), 1.0 - s.max_utilisation)
     off = ~np.any(measured, axis=1) & enough
     clears = np.all(measured, axis=1)
     return _low(s, words.MEASURED_MARGIN, use, ends, clears, off, bad=now.bad_rotors)
@@ -216,8 +217,8 @@ def _low(
     # Of rotors that work about as hard another would be named with every gust.
     apart = ~(use[at, rotor] - np.fmax.reduce(others, axis=1, initial=-np.inf) < STANDS_APART)
     low, high = (1.0 - end[at, rotor] for end in ends[::-1])
-    on = least < limit
-    off = off | (clears & (least > limit + s.margin_hysteresis))
+    on = below(least, limit)
+    off = off | (clears & clear(least, limit))
 
     def severity(row: int, _: int) -> int:
         sure = not high[row] > low[row] or high[row] < limit

@@ -34,7 +34,7 @@ from thrustmargin.gcs_plugin.live.alarms.alarm_rules import (
 )
 from thrustmargin.gcs_plugin.live.rows.tank_balance import BalanceWatch, TankBalance
 from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
-from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.gcs_plugin.wording.language import Sentence, say
 from thrustmargin.models.checks.loss_of_control import StoppedWatch
 from thrustmargin.models.checks.takeoff import TakeoffCheck, TakeoffWatch
 from thrustmargin.models.flight import Bools, Floats
@@ -255,7 +255,9 @@ class Alarms:
             names = (name for name, kind in PARTS if kind == fault.kind and not fault.rotors)
             for name in names:
                 if (alarm := self.listed.get((name, fault.rotor + 1))) is not None:
-                    self.listed[alarm.key] = replace(alarm, text=fault_words(fault, places))
+                    self.listed[alarm.key] = replace(
+                        alarm, text=Sentence.of(lambda f=fault: fault_words(f, places))
+                    )
 
     def _follow(
         self,
@@ -372,6 +374,6 @@ class Alarms:
 def _worded(alarm: Alarm, found: AlarmChecks, at: tuple[int, int]) -> Alarm:
     """Return an alarm with the words and the severity of a row."""
     rotors = () if found.rotors is None else found.rotors(*at)
-    past = "" if found.past is None else say(found.past(at[1]))[:50]
-    text = say(found.text(*at))[:50]
+    past = "" if (words := found.past) is None else Sentence.of(lambda: say(words(at[1]))[:50])
+    text = Sentence.of(lambda: say(found.text(*at))[:50])
     return replace(alarm, severity=found.severity(*at), text=text, rotors=rotors, past=past)

@@ -23,6 +23,7 @@ from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightSoFar
 from thrustmargin.gcs_plugin.live.watch.outlook import Outlook
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.live_words import NO_ALARM, no_escs, tank_by
 from thrustmargin.models.checks.takeoff import TakeoffCheck
 from thrustmargin.models.flight import FlightTrack, Floats
@@ -148,7 +149,7 @@ class Update:
         inferred = (no_escs(speeds),) if speeds.meaning is Meaning.MOTOR_OUTPUTS else ()
         tank = () if tank_kg.kind is SourceKind.ABSENT else (tank_by(tank_kg),)
         unknown = unknown_lines(unknown_figures(self.analysis, self.outlook), self.asked)
-        return (*unknown, *tank, *inferred, *self.notes)
+        return (*unknown, *tank, *inferred, *map(say, self.notes))
 
 
 def update_with_bad_part(update: Update) -> Update:

@@ -264,9 +264,9 @@ _VERDICTS: Mapping[str, str] = {
     "battery": "the battery collapsed",
     "no_thrust": "no thrust was left",
     "critical": "a failed rotor would have brought it down",
-    "over": "above the limit",
+    "over": "thrust left below the limit",
     "order": "motors were in another order than the airframe's",
-    "near": "near the limit, cannot tell",
+    "near": "thrust left near the limit, cannot tell",
 }
 
 

@@ -37,7 +37,8 @@ from thrustmargin.gcs_plugin.wording.forecast_words import (
     gate_sag,
     verdict,
 )
-from thrustmargin.gcs_plugin.wording.report_words import IN_USE
+from thrustmargin.gcs_plugin.wording.report_words import LEFT
+from thrustmargin.gcs_plugin.wording.thrust_left import left_words
 from thrustmargin.mission.forecast.battery import CELL, RESISTANCE, electric_power
 from thrustmargin.mission.forecast.fill_along import LegForecast, worst_use
 from thrustmargin.mission.forecast.plan_forecast import PlanForecast
@@ -317,6 +318,9 @@ def _page(made: PlanForecast, name: str, figures: Mapping[str, Markup]) -> str:
         "shown": hardest(made.legs),
         "most": MOST,
         "kinds": words.STRETCHES,
+        "left": lambda use, low=math.nan, high=math.nan: left_words(
+            1.0 - use, 1.0 - high, 1.0 - low
+        ),
         "assumed": words.assumed_words(made),
         "faults": words.plan_faults(made),
         "model": made.advised.analysis.model.description,
@@ -335,21 +339,21 @@ def hardest(legs: Sequence[LegForecast]) -> Sequence[LegForecast]:
 
 
 def _chart(made: PlanForecast) -> style.Figure:
-    """Use of thrust over time above tank and battery."""
+    """Thrust left over time above tank and battery."""
     track, limit = made.flight.track, made.advised.advice.limit
     time_s = track.time_s
     use, reach = (100.0 * part for part in worst_use(made.advised.analysis, slice(None)))
+    left, least = 100.0 - use, 1.0 - limit
     traces = [
-        style.above_limit(time_s, use, limit),
-        style.band(time_s, use - reach, use + reach, color=style.BAND),
-        style.line(time_s, use, color=style.PREDICTED, name="worst rotor"),
+        style.below_limit(time_s, left, least),
+        style.band(time_s, left - reach, left + reach, color=style.BAND),
+        style.line(time_s, left, color=style.PREDICTED, name="worst rotor"),
     ]
-    high = max(float(np.nanmax(use + reach, initial=0.0)) * 1.08, 130.0 * limit)
-    axis = style.titled(IN_USE, ticksuffix=" %", range=[0.0, high])
+    axis = style.left_axis(LEFT, np.append(left - reach, left + reach), least)
     tank = style.in_tank(time_s, track.tank_kg, track.spraying, "tank")
     full = {**style.titled("tank, kg"), "range": [0.0, 1.1 * float(track.tank_kg.max()) + 0.1]}
     panels = [
-        style.Panel(traces=traces, axis=axis, height_px=180, limit=style.limit_across(limit)),
+        style.Panel(traces=traces, axis=axis, height_px=180, limit=style.limit_across(least)),
         style.Panel(traces=tank, axis=full, height_px=64),
     ]
     if np.isfinite(track.voltage).any():

@@ -12,7 +12,9 @@ from thrustmargin.gcs_plugin.reports.shared.route_map import add_surroundings, r
 from thrustmargin.gcs_plugin.wording import palette
 from thrustmargin.gcs_plugin.wording import report_words as words
 from thrustmargin.gcs_plugin.wording.alarm_words import HELD, MAXIMUM_FILL, SPINS
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.margin_verdict import Moment
+from thrustmargin.gcs_plugin.wording.thrust_left import left_words
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import SpeedBasis, worst_rotor
@@ -66,17 +68,20 @@ def figures(report: FlightReport) -> Mapping[str, style.Figure]:
 
 
 def use_figure(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> style.Figure:
-    """Thrust in use of the worst rotor and of the mean rotor over time, above the tank level."""
-    time_s, tank = rows["time_s"], rows["tank_kg"]
-    top, mean = worst_rotor(use)[0] * 100, use.mean(axis=1) * 100
+    """Thrust left of the worst rotor and of the mean rotor over time, above the tank level.
+
+    `use` (T, R) is the known utilisation and `limit` the largest that may last, both shares.
+    """
+    time_s, tank, least = rows["time_s"], rows["tank_kg"], 1.0 - limit
+    worst_left = 100.0 * (1.0 - worst_rotor(use)[0])
+    mean_left = 100.0 * (1.0 - use.mean(axis=1))
     traces = [
-        style.above_limit(time_s, top, limit),
-        style.line(time_s, top, color=style.MEASURED, name="worst rotor"),
-        style.line(time_s, mean, color=style.MEAN, name=words.MEAN_ROTOR, width=2),
+        style.below_limit(time_s, worst_left, least),
+        style.line(time_s, worst_left, color=style.MEASURED, name="worst rotor"),
+        style.line(time_s, mean_left, color=style.MEAN, name=words.MEAN_ROTOR, width=2),
     ]
-    high = max(float(np.nanmax(top)) * 1.3, limit * 130)
-    axis = style.titled(words.IN_USE, ticksuffix=" %", range=[0.0, high])
-    panels = [style.Panel(traces=traces, axis=axis, height_px=280, limit=style.limit_across(limit))]
+    axis = style.left_axis(words.LEFT, np.append(worst_left, mean_left), least)
+    panels = [style.Panel(traces=traces, axis=axis, height_px=280, limit=style.limit_across(least))]
     if np.any(np.isfinite(tank)):
         reach = INTERVAL * rows["tank_error_kg"]
         inferred = np.any(np.isfinite(reach))
@@ -91,11 +96,11 @@ def use_figure(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> s
     made = style.over_time(panels, end_s=float(time_s[-1]))
     if worst is not None:
         made.note(
-            f"<b>{worst.capacity_use * 100:.0f} % rotor {worst.rotor}</b>",
+            f"<b>{left_words(1.0 - worst.capacity_use)} {say('rotor')} {worst.rotor}</b>",
             x=style.milliseconds(np.array(worst.time_s)).item(),
-            y=worst.capacity_use * 100,
+            y=100.0 * (1.0 - worst.capacity_use),
             ax=0,
-            ay=-36,
+            ay=36,
             showarrow=True,
             arrowhead=2,
             arrowwidth=2,
@@ -105,11 +110,10 @@ def use_figure(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> s
 
 
 def rotors_figure(rows: Rows, limit: float, names: Sequence[str]) -> style.Figure:
-    """Thrust in use of each rotor, measured and predicted, one strip a rotor."""
+    """Thrust left of each rotor, measured and predicted, one strip a rotor."""
     time_s = rows["time_s"]
     use = rows["utilisation"], rows["utilisation_from_outputs"], rows["utilisation_predicted"]
-    measured, inferred, predicted = (shares * 100 for shares in use)
-    high = max(limit * 130, float(np.nanmax([measured, inferred, predicted])) * 1.08)
+    measured, inferred, predicted = (100.0 * (1.0 - shares) for shares in use)
     shown = (measured, SpeedBasis.MEASURED), (inferred, SpeedBasis.MOTOR_OUTPUTS)
     by_speed = [(values, name) for values, name in shown if np.isfinite(values).any()]
     as_predicted = {"color": style.PREDICTED, "name": "predicted", "width": 3, "dash": "dash"}
@@ -122,8 +126,8 @@ def rotors_figure(rows: Rows, limit: float, names: Sequence[str]) -> style.Figur
             ),
             style.line(time_s, predicted[:, k], legend=legend, **as_predicted),
         ],
-        axis={"ticksuffix": " %", "range": [0.0, high]},
-        limit=style.limit_across(limit),
+        axis=style.left_axis("", np.array([measured, inferred, predicted]), 1.0 - limit),
+        limit=style.limit_across(1.0 - limit),
     )
     return style.over_time(panels, end_s=float(time_s[-1]))
 
@@ -178,15 +182,16 @@ def redundancy_figure(rows: Rows, limit: float) -> style.Figure:
 
 
 def use_map(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> style.Figure:
-    """The route coloured by `use` (T,) of the worst rotor; the worst moment is ringed."""
-    made = _map(rows, {"use": (use, use)}, palette.moved(palette.LOAD, limit))
+    """The route coloured by the thrust left of the worst rotor, of which `use` (T,) is in use; the
+    worst moment is ringed."""
+    made = _map(rows, {"left": (1.0 - use, use)}, palette.thrust_left(1.0 - limit))
     if worst is not None and np.isfinite(worst.north) and np.isfinite(worst.east):
         ring = style.scatter(
             [worst.east],
             [worst.north],
             mode="markers+text",
             marker={"size": 22, "symbol": "circle-open", "color": style.INK, "line": {"width": 4}},
-            text=["<b>worst</b>"],
+            text=[f"<b>{say('worst')}</b>"],
             textposition="top center",
             textfont={"size": 17, "color": style.INK},
             hoverinfo="skip",

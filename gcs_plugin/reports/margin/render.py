@@ -21,8 +21,14 @@ from thrustmargin.gcs_plugin.wording import alarm_words as faults
 from thrustmargin.gcs_plugin.wording import palette
 from thrustmargin.gcs_plugin.wording.advice_words import SEVERAL
 from thrustmargin.gcs_plugin.wording.fill_words import amount
-from thrustmargin.gcs_plugin.wording.margin_verdict import estimate, moment_words, worst_words
-from thrustmargin.gcs_plugin.wording.report_words import CONDITIONS, TO_COPY
+from thrustmargin.gcs_plugin.wording.margin_verdict import (
+    estimate,
+    moment_left,
+    moment_words,
+    worst_words,
+)
+from thrustmargin.gcs_plugin.wording.report_words import CONDITIONS, SHOWN_AS_LEFT, TO_COPY
+from thrustmargin.gcs_plugin.wording.thrust_left import least_words, left_words
 from thrustmargin.models.model.analysis import worst_rotor
 from thrustmargin.models.whole_file import whole_file
 
@@ -132,10 +138,10 @@ class Strip:
 
 
 def strip_of(flight: FlightReport) -> Strip | None:
-    """Return the strip of a flight's thrust in use, in the colours of the replay; None where it is
+    """Return the strip of a flight's thrust left, in the colours of the replay; None where it is
     not known.
 
-    Each of BINS parts has the colour of its largest use; neighbours of one colour are joined.
+    Each of BINS parts has the colour of the least thrust left; neighbours of one colour are joined.
     """
     rows = airborne(flight.rows)
     time_s, use = rows["time_s"], worst_rotor(rows["known_utilisation"])[0]
@@ -145,8 +151,8 @@ def strip_of(flight: FlightReport) -> Strip | None:
     place = np.minimum((BINS * (time_s - time_s[0]) / whole_s).astype(int), BINS - 1)
     most = np.full(BINS, -np.inf)
     np.maximum.at(most, place, np.nan_to_num(use, nan=-np.inf))
-    scale = palette.moved(palette.LOAD, flight.advice.limit)
-    colours = [palette.css(c) for c in scale.screen(np.where(most > -np.inf, most, np.nan))]
+    scale = palette.thrust_left(1.0 - flight.advice.limit)
+    colours = [palette.css(c) for c in scale.screen(np.where(most > -np.inf, 1.0 - most, np.nan))]
     parts: list[tuple[float, str]] = []
     for colour in colours:
         share = 100.0 / BINS + (parts.pop()[0] if parts and parts[-1][1] == colour else 0.0)
@@ -154,6 +160,11 @@ def strip_of(flight: FlightReport) -> Strip | None:
     worst = flight.verdict["worst"]
     at = None if worst is None else 100.0 * (worst.time_s - float(time_s[0])) / whole_s
     return Strip(tuple(parts), None if at is None else min(max(at, 0.0), 100.0))
+
+
+def left_of_use(use: float) -> str:
+    """Return what is left of thrust of which the share `use` is in use, `45 %`."""
+    return left_words(1.0 - use)
 
 
 def _page(report: Report, written: Written | None, drawn: Mapping[str, Markup]) -> str:
@@ -172,6 +183,10 @@ def _page(report: Report, written: Written | None, drawn: Mapping[str, Markup]) 
         "descended": faults.DESCENDED,
         "maximum_fill": faults.MAXIMUM_FILL,
         "fill": amount,
+        "left": left_of_use,
+        "least_left": least_words,
+        "moment_left": moment_left,
+        "shown_as_left": SHOWN_AS_LEFT,
         "several": SEVERAL,
         "estimate": estimate,
         "moment_words": moment_words,

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from thrustmargin.gcs_plugin.wording.alarm_words import place_words
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.report_words import TANK_SPRAYING
+from thrustmargin.gcs_plugin.wording.thrust_left import percent_down
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.json_values import to_json_values
 
@@ -234,14 +235,24 @@ def filled(x: NDArray[Any], lower: Floats, upper: Floats, *, color: str, **shown
     )
 
 
-def above_limit(time_s: Floats, use: Floats, limit: float) -> Trace | None:
-    """Where `use` (T,) % of a rotor's maximum thrust is above the `limit`, a share, filled."""
-    return band(time_s, np.full(use.size, 100 * limit), np.fmax(use, 100 * limit), color=OVER_FILL)
+def below_limit(time_s: Floats, left: Floats, least: float) -> Trace | None:
+    """Where less than the share `least` of thrust is left, filled; `left` (T,) is in %."""
+    return band(
+        time_s, np.fmin(left, 100 * least), np.full(left.size, 100 * least), color=OVER_FILL
+    )
 
 
-def limit_across(limit: float) -> tuple[float, str]:
-    """The limit, a share, as `Panel` draws it."""
-    return limit * 100, f"{limit * 100:.0f} %\nlimit"
+def limit_across(least: float) -> tuple[float, str]:
+    """The share of thrust that must be left as `Panel` draws it."""
+    words = say("{value} limit", value=f"{percent_down(least)} %")
+    return least * 100, "\n".join(words.rsplit(" ", 1))
+
+
+def left_axis(title: str, left: Floats, least: float) -> dict[str, Any]:
+    """Properties of a vertical axis of thrust left, %, from 0, or from less where less is left, to
+    above both the limit and all of `left`."""
+    low, high = float(np.nanmin(left, initial=0.0)), float(np.nanmax(left, initial=130.0 * least))
+    return titled(title, ticksuffix=" %", range=[1.08 * low, min(1.08 * high, 100.0)])
 
 
 def in_tank(time_s: Floats, tank_kg: Floats, spraying: Floats, name: str) -> list[Trace | None]:

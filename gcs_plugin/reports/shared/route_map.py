@@ -150,8 +150,8 @@ def _marker(values: Floats, scale: ColourScale) -> dict[str, Any]:
             "thickness": 16,
             "y": 1.0,
             "yanchor": "bottom",
-            "tickvals": [value * scale.factor for value, _ in scale.marks],
-            "ticktext": [escape(text) for _, text in scale.marks],
+            "tickvals": [value * scale.factor for value, _ in scale.labels],
+            "ticktext": [escape(text) for _, text in scale.labels],
             "tickfont": {"size": 15},
         },
     }

@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording import palette as colours
-from thrustmargin.gcs_plugin.wording.language import percent_down, percent_up
+from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.gcs_plugin.wording.live_words import claim_words
+from thrustmargin.gcs_plugin.wording.thrust_left import below, percent_down, percent_up
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.advice import cell_count
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
@@ -26,20 +27,18 @@ from thrustmargin.models.provenance import SourceKind
 #: Of the arm: largest radius of a drawn rotor, and how far those of a coaxial pair are drawn from
 #: their true place, which both share. Rotors in a row by number.
 LARGEST, APART, IN_A_ROW = 0.5, 0.36, 4
-HYSTERESIS = AlarmSettings().margin_hysteresis
 
 
 def aircraft_figures(
     row: ShownRow,
     seconds_to_empty: float,
     faulty: Collection[int] = (),
-    *,
-    below_limit: bool = False,
 ) -> dict[str, Any]:
     """Return the figures of one row for the page, as JSON values.
 
-    `faulty` are the numbers, from 1, of the rotors that have an alarm. With `below_limit` an alarm
-    of the margin is active: rotors that are within its hysteresis keep the colour of too little.
+    `faulty` are the numbers, from 1, of the rotors that have an alarm. A rotor is `unsure` whose
+    colour is that of too little and whose number is not: by the lower end of its interval, or by
+    the hysteresis.
     """
     airframe, claim = row.analysis.model.airframe, row.analysis.claim
     worst = row.worst[1]
@@ -47,7 +46,7 @@ def aircraft_figures(
         worst = int(np.nanargmin(row.margin_predicted))
     placed = row.analysis.placed
     places, radius = rotor_places(airframe) if placed else by_number(airframe.rotor_count)
-    track, margin, coloured = row.track, row.margin, row.coloured
+    track, margin, coloured, low_rotors = row.track, row.margin, row.coloured, row.too_little
     low, high = row.ends if row.flying else (row.margin, row.margin)
     rotors = [
         {
@@ -61,17 +60,18 @@ def aircraft_figures(
             "output": known(track.throttle[row.row, i], 4),
             "worst": i == worst,
             "faulty": i + 1 in faulty,
-            **paper(colours.MARGIN, _lowered(coloured[i], below=below_limit)),
+            "unsure": bool(low_rotors[i] and not below(margin[i], row.least)),
+            **paper(row.scale, coloured[i]),
         }
         for i in range(airframe.rotor_count)
     ]
     return {
-        "title": airframe.title,
+        "title": say(airframe.title),
         "name": track.name,
         "flying": row.flying,
-        "withheld": list(claim.withheld),
+        "withheld": [say(why) for why in claim.withheld],
         "remedy": claim.remedy if claim.withheld else "",
-        "claim": claim.words,
+        "claim": claim_words(claim, airframe.name),
         "rotors": rotors,
         "placed": placed,
         "radius": round(radius, 3),
@@ -98,12 +98,6 @@ def shown_margin(left: float, low: float, high: float) -> dict[str, int | None]:
         "low": None if math.isnan(low) else percent_down(low),
         "high": None if math.isnan(high) else percent_up(high),
     }
-
-
-def _lowered(margin: float, *, below: bool) -> float:
-    """Return the margin that sets a colour: `below` the limit also within the hysteresis."""
-    lowest = np.nextafter(colours.ENOUGH, 0.0)
-    return lowest if below and lowest < margin < colours.ENOUGH + HYSTERESIS else margin
 
 
 def rotor_places(airframe: Airframe) -> tuple[Floats, float]:

@@ -136,21 +136,22 @@ def speed_range(given: Speeds) -> tuple[float, float]:
     return float(low), float(max(high, low + 100))
 
 
-def timeline_colours(analysis: FlightAnalysis) -> list[str]:
+def timeline_colours(analysis: FlightAnalysis, least: float = 0.5) -> list[str]:
     """Return the colours of equally long parts of the flight, by the least thrust margin in each.
 
-    Grey is a part on the ground, or one where no margin is known.
+    They turn at `least`, the share of thrust that must be left. Grey is a part on the ground, or
+    one where no margin is known.
     """
     time_s = analysis.track.time_s
     use, _ = worst_rotor(analysis.known_utilisation)
     left = np.where(analysis.track.flying, 1.0 - use, np.nan)
     if time_s.size < 2:
-        return [colours.css(colours.MARGIN.screen(np.nan))]
+        return [colours.css(colours.NO_DATA)]
     count = min(STRETCHES, time_s.size)
     ends = np.linspace(time_s[0], time_s[-1], count + 1)[1:-1]
     parts = np.split(left, np.searchsorted(time_s, ends))
-    least = [np.nanmin(part) if np.isfinite(part).any() else np.nan for part in parts]
-    return [colours.css(colour) for colour in colours.MARGIN.screen(least)]
+    lowest = [np.nanmin(part) if np.isfinite(part).any() else np.nan for part in parts]
+    return [colours.css(colour) for colour in colours.thrust_left(least).screen(lowest)]
 
 
 SPEEDS = (1, 2, 5, 10, 30, 60)

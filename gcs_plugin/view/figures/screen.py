@@ -37,22 +37,22 @@ from thrustmargin.gcs_plugin.view.scene.surroundings import Camera
 from thrustmargin.gcs_plugin.wording import live_words as words
 from thrustmargin.gcs_plugin.wording.day_words import day_line
 from thrustmargin.gcs_plugin.wording.fill_words import UNSOUND, fill_advice
-from thrustmargin.gcs_plugin.wording.language import LANGUAGES, say, speaking, spoken
+from thrustmargin.gcs_plugin.wording.language import LANGUAGES, in_spoken, say, speaking, spoken
 from thrustmargin.gcs_plugin.wording.palette import legend
 from thrustmargin.mission.day_fill import day_fill
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.fill_limits import NextFill
 from thrustmargin.models.model.flight_day import day_on_ground
-from thrustmargin.models.physics.day import complete_day
+from thrustmargin.models.physics.day import Day, complete_day
 
 CHANGE = 0.003  # of air density, from which it is worked out anew
 CHANGE_V = 0.1  # of the battery at rest, likewise
 
 
 class FillAdvice:
-    """The largest fill of one aircraft on the ground, and its sentence; computed anew when the air
-    or the battery changes.
+    """The largest fill of one aircraft on the ground, and its sentence in the language that is
+    spoken; computed anew when the air or the battery changes.
 
     It is for the air and the battery that the aircraft reports, and else for the day that the user
     stated within twelve hours.
@@ -61,8 +61,8 @@ class FillAdvice:
     def __init__(self, limit: float) -> None:
         self._limit = limit  # share of a rotor's maximum thrust that may be in use
         self._known: tuple[object, float, float] | None = None
-        self._fill = NextFill()
-        self._day_words = ""
+        self._fill, self._day, self._problem = NextFill(), Day(), ""
+        self._loaded_v = math.nan  # V under load
 
     def fill(self, analysis: FlightAnalysis) -> NextFill | None:
         """Return the largest fill; None in flight, without a recognised airframe, and in unknown
@@ -93,19 +93,20 @@ class FillAdvice:
             self._known = now
             found = day_fill(model, day, limit=self._limit)
             self._fill = found.fill
-            self._day_words = f"{day_line(day, found.voltage)}{problem}"
+            self._loaded_v = found.voltage
+        self._day, self._problem = day, problem
         return self._fill
 
     def text(self, fill: NextFill) -> str:
         """Return the sentence on a fill, and the day that it holds for."""
         if fill.reason == "unsound":
             return f"{say(UNSOUND)}."
-        return f"{fill_advice(fill, self._limit)}. {self._day_words}"
+        of_day = f"{day_line(self._day, self._loaded_v)}{self._problem}"
+        return f"{fill_advice(fill, self._limit)}. {of_day}"
 
 
 STATE, CHARTS, ACT = "/screen.json", "/screen/charts.json", "/screen/act"
 KEPT = 200  # lines of the history
-OF_MARGIN = ("margin", "predicted margin")  # alarms that a rotor is below the limit
 LONGEST_TAB = 40  # characters of a tab's name
 Key = tuple[int, tuple[str, int | None], float]  # vehicle, alarm and when it was raised
 #: What a page may ask for, by name; each takes the text that came with it and the tab that asks.
@@ -248,11 +249,12 @@ class PageState:
         listed.sort(key=lambda pair: (pair[1].order[:3], _key(*pair) in self._known))
         with self._lock:
             known_keys, history = set(self._known), list(self._history)
+        history = [{**line, "text": in_spoken(line["text"])} for line in history]
         alarms = [
             {
                 "id": repr(_key(one, alarm)),
                 "vehicle": one.number,
-                "text": alarm.text,
+                "text": in_spoken(alarm.text),
                 "line": alarm.line,
                 "state": alarm.state,
                 "level": severity_level(alarm.severity),
@@ -306,9 +308,9 @@ class PageState:
             "old": one.old,
             "silent": round(one.silent, 1),
             "landed": self._landed(one),
-            "problem": one.problem,
+            "problem": in_spoken(one.problem),
             "pending": one.pending,
-            "stale": one.stale,
+            "stale": in_spoken(one.stale),
             "message": one.message,
             "fill": "" if one.first_line[1] == one.fill else one.fill,
             "level": one.first_line[2],
@@ -318,9 +320,8 @@ class PageState:
         if one.row is None:
             return {**entry, "figures": None}
         outlook = None if one.update is None else one.update.outlook
-        low = any(alarm.name in OF_MARGIN for alarm in one.alarms)
-        figures = aircraft_figures(one.row, one.seconds_to_empty, one.faulty, below_limit=low)
-        ahead = {"ahead": None, "full": None, "remarks": [], "why": one.row.why_unknown}
+        figures = aircraft_figures(one.row, one.seconds_to_empty, one.faulty)
+        ahead = {"ahead": None, "full": None, "remarks": [], "why": say(one.row.why_unknown)}
         if one.update is not None and outlook is not None:
             ahead["ahead"] = known(outlook.margin_ahead)
             ahead["full"] = known(outlook.margin_full)

@@ -15,10 +15,9 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import (
     Alarm,
 )
 from thrustmargin.gcs_plugin.live.link_vehicles import OLD
-from thrustmargin.gcs_plugin.wording import palette as colours
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.glance_words import before_take_off, in_the_air
-from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.gcs_plugin.wording.language import in_spoken
 from thrustmargin.gcs_plugin.wording.takeoff_words import check_line
 from thrustmargin.models.model.advice import FlightLevel
 
@@ -136,7 +135,7 @@ class VehicleSummary:
             return "", self.pending, "grey"
         if not self.row.flying:
             return self._before_take_off(self.row)
-        calm = self.row.survives and self.row.surely_left >= colours.ENOUGH
+        calm = self.row.survives and self.row.calm
         return "", self.pending, "green" if calm else "grey"
 
     def _leads(self, answer: FlightAnswer) -> bool:
@@ -151,7 +150,7 @@ class VehicleSummary:
         places = () if self.row is None else self.row.analysis.places
         place = places[rotors[0] - 1] if len(rotors) == 1 and len(places) >= rotors[0] else ""
         asks = in_the_air(first.name, rotors, place) if first.severity <= WARNING else ""
-        headline = asks if self.flying and asks and not self.recorded else say(first.text)
+        headline = asks if self.flying and asks and not self.recorded else in_spoken(first.text)
         reasons = [first.line] if first.line != headline else []
         # Every grave one is named: one that is known must not hide another behind a number.
         reasons += [alarm.line for alarm in rest if alarm.severity <= CRITICAL]
@@ -171,9 +170,11 @@ class VehicleSummary:
         unsure = self.pending and level == "green"
         if self.alarms and level != "red":  # an answer of which the alarm is no part
             first, *rest = self.alarms
-            known = [alarm.text for alarm in rest] + [whole.headline]
-            return first.text, " · ".join(known), severity_level(first.severity)
-        headline, because, _ = _found(whole, level, [alarm.text for alarm in self.alarms])
+            known = [in_spoken(alarm.text) for alarm in rest] + [whole.headline]
+            return in_spoken(first.text), " · ".join(known), severity_level(first.severity)
+        headline, because, _ = _found(
+            whole, level, [in_spoken(alarm.text) for alarm in self.alarms]
+        )
         return headline, because or self.pending, "grey" if unsure else level
 
     def _before_take_off(self, row: ShownRow) -> tuple[str, str, Level]:

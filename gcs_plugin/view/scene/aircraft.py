@@ -15,9 +15,9 @@ import numpy as np
 from thrustmargin.gcs_plugin.view.scene.shown_row import FRD_FLU, ShownRow
 from thrustmargin.gcs_plugin.view.scene.surroundings import screen_lines
 from thrustmargin.gcs_plugin.wording import palette as colours
-from thrustmargin.gcs_plugin.wording.language import percent_down
 from thrustmargin.gcs_plugin.wording.live_words import BEYOND
 from thrustmargin.gcs_plugin.wording.palette import sent_for
+from thrustmargin.gcs_plugin.wording.thrust_left import percent_down
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe
 
@@ -93,7 +93,7 @@ class VehicleNode:
             faces,
             batched_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (airframe.rotor_count, 1)),
             batched_positions=rotors,
-            batched_colors=disc_colours(np.full(airframe.rotor_count, np.nan)),
+            batched_colors=np.tile(sent_for(colours.NO_DATA), (airframe.rotor_count, 1)),
             side="double",
             lod="off",
             cast_shadow=False,
@@ -166,7 +166,7 @@ class VehicleNode:
         if np.all(np.isfinite(wxyz)):
             self.frame.wxyz = wxyz
         if self._discs is not None:
-            self._discs.batched_colors = disc_colours(coloured)
+            self._discs.batched_colors = sent_for(row.scale.screen(coloured))
         for i, label in enumerate(self._labels):
             # Over the whole field the numbers would lie on each other: those of bad rotors alone.
             shown = known and (self._detailed or i + 1 in faulty)
@@ -183,11 +183,6 @@ class VehicleNode:
             scale, middle = self._scale, TANK_TOP - TANK_HEIGHT + level * TANK_HEIGHT / 2
             self._liquid.scale = (scale, scale, scale * level)
             self._liquid.position = (0.0, 0.0, scale * self._arm * middle)
-
-
-def disc_colours(margin: Floats) -> colours.Colours:
-    """Return the colours (R, 3) to send to the browser for discs of (R,) margins."""
-    return sent_for(colours.MARGIN.screen(margin))
 
 
 def rotor_label(index: int, margin: float) -> str:

@@ -15,7 +15,7 @@ from thrustmargin.gcs_plugin.wording import live_words as words
 from thrustmargin.gcs_plugin.wording import palette as colours
 from thrustmargin.gcs_plugin.wording.alarm_words import SPINS
 from thrustmargin.gcs_plugin.wording.effect_sentences import effect_things
-from thrustmargin.gcs_plugin.wording.language import clock
+from thrustmargin.gcs_plugin.wording.language import Sentence, clock, say
 from thrustmargin.gcs_plugin.wording.palette import ColourScale
 from thrustmargin.mission.route import Worst
 from thrustmargin.models.errors import DataError
@@ -62,9 +62,10 @@ class Overlay:
         return int(np.argmax(score)) if np.isfinite(score).any() else None
 
 
-def overlays_of(analysis: FlightAnalysis) -> tuple[Overlay, ...]:
+def overlays_of(analysis: FlightAnalysis, least: float = 0.5) -> tuple[Overlay, ...]:
     """Return thrust left, redundancy and residual of an analysis, in the order of the switch.
 
+    `least` is the share of thrust that must be left, where the colours of the first turn.
     Where no rotor was measured the predicted value is shown, and the note states its share.
     """
     use = analysis.known_utilisation
@@ -74,7 +75,7 @@ def overlays_of(analysis: FlightAnalysis) -> tuple[Overlay, ...]:
         Overlay(
             name=words.THRUST_LEFT,
             values=1.0 - load,
-            scale=colours.MARGIN,
+            scale=colours.thrust_left(least),
             worst="min",
             rotor=rotor,
             note=note,
@@ -84,27 +85,20 @@ def overlays_of(analysis: FlightAnalysis) -> tuple[Overlay, ...]:
             values=analysis.redundancy_yaw_uncontrolled,
             scale=colours.REDUNDANCY,
             worst="min",
-            note=SPINS,
+            note=Sentence.of(lambda: say(SPINS)),
         ),
         _residual("Residual", analysis),
     )
 
 
 def planned_overlays(analysis: FlightAnalysis, limit: float) -> tuple[Overlay, ...]:
-    """Return thrust in use, thrust left, redundancy and tank of a plan that is not flown yet."""
-    left, redundancy, _ = overlays_of(analysis)
+    """Return thrust left, redundancy and tank of a plan that is not flown yet; `limit` is the
+    largest share of a rotor's maximum thrust that may be in use."""
+    left, redundancy, _ = overlays_of(analysis, 1.0 - limit)
     tank = analysis.track.tank_kg
     return (
-        replace(
-            left,
-            name=words.THRUST_IN_USE,
-            values=1.0 - left.values,
-            scale=colours.moved(colours.LOAD, limit),
-            worst="max",
-            note=words.PLANNED,
-        ),
-        replace(left, note=words.PLANNED),
-        replace(redundancy, note=f"{SPINS}, {words.PLANNED}"),
+        replace(left, note=Sentence.of(lambda: say(words.PLANNED))),
+        replace(redundancy, note=Sentence.of(lambda: f"{say(SPINS)}, {say(words.PLANNED)}")),
         Overlay(
             name=words.TANK_SHOWN,
             values=tank,
@@ -158,7 +152,7 @@ def residual_limit(residual_rpm: Floats, flying: Bools) -> float:
 
 def _model_note(analysis: FlightAnalysis) -> str:
     """Return a note that describes the model by its effects."""
-    return words.model_with(effect_things(analysis.model))
+    return Sentence.of(lambda: words.model_with(effect_things(analysis.model)))
 
 
 def _basis_note(analysis: FlightAnalysis, known: Bools) -> str:
@@ -169,7 +163,7 @@ def _basis_note(analysis: FlightAnalysis, known: Bools) -> str:
         return ""
     share = float(np.mean(analysis.any_measured[flying][rows]))
     if share == 1.0:
-        return basis
+        return Sentence.of(lambda: say(basis))
     if share == 0.0:
-        return words.ALL_PREDICTED
-    return words.measured_share(basis, share)
+        return Sentence.of(lambda: say(words.ALL_PREDICTED))
+    return Sentence.of(lambda: words.measured_share(basis, share))

@@ -14,7 +14,7 @@ import numpy as np
 from viser.transforms import SO3
 
 from thrustmargin.gcs_plugin.wording import live_words as words
-from thrustmargin.gcs_plugin.wording.palette import ENOUGH
+from thrustmargin.gcs_plugin.wording import palette, thrust_left
 from thrustmargin.models.flight import Bools, FlightTrack, Floats, Origin
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
@@ -32,12 +32,16 @@ FRD_FLU = np.diag([1.0, -1.0, -1.0])
 class ShownRow:
     """Row number `row` (negative: from the end) of an analysis of R rotors; NaN where unknown.
 
-    `offset_ned` (3,) m is the track's origin from that of the scene.
+    `offset_ned` (3,) m is the track's origin from that of the scene. `least` is the share of thrust
+    that must be left, and `low` (R,) which rotors had less and have not recovered since; without
+    it the row alone decides.
     """
 
     analysis: FlightAnalysis
     row: int
     offset_ned: Floats | float = 0.0
+    least: float = 0.5
+    low: Bools | None = None
 
     @property
     def track(self) -> FlightTrack:
@@ -103,16 +107,40 @@ class ShownRow:
         return int(np.sum(~self.measured)) if self.measured.any() else 0
 
     @property
-    def coloured(self) -> Floats:
-        """Margin (R,) that sets the colour of a rotor: the lower end of its interval.
+    def too_little(self) -> Bools:
+        """Rotors (R,) whose thrust left counts as too little, by the lower end of its interval."""
+        if self.low is not None:
+            return self.low
+        return thrust_left.below(self._lower, self.least)
 
-        NaN, no colour, where the margin is sufficient but not measured: green would be a promise.
-        """
-        # Where the interval is not known either, the value itself can still be too little.
+    @property
+    def _lower(self) -> Floats:
+        """Margin (R,) that a colour goes by, a row of `lower_ends`."""
         low = self.ends[0] if self.flying else self.margin
-        low = np.where(np.isfinite(low), low, self.margin)
+        return np.where(np.isfinite(low), low, self.margin)
+
+    @property
+    def coloured(self) -> Floats:
+        """Margin (R,) that sets the colour of a rotor: the lower end of its interval, with the
+        hysteresis of `too_little`.
+
+        NaN, no colour, where the margin is sufficient but not measured: blue would be a promise.
+        """
+        low, margin = self.too_little, self._lower
         sure = self.measured & self.flying
-        return np.where(sure | (low < ENOUGH), low, np.nan)
+        return np.where(sure | low, thrust_left.value_of_colour(margin, self.least, low), np.nan)
+
+    @property
+    def scale(self) -> palette.ColourScale:
+        """Scale of the colours of margins, which turn at `least`."""
+        return palette.thrust_left(self.least)
+
+    @property
+    def calm(self) -> bool:
+        """Whether enough thrust is surely left at every rotor, each of them measured."""
+        return bool(
+            self.surely_left + thrust_left.ROUNDING >= self.least and not self.too_little.any()
+        )
 
     @property
     def surely_left(self) -> float:
@@ -144,6 +172,16 @@ class ShownRow:
         if self.analysis.withheld:
             return self.analysis.withheld[0]
         return words.NOTHING_KNOWN if self.worst[1] is None else ""
+
+
+def lower_ends(analysis: FlightAnalysis) -> Floats:
+    """Return (T, R) the margin that a colour goes by: in flight the lower end of its 90 % interval,
+    or the margin itself where no interval is known; on the ground the predicted margin.
+    """
+    predicted, high = analysis.utilisation_predicted, analysis.use_ends[1]
+    known = np.where(np.isfinite(analysis.utilisation), analysis.utilisation, predicted)
+    in_flight = np.where(np.isfinite(high), high, known)
+    return 1.0 - np.where(analysis.track.flying[:, None], in_flight, predicted)
 
 
 def ground_height(track: FlightTrack) -> float:

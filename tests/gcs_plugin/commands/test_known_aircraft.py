@@ -77,7 +77,7 @@ def test_a_log_that_may_be_of_it_is_asked_for_and_read_as_before(hangar, capsys)
     reported(hangar, str(LOG))  # a station's recording with few parameters
     said = capsys.readouterr()
     assert "its aircraft may be that of north" in said.err
-    assert "recognised (4 rotors" in said.out
+    assert "the flight fits it (4 rotors" in said.out
     assert hangar.load("north").flights == ()
 
 

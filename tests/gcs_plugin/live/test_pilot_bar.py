@@ -65,6 +65,20 @@ def test_margin_rotor_action_and_age(ground: Ground):
     assert (one["rotor"], one["action"], one["age_s"]) == (3, "fly gently", 0.4)
 
 
+def test_the_bar_keeps_the_colour_of_too_little_until_three_points_above_the_limit():
+    fleet, vehicle = Fleet(MODEL), Vehicle()
+    bar = PilotBar(lambda: vehicle.stamp_us, limit=0.5, port=0, host="127.0.0.1")
+    shown = []
+    for rpm in (1767, 1830, 1767, 1730, 1767):  # 52, 48, 52, 54 and 52 % left of 2551 rpm
+        for _ in range(15):
+            fleet.take(vehicle.tick(rpm=(rpm,) * 4))
+            fleet.updates()
+        bar.on_round(fleet, vehicle.stamp_us)
+        (one,) = bar.content()["vehicles"]
+        shown.append((round(one["margin"]), one["low"]))
+    assert shown == [(52, False), (49, True), (52, True), (54, False), (52, False)]
+
+
 def test_what_is_old_is_no_margin(ground: Ground):
     ground.bar.on_round(ground.fleet, ground.now_us)
     ground.now_us = ground.heard_us + 3_100_000

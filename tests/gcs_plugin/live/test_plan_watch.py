@@ -48,16 +48,16 @@ def said():
 
 
 def test_each_stretch_is_said_once_in_order(said):
-    stretches = [line for line in said if re.search(r" to item \d+: ", line)]
+    stretches = [line for line in said if re.search(r" to mission item \d+: ", line)]
     assert len(stretches) == len(set(stretches))
-    items = [int(line.split("to item ")[1].split(":")[0]) for line in stretches]
+    items = [int(line.split("to mission item ")[1].split(":")[0]) for line in stretches]
     assert items == sorted(items)
-    assert sum("turn to item" in line for line in stretches) == 6
+    assert sum("turn to mission item" in line for line in stretches) == 6
     assert all(line.startswith("vehicle 1: ") for line in said)
 
 
 def test_flown_and_forecast_of_a_line_agree(said):
-    line = next(line for line in said if "leg to item 9:" in line)
+    line = next(line for line in said if "leg to mission item 9:" in line)
     flown, forecast = line.split(": ")[2].split(",")[0].rstrip(")").split(" (")
     assert float(forecast.split()[0]) == pytest.approx(float(flown.split()[0]), abs=1.0)
 
@@ -71,8 +71,8 @@ def test_a_stretch_that_is_not_over_is_not_said():
     with watch._lock:
         flight = watch._flights[1]
     watch._look(1, flight, flight.rows[0], ended=False)
-    assert not any("leg to item 5" in line for line in lines)
-    assert any("climb to item 1" in line for line in lines)
+    assert not any("leg to mission item 5" in line for line in lines)
+    assert any("climb to mission item 1" in line for line in lines)
 
 
 def test_a_cause_is_not_said_again_for_each_tenth_of_it():

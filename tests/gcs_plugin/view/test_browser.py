@@ -39,7 +39,7 @@ def analysis():
 
 @pytest.fixture(scope="module")
 def opened(analysis) -> Iterator[tuple[ReplayView, Page]]:
-    whole = FlightAnswer("ABOVE THE 50 % LIMIT FOR 3 MIN", FlightLevel.OVER)
+    whole = FlightAnswer("THRUST LEFT BELOW THE 50 % LIMIT FOR 3 MIN", FlightLevel.OVER)
     view = ReplayView(analysis, messages=[(0.0, EVIL)], port=0, paused=True, whole=whole)
     view.start()
     try:

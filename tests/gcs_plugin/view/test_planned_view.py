@@ -27,7 +27,7 @@ def test_the_page_shows_the_plan_as_planned_with_its_verdict_and_its_four_colour
             page = answer.read().decode()
         assert '"planned": true' in page
         state = view._screen.state()
-        assert state["field"]["colours"] == ["Thrust in use", "Thrust left", "Redundancy", "Tank"]
+        assert state["field"]["colours"] == ["Thrust left", "Redundancy", "Tank"]
         assert state["first"]["headline"] == verdict(made)
         duration = float(np.ptp(made.flight.track.time_s))
         assert state["replay"]["duration"] == pytest.approx(duration, abs=0.01)
@@ -39,12 +39,11 @@ def test_the_page_shows_the_plan_as_planned_with_its_verdict_and_its_four_colour
 
 
 def test_the_colours_are_the_numbers_of_the_forecast(made):
-    use, left, _, tank = planned_overlays(made.advised.analysis, 0.4)
-    assert np.nanmax(use.values) == pytest.approx(made.weakest.utilisation, abs=1e-9)
-    np.testing.assert_allclose(use.values + left.values, 1.0)
+    left, _, tank = planned_overlays(made.advised.analysis, 0.4)
+    assert np.nanmin(left.values) == pytest.approx(1.0 - made.weakest.utilisation, abs=1e-9)
     np.testing.assert_array_equal(tank.values, made.flight.track.tank_kg)
     # At the limit the colour turns, and the fullest tank is the end of its scale.
-    below, above = use.scale.screen([0.39, 0.41]).astype(int)
-    assert below[2] > below[0]
-    assert above[0] > above[2]
+    below, above = left.scale.screen([0.59, 0.61]).astype(int)
+    assert below[0] > below[2]
+    assert above[2] > above[0]
     assert tank.scale.high == pytest.approx(6.0)

@@ -106,28 +106,28 @@ def test_the_first_line_of_each_level():
     assert say(FlightLevel.CRITICAL, fill=replace(FILL, nothing_fits="tank")).startswith(
         "TOO HEAVY:"
     )
-    assert say(FlightLevel.OVER) == "ABOVE THE 50 % LIMIT FOR 2 MIN 42 S"
+    assert say(FlightLevel.OVER) == "THRUST LEFT BELOW THE 50 % LIMIT FOR 2 MIN 42 S"
     assert say(FlightLevel.OVER, use=replace(USE, lasting_above_limit_s=200.0)) == (
-        "ABOVE THE 50 % LIMIT ALL FLIGHT"
+        "THRUST LEFT BELOW THE 50 % LIMIT ALL FLIGHT"
     )
-    assert say(FlightLevel.NEAR) == "NEAR THE 50 % LIMIT: CANNOT TELL"
-    assert say(FlightLevel.UNDER) == "BELOW THE 50 % LIMIT"
-    assert say(FlightLevel.UNDER, limit=0.6) == "BELOW THE 60 % LIMIT"
+    assert say(FlightLevel.NEAR) == "THRUST LEFT NEAR THE 50 % LIMIT: CANNOT TELL"
+    assert say(FlightLevel.UNDER) == "THRUST LEFT ABOVE THE 50 % LIMIT"
+    assert say(FlightLevel.UNDER, limit=0.6) == "THRUST LEFT ABOVE THE 40 % LIMIT"
     assert say(FlightLevel.UNKNOWN) == "NO VERDICT"
     assert say(FlightLevel.UNDER, unseen_from_s=108.0) == (
-        "BELOW THE 50 % LIMIT UP TO 1:48 (LOG ENDS IN FLIGHT)"
+        "THRUST LEFT ABOVE THE 50 % LIMIT UP TO 1:48 (LOG ENDS IN FLIGHT)"
     )
     assert say(FlightLevel.OVER, unseen_from_s=108.0) == (
-        "ABOVE THE 50 % LIMIT FOR 2 MIN 42 S (LOG ENDS IN FLIGHT)"
+        "THRUST LEFT BELOW THE 50 % LIMIT FOR 2 MIN 42 S (LOG ENDS IN FLIGHT)"
     )
     assert say(FlightLevel.UNDER, begun_before=True) == (
-        "BELOW THE 50 % LIMIT (LOG BEGINS IN FLIGHT)"
+        "THRUST LEFT ABOVE THE 50 % LIMIT (LOG BEGINS IN FLIGHT)"
     )
     assert say(FlightLevel.UNDER, begun_before=True, unseen_from_s=108.0) == (
-        "BELOW THE 50 % LIMIT UP TO 1:48 (LOG BEGINS AND ENDS IN FLIGHT)"
+        "THRUST LEFT ABOVE THE 50 % LIMIT UP TO 1:48 (LOG BEGINS AND ENDS IN FLIGHT)"
     )
     assert say(FlightLevel.UNDER, paused_s=61.0) == (
-        "BELOW THE 50 % LIMIT (NOTHING IN THE LOG FOR 1 MIN 1 S OF IT)"
+        "THRUST LEFT ABOVE THE 50 % LIMIT (NOTHING IN THE LOG FOR 1 MIN 1 S OF IT)"
     )
     assert say(FlightLevel.UNKNOWN, begun_before=True) == "NO VERDICT"
     part = replace(ADVICE.rotor_lost, not_survivable_s=13.0, known_s=24.0)
@@ -148,13 +148,16 @@ def test_the_first_line_of_each_level():
 
 def test_the_first_line_is_no_surer_than_what_it_rests_on():
     good = replace(ADVICE, levels=(FlightLevel.UNDER,))
-    assert headline(good) == "BELOW THE 50 % LIMIT"
+    assert headline(good) == "THRUST LEFT ABOVE THE 50 % LIMIT"
     short = replace(good, rotor_lost=replace(good.rotor_lost, known_s=14.0))
-    assert headline(short) == "BELOW THE 50 % LIMIT (KNOWN FOR 14 S OF 3 MIN 20 S)"
+    assert headline(short) == "THRUST LEFT ABOVE THE 50 % LIMIT (KNOWN FOR 14 S OF 3 MIN 20 S)"
     brief_use = replace(good, use=replace(USE, known_s=110.0))
-    assert headline(brief_use) == "BELOW THE 50 % LIMIT (KNOWN FOR 1 MIN 50 S OF 3 MIN 20 S)"
+    assert (
+        headline(brief_use)
+        == "THRUST LEFT ABOVE THE 50 % LIMIT (KNOWN FOR 1 MIN 50 S OF 3 MIN 20 S)"
+    )
     near = replace(good, levels=(FlightLevel.NEAR,), rotor_lost=RotorLost())
-    assert headline(near) == "NEAR THE 50 % LIMIT: CANNOT TELL (LOAD NOT KNOWN)"
+    assert headline(near) == "THRUST LEFT NEAR THE 50 % LIMIT: CANNOT TELL (LOAD NOT KNOWN)"
 
 
 def test_a_bad_rotor_comes_first_with_its_place_and_amount():
@@ -223,9 +226,8 @@ def test_what_to_do_follows_the_same_order():
 def test_the_facts_say_how_much_and_how_long():
     said = dict(facts(ADVICE))
     assert said == {
-        "steady flight": "up to 54 % of a rotor's maximum thrust, above 50 % for 2 min 42 s of "
-        "3 min 20 s",
-        "turns and gusts": "up to 73 %, above 50 % 5 times for 7.0 s at most",
+        "steady flight": "thrust left down to 46 %, below 50 % for 2 min 42 s of 3 min 20 s",
+        "turns and gusts": "thrust left down to 26 %, below 50 % 5 times for 7.0 s at most",
         "one rotor lost": "would have brought it down for 3 min of 3 min 20 s (at worst 0.92 × the "
         "weight can be held)",
         "fill, how sure": "limit at 9.7 kg (8.6 to 10.8); at most 12.0 kg (12.0 L) with the "
@@ -234,8 +236,7 @@ def test_the_facts_say_how_much_and_how_long():
     unsure = replace(USE, lasting_above_limit_s=0.0, lasting_low=0.45, lasting_high=0.53)
     near = replace(ADVICE, use=replace(unsure, lasting_most=0.49, passing=0, surely_above=NO))
     assert dict(facts(near))["steady flight"] == (
-        "up to 49 % (45 to 53) of a rotor's maximum thrust, never above 50 %; the limit lies "
-        "within the error"
+        "thrust left down to 51 % (47 to 55), never below 50 %; the limit lies within the error"
     )
     assert "turns and gusts" not in dict(facts(near))
     seldom = replace(near, use=replace(near.use, step_s=2.0))
@@ -271,12 +272,15 @@ def test_the_facts_say_how_much_and_how_long():
     [
         (
             [FlightLevel.UNDER, FlightLevel.CRITICAL, FlightLevel.OVER, FlightLevel.CRITICAL],
-            "2 OF 4 FLIGHTS TOO HEAVY TO",
+            "2 OF 4 FLIGHTS: TOO HEAVY TO",
         ),
-        ([FlightLevel.UNDER, FlightLevel.DAMAGED], "1 OF 2 FLIGHTS WITH A BAD ROTOR OR MOTOR"),
-        ([FlightLevel.UNDER] * 3, "ALL 3 FLIGHTS BELOW THE 50 % LIMIT"),
-        ([FlightLevel.UNKNOWN] * 2, "ALL 2 FLIGHTS WITHOUT VERDICT"),
-        ([FlightLevel.UNKNOWN, FlightLevel.UNDER], "1 OF 2 FLIGHTS BELOW THE 50 % LIMIT"),
+        ([FlightLevel.UNDER, FlightLevel.DAMAGED], "1 OF 2 FLIGHTS: WITH A BAD ROTOR OR MOTOR"),
+        ([FlightLevel.UNDER] * 3, "ALL 3 FLIGHTS: THRUST LEFT ABOVE THE 50 % LIMIT"),
+        ([FlightLevel.UNKNOWN] * 2, "ALL 2 FLIGHTS: WITHOUT VERDICT"),
+        (
+            [FlightLevel.UNKNOWN, FlightLevel.UNDER],
+            "1 OF 2 FLIGHTS: THRUST LEFT ABOVE THE 50 % LIMIT",
+        ),
     ],
 )
 def test_several_flights_are_counted_by_the_gravest(levels, said):

@@ -38,8 +38,10 @@ BLIND = replace(
 
 def test_a_stretch_has_flown_and_forecast_side_by_side():
     said = stretch_words(TURN)
-    assert said.startswith("turn to item 9: 10 s (10 s), 2.4 m/s (2.5 m/s), 13.0 kg (12.1 kg), ")
-    assert said.endswith("thrust in use 60 % (58 %), at most 70 % (73 %)")
+    assert said.startswith(
+        "turn to mission item 9: 10 s (10 s), 2.4 m/s (2.5 m/s), 13.0 kg (12.1 kg), "
+    )
+    assert said.endswith("thrust left 40 % (42 %), at least 30 % (27 %)")
 
 
 def test_an_assumption_that_was_off_says_both_amounts():
@@ -54,7 +56,7 @@ def test_a_wind_without_effect_says_so():
 
 def test_what_nothing_explains_names_the_stretch_and_what_to_do():
     said = off_sentence(off("model", 0.47, 0.59, item=45, mattered=True))
-    assert said.startswith("to item 45 59 % of thrust in use, 47 % forecast")
+    assert said.startswith("on the way to item 45: 41 % thrust left, 53 % forecast")
     assert said.endswith("identify")
 
 
@@ -67,7 +69,7 @@ def test_a_plan_that_was_left_is_never_flown_as_forecast_to_its_end():
 
 
 def test_a_flight_of_which_no_thrust_is_known_was_not_flown_as_forecast():
-    assert beside_words((), [BLIND] * 9, left_at=None) == "its thrust in use is not known"
+    assert beside_words((), [BLIND] * 9, left_at=None) == "its thrust left is not known"
     assert beside_words([off("fill", 9.0, 3.0, item=0, mattered=True)], [BLIND], left_at=None) == (
         "took off with 3.0 kg, 9.0 kg assumed"
     )

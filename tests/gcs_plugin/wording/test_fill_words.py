@@ -44,9 +44,9 @@ def test_each_reason_has_its_sentence():
         "Fill at most 9.8 kg (9.8 L): with more it would descend after losing a rotor"
     )
     assert say(9.8, "tank") == "Fill at most 9.8 kg (9.8 L): the tank holds no more"
-    assert "with more, this flight was above 50 %" in say(9.8, "as flown")
+    assert "with more, this flight had less than 50 % thrust left" in say(9.8, "as flown")
     assert say(-2.0, "utilisation") == (
-        "Do not fill: even empty steady flight takes over 50 % of a rotor's maximum thrust"
+        "Do not fill: even empty steady flight leaves less than 50 % thrust"
     )
     assert say(-0.5, "utilisation", limit_kg=3.04, low_kg=-0.5, high_kg=6.0) == (
         "Do not fill: the limit is at 3.0 kg (0.0 to 6.0), too unsure to fill anything"

@@ -6,7 +6,6 @@ import pytest
 from tests.gcs_plugin.wording.seen_colours import seen_for
 from thrustmargin.gcs_plugin.wording.palette import (
     GROUND_SPEED,
-    LOAD,
     MARGIN,
     REDUNDANCY,
     css,
@@ -15,12 +14,13 @@ from thrustmargin.gcs_plugin.wording.palette import (
     line_colours,
     residual_scale,
     sent_for,
+    thrust_left,
 )
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 NO_DATA = (165, 165, 165)
 
-SCALES = [LOAD, MARGIN, REDUNDANCY, residual_scale(300.0)]
+SCALES = [MARGIN, thrust_left(0.35), REDUNDANCY, residual_scale(300.0)]
 # Machado, Oliveira and Fernandes 2009, severity 1.0, on linear RGB.
 BLINDNESS = {
     "deuteranopia": [[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]],
@@ -47,7 +47,9 @@ def lab(lin):
 
 
 @pytest.mark.parametrize("kind", [*BLINDNESS, None])
-@pytest.mark.parametrize(("scale", "line"), [(LOAD, 0.5), (MARGIN, 0.5), (REDUNDANCY, 1.0)])
+@pytest.mark.parametrize(
+    ("scale", "line"), [(MARGIN, 0.5), (thrust_left(0.35), 0.35), (REDUNDANCY, 1.0)]
+)
 def test_the_two_sides_of_the_line_differ_for_every_eye(scale, line, kind):
     matrix = np.eye(3) if kind is None else np.array(BLINDNESS[kind])
     sides = linear(scale.screen([line - 1e-6, line])) @ matrix.T
@@ -55,22 +57,25 @@ def test_the_two_sides_of_the_line_differ_for_every_eye(scale, line, kind):
     assert np.linalg.norm(above - below) > 50  # 2.3 is just noticeable
 
 
-@pytest.mark.parametrize("scale", [LOAD, MARGIN, REDUNDANCY])
-def test_worse_is_darker_on_each_side_of_the_line(scale):
-    worse = 1 if scale is LOAD else -1
-    line = 1.0 if scale is REDUNDANCY else 0.5
+@pytest.mark.parametrize(("scale", "line"), [(MARGIN, 0.5), (REDUNDANCY, 1.0)])
+def test_worse_is_darker_on_each_side_of_the_line(scale, line):
     values = np.linspace(scale.low, scale.high, 201)
     lightness = lab(linear(scale.screen(values)))[:, 0]
     for side in (values < line - 1e-9, values >= line):
-        assert np.all(worse * np.diff(lightness[side]) <= 0.6)  # rounding to 8 bits
+        assert np.all(-np.diff(lightness[side]) <= 0.6)  # rounding to 8 bits
         # Not more: the darkest stands out from black by night, the lightest from white by day.
         assert abs(lightness[side][0] - lightness[side][-1]) > 33
 
 
-def test_load_and_margin_are_one_scale_read_from_both_ends():
-    use = np.linspace(0, 1, 101)
-    use = use[use != 0.5]
-    np.testing.assert_array_equal(LOAD.screen(use), MARGIN.screen(1 - use))
+def test_the_colours_turn_at_the_aircrafts_own_limit():
+    scale = thrust_left(0.35)
+    below, above = scale.screen([0.349, 0.351]).astype(int)
+    assert below[0] > below[2]
+    assert above[2] > above[0]
+    np.testing.assert_array_equal(scale.screen([0.0, 1.0]), MARGIN.screen([0.0, 1.0]))
+    made = legend(scale)
+    assert [35.0, "35 % limit"] in made["marks"]
+    assert made["jumps"] == [35.0]
 
 
 def test_what_is_beyond_a_scale_has_the_colour_of_its_end():
@@ -114,7 +119,8 @@ def test_the_legend_names_the_line_where_its_colours_jump_and_the_grey_of_no_dat
 
 
 def test_numbers_read_with_their_unit():
-    assert LOAD.number(0.534) == "53 %"
+    assert MARGIN.number(0.534) == "53 %"
+    assert MARGIN.number(0.4999) == "49 %"  # below the limit also reads below it
     assert REDUNDANCY.number(1.158) == "1.16 x"
     assert residual_scale(300).number(-42.4) == "-42 rpm"
 

@@ -54,7 +54,7 @@ def test_a_flight_with_motors_in_another_order_is_never_good(sound):
     assert headline(advice) == "MOTOR ORDER DIFFERS: ROTOR NAMES ARE WRONG"
     above = advise(used(other, 1.25)).advice
     assert above.levels == (FlightLevel.OVER, FlightLevel.ORDER)
-    assert headline(above).startswith("ABOVE THE 50 % LIMIT")
+    assert headline(above).startswith("THRUST LEFT BELOW THE 50 % LIMIT")
     assert headline(above).endswith("; MOTOR ORDER DIFFERS: ROTOR NAMES ARE WRONG")
 
 

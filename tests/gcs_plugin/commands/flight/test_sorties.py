@@ -26,9 +26,9 @@ def test_a_report_has_a_verdict_on_each_sortie_and_says_the_worse_first(tmp_path
     assert levels(tmp_path / "day.json", refilled(tmp_path / "day.tlog")) == alone
     said = capsys.readouterr()
     headlines = [line for line in said.out.splitlines() if not line.startswith(("  ", "wrote"))]
-    assert headlines[0] == "1 OF 2 FLIGHTS TOO HEAVY TO LOSE A ROTOR"
+    assert headlines[0] == "1 OF 2 FLIGHTS: TOO HEAVY TO LOSE A ROTOR"
     assert headlines[1].startswith("day.tlog sortie 2 of 2: FILL LESS: FOR ")
-    assert headlines[2] == "day.tlog sortie 1 of 2: BELOW THE 50 % LIMIT"
+    assert headlines[2] == "day.tlog sortie 1 of 2: THRUST LEFT ABOVE THE 50 % LIMIT"
     assert "day.tlog: 2 sorties in the log, each a flight of its own\n" in said.err
     assert levels(tmp_path / "day.json", rebooted(tmp_path / "day.tlog")) == alone[::-1]
 
@@ -68,7 +68,7 @@ def test_a_replay_shows_the_worst_and_names_the_others(tmp_path: Path, capsys):
     said = capsys.readouterr().err.splitlines()
     assert said[0] == "day.tlog: 2 sorties in the log, each a flight of its own"
     assert said[1].startswith("  sortie 1: from 2026-")
-    assert said[1].endswith("BELOW THE 50 % LIMIT; --sortie 1 shows it")
+    assert said[1].endswith("THRUST LEFT ABOVE THE 50 % LIMIT; --sortie 1 shows it")
     assert said[2].endswith("; shown")
     view = replay_view(path, shipped_model(), sortie=1, port=0, paused=True)
     assert view._analysis.track.name == "day.tlog sortie 1 of 2"

@@ -230,8 +230,8 @@ def test_margins_are_withheld_on_every_screen_until_the_airframe_is_recognised()
     last = updates[-1]
     assert last.analysis.claim.basis == "recognised"
     assert np.isfinite(last.analysis.margin[-1]).all()
-    assert last.remarks[0].endswith("none was given")
-    assert "recognised" in summary(reading(last, 0.0), 0.5, 0.0)[-1]
+    assert "nobody named it, and the flight fits it" in last.remarks[0]
+    assert "the flight fits it" in summary(reading(last, 0.0), 0.5, 0.0)[-1]
     assert sum("recognised" in note for _, note in vehicle.notes) == 1
 
 

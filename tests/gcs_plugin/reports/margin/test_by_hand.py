@@ -243,7 +243,7 @@ def test_a_moment_is_named_by_rotor_time_movement_and_place():
     assert moment_words(bare) == "rotor 2, rear left, at 0:53"
     inferred = replace(bare, capacity_use=0.48, capacity_use_low=0.43, capacity_use_high=0.53)
     assert moment_words(replace(inferred, basis="from motor outputs")) == (
-        "rotor 2, rear left, at 0:53, 48 % (43 to 53) in use, from motor outputs"
+        "rotor 2, rear left, at 0:53, thrust left 52 % (47 to 57), from motor outputs"
     )
 
 
@@ -255,7 +255,9 @@ def test_more_than_all_thrust_is_said_as_beyond_the_ceiling():
         assert ("beyond the ceiling" in facts) == told
         if told:
             said = facts["beyond the ceiling"]
-            assert said.startswith("rotor 2 shows 124 % of what the airframe says it can make")
+            assert said.startswith(
+                "rotor 2 shows 24 % more thrust than the airframe says it can make"
+            )
             assert all(word in said for word in ("voltage", "max_rotor_speed_rpm", "eRPM"))
 
 

@@ -57,5 +57,5 @@ def test_nothing_that_was_inferred_is_called_measured(reports):
     assert "from motor outputs" in flight["verdict"]["basis"]
     assert {moment["basis"] for moment in flight["moments"]} == {"from motor outputs"}
     assert "cannot check the prediction" in flight["accuracy"]["words"]
-    assert "most in use, from motor outputs" in page
-    assert "most in use, measured" not in page
+    assert "least left, from motor outputs" in page
+    assert "least left, measured" not in page

@@ -6,6 +6,7 @@ import gzip
 import hashlib
 import io
 import json
+import math
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -36,7 +37,7 @@ from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, with_heads
 from thrustmargin.gcs_plugin.reports.shared.plot_style import keep_extremes, keep_worst, single
 from thrustmargin.gcs_plugin.reports.shared.route_map import plotly_scale
 from thrustmargin.gcs_plugin.wording.margin_verdict import Fact, estimate
-from thrustmargin.gcs_plugin.wording.palette import LOAD, css, moved
+from thrustmargin.gcs_plugin.wording.palette import MARGIN, css, thrust_left
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import physics_model
@@ -120,9 +121,10 @@ def test_page_json_and_csv_say_the_same_numbers(report, page):
     in_csv = float(row[f"utilisation_{worst['rotor']} [1]"])
     assert in_csv == pytest.approx(worst["capacity_use"], abs=1e-5)
     text = plain(page.text)
-    # One quantity on the page: thrust in use, and not what is left beside it.
-    assert f"{worst['capacity_use'] * 100:.0f} %thrust in use" in text.replace("% th", "%th")
-    assert "thrust left" not in text
+    # One quantity on the page: thrust left, rounded down, and not what is in use beside it.
+    left = math.floor(100 * (1 - worst["capacity_use"]))
+    assert f"{left} %thrust left" in text.replace("% th", "%th")
+    assert not re.search("in use", text)
     rmse = one["accuracy"]["overall"]["rmse_rpm"]
     assert estimate(Estimate(**rmse), "", 1) in text
     assert f"{one['redundancy']['yaw_free_min']:.2f} × weight" in text
@@ -220,7 +222,7 @@ def test_the_strip_has_the_colours_of_the_replay_and_the_worst_moment(report):
     assert made is not None
     assert made.worst_at == 75.0
     colours = [colour for _, colour in made.parts]
-    low, high, none = (css(LOAD.screen(value)) for value in (0.3, 0.8, np.nan))
+    low, high, none = (css(MARGIN.screen(1 - value)) for value in (0.3, 0.8, np.nan))
     # 120 parts: the first, the one of 50 s, the one of 75 s; between them and at the end no data.
     assert colours == [low, none, low, none, high, none]
 
@@ -251,7 +253,8 @@ def test_figures_hold_the_worst_value_after_thinning(report):
     figure = figures(of)["use"]
     (trace,) = (one for one in figure.data if one.get("name") == "worst rotor")
     drawn = trace["y"]
-    assert np.nanmax(drawn) == pytest.approx(of.verdict["worst"].capacity_use * 100, rel=1 / 16000)
+    least = 100 * (1 - of.verdict["worst"].capacity_use)
+    assert np.nanmin(drawn) == pytest.approx(least, rel=1 / 16000)
     assert drawn.size < 1700
 
 
@@ -301,7 +304,7 @@ def test_the_map_keeps_the_worst_row_of_each_stretch():
 
 
 def test_a_moved_limit_moves_the_jump_of_the_colours():
-    scale = plotly_scale(moved(LOAD, 0.6))
+    scale = plotly_scale(thrust_left(0.6))
     places = [float(place) for place, _ in scale]
     assert np.count_nonzero(np.isclose(places, 0.6)) == 2
     assert places == sorted(places)
@@ -405,7 +408,7 @@ def test_several_flights_have_an_overview_that_leads_to_each(tmp_path):
     folded = [a for tag, a in page.elements if tag == "details" and a.get("class") == "one"]
     assert folded == [{"class": "one"}] * 2  # a table first: no flight is open
     assert "bad.tlog: is empty" in plain(page.text)
-    assert "ALL 2 FLIGHTS BELOW THE 50 % LIMIT" in plain(page.text)
+    assert "ALL 2 FLIGHTS: THRUST LEFT ABOVE THE 50 % LIMIT" in plain(page.text)
 
 
 def test_the_three_files_stand_beside_each_other(report, tmp_path):

@@ -71,9 +71,11 @@ def test_time_above_the_limit_is_the_share_of_airborne_rows(analysis, report):
         0.1 * np.sum(worst > 0.5), rel=0.02
     )
     assert report.verdict["level"] == "under"  # in turns alone
-    assert report.verdict["headline"] == "BELOW THE 50 % LIMIT"
+    assert report.verdict["headline"] == "THRUST LEFT ABOVE THE 50 % LIMIT"
     facts = {fact.label: fact.text for fact in report.verdict["facts"]}
-    assert facts["turns and gusts"].startswith("up to 64 %, above 50 % 13 times for 3.")
+    assert facts["turns and gusts"].startswith(
+        "thrust left down to 35 %, below 50 % 13 times for 3."
+    )
 
 
 def test_a_log_that_ends_in_flight_says_so_and_one_that_ends_on_the_ground_does_not(report):
@@ -83,7 +85,7 @@ def test_a_log_that_ends_in_flight_says_so_and_one_that_ends_on_the_ground_does_
     short = flight(log().track.rows(slice(rows)))
     said = report_flight(*short, max_utilisation=0.5).verdict
     last = clock(float(short[1].track.time_s[-1]))
-    assert said["headline"] == f"BELOW THE 50 % LIMIT UP TO {last} (LOG ENDS IN FLIGHT)"
+    assert said["headline"] == f"THRUST LEFT ABOVE THE 50 % LIMIT UP TO {last} (LOG ENDS IN FLIGHT)"
     assert said["action"].startswith("see how the flight ended; up to ")
     assert not any("all flight" in fact.text for fact in said["facts"])
     (ending,) = (fact.text for fact in said["facts"] if fact.label == "log")
@@ -94,11 +96,13 @@ def test_a_log_that_begins_in_flight_or_pauses_in_it_says_so():
     analysis, _ = flight()
     first = int(np.flatnonzero(analysis.track.flying)[0]) + 200
     begun = report_flight(*flight(log().track.rows(slice(first, None))), max_utilisation=0.5)
-    assert begun.verdict["headline"] == "BELOW THE 50 % LIMIT (LOG BEGINS IN FLIGHT)"
+    assert begun.verdict["headline"] == "THRUST LEFT ABOVE THE 50 % LIMIT (LOG BEGINS IN FLIGHT)"
     assert begun.verdict["action"].startswith("record the whole flight next time; up to ")
     rows = np.delete(np.arange(analysis.track.time_s.size), slice(first, first + 301))  # 30 s
     paused = report_flight(*flight(log().track.rows(rows)), max_utilisation=0.5).verdict
-    assert paused["headline"] == "BELOW THE 50 % LIMIT (NOTHING IN THE LOG FOR 30 S OF IT)"
+    assert (
+        paused["headline"] == "THRUST LEFT ABOVE THE 50 % LIMIT (NOTHING IN THE LOG FOR 30 S OF IT)"
+    )
     facts = {fact.label: fact.text for fact in paused["facts"]}
     assert facts["log"].startswith("has nothing of 30 s of the flight from ")
     assert not any("all flight" in text for text in facts.values())
@@ -413,7 +417,7 @@ def test_several_flights_are_counted_by_verdict_and_the_worst_is_named():
     assert report.flights[0].verdict == light.verdict
     assert (report.overview["critical"], report.overview["under"]) == (1, 1)
     assert report.overview["worst_flight"] == 2
-    assert report.overview["headline"] == "1 OF 2 FLIGHTS TOO HEAVY TO LOSE A ROTOR"
+    assert report.overview["headline"] == "1 OF 2 FLIGHTS: TOO HEAVY TO LOSE A ROTOR"
 
 
 def test_a_report_without_flights_is_refused():

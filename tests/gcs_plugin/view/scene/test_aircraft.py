@@ -12,6 +12,7 @@ from tests.gcs_plugin.wording.seen_colours import seen_for
 from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures
 from thrustmargin.gcs_plugin.view.scene.aircraft import VehicleNode, tank_level
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
+from thrustmargin.gcs_plugin.wording.thrust_left import too_little
 
 GREY = (165, 165, 165)  # of no data, by hand
 
@@ -58,6 +59,31 @@ def test_discs_have_the_colours_of_the_page_and_promise_nothing_that_is_only_pre
     assert np.abs(drawn - page).max() <= 4
     assert tuple(page[2]) == GREY
     assert tuple(page[0]) != GREY
+
+
+@pytest.mark.parametrize(
+    ("least", "low", "blue"), [(0.5, False, True), (0.5, True, False), (0.55, False, False)]
+)
+def test_discs_and_page_turn_at_the_limit_and_keep_the_colour_of_too_little(least, low, blue):
+    """52 % of thrust are left: more than 50 %, but within three points of it."""
+    analysis = flight()
+    use = np.full_like(analysis.utilisation, 0.48)
+    analysis = replace(analysis, utilisation=use, utilisation_error=np.zeros_like(use))
+    before = np.full(4, low)
+    row = ShownRow(analysis, 200, least=least, low=too_little(1.0 - use, least, before)[-1])
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        node = VehicleNode(server.scene, "/world", "1", analysis.model.airframe)
+        node.show(row)
+        discs: Any = server.scene.get_handle_by_name("/world/vehicle_1/discs")
+        drawn = seen_for(discs.batched_colors).astype(int)
+    finally:
+        server.stop()
+    papers = [one["paper"] for one in aircraft_figures(row, np.nan)["rotors"]]
+    page = np.array([[int(p[k : k + 2], 16) for k in (1, 3, 5)] for p in papers])
+    assert np.abs(drawn - page).max() <= 4
+    assert (page[:, 2] > page[:, 0]).all() == blue
+    assert row.calm == blue
 
 
 def test_where_places_are_not_known_no_number_ring_or_colour_is_at_one():

@@ -15,7 +15,7 @@ from thrustmargin.gcs_plugin.view.scene.shown_row import (
     row_at,
     wxyz_from_attitude,
 )
-from thrustmargin.gcs_plugin.wording.language import margin_or_beyond
+from thrustmargin.gcs_plugin.wording.thrust_left import left_words
 
 
 def turned(roll, pitch, yaw, vector):
@@ -99,15 +99,15 @@ def test_the_row_of_a_time_is_the_last_one_before_it():
 @pytest.mark.parametrize(
     ("margin", "over_rotor", "gauge"),
     [
-        (0.42, "1: 42%", "margin 42 %"),
-        (-0.003, "1: <0%", "beyond the ceiling"),
-        (-1.26, "1: <0%", "beyond the ceiling"),
-        (float("nan"), "1: ?", "margin unknown"),
+        (0.42, "1: 42%", "42 %"),
+        (-0.003, "1: <0%", "none"),
+        (-1.26, "1: <0%", "none"),
+        (float("nan"), "1: ?", "unknown"),
     ],
 )
 def test_a_margin_is_never_shown_as_a_negative_share(margin, over_rotor, gauge):
     assert rotor_label(0, margin) == over_rotor
-    assert margin_or_beyond(margin) == gauge
+    assert left_words(margin) == gauge
 
 
 def test_thrust_with_a_rotor_lost_has_an_interval_of_90_percent():
