@@ -375,9 +375,9 @@ def _ground(terrain: Terrain, latitude: Floats, longitude: Floats, item: int) ->
 
 def _places(plan: MissionPlan, steps: Sequence[Step], terrain: Terrain | None = None) -> Floats:
     """Return the places of S steps (S, 3), m NED about home; NaN where a step keeps the value
-    before.
+    before: all of it, or the place above which it changes its height.
     """
-    there = [step.place or (math.nan, math.nan, math.nan) for step in steps]
+    there = [(*(step.place or (math.nan, math.nan))[:2], step.height) for step in steps]
     degrees = np.array(there, dtype=np.float64).reshape(-1, 3)
     home = plan.home
     ground = home[2] if math.isfinite(home[2]) else 0.0
