@@ -255,7 +255,7 @@ def forecast(
     `pump_rule` is given for a plan that switches its pump.
 
         >>> plan = read_plan("sitl_logs/campaign/v4_m16_q2.5.tlog")
-        >>> forecast(plan, load_model(), 4.0).level.value
+        >>> forecast(plan, load_model(), 3.0).level.value
         'under'
     """
     stated = take_off if isinstance(take_off, TakeOff) else TakeOff(fill_kg=float(take_off))

@@ -2,8 +2,8 @@
 
 The angle loop demands the target's own rate plus a correction of the error of angle e: P e where
 it is small, beyond that sqrt(2 c (|e| - c/(2 P²))), the rate from which it can brake with c
-(ArduPilot, AC_AttitudeControl, sqrt_controller). The rate loop turns the error of rate, through a low pass,
-into an output u, and u into yaw acceleration:
+(ArduPilot, AC_AttitudeControl, sqrt_controller). The rate loop turns the error of rate, through a
+low pass, into an output u, and u into yaw acceleration:
 
     u = K f + I int f dt        d(rate)/dt = a u - d rate
 

@@ -50,7 +50,7 @@ def test_the_chart_shows_all_of_use_tank_and_battery(made):
     assert shown.keys() == {"yaxis", "yaxis2", "yaxis3"}
     low, high = shown["yaxis"] or (0.0, 0.0)
     assert low == 0.0
-    assert 96.0 < high < 140.0  # %, of a peak of 96
+    assert 78.0 < high < 120.0  # %, of a peak of 78
     low, high = shown["yaxis2"] or (0.0, 0.0)
     assert low == 0.0
     assert 3.0 < high < 4.0  # kg, of a fill of 3
