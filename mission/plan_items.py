@@ -79,6 +79,19 @@ class PlanItem:
             None if self.command not in PLACE_COMMANDS or here else (latitude, longitude, altitude)
         )
 
+    @property
+    def height(self) -> float:
+        """Return the altitude, m in `frame`, of an item that goes somewhere; NaN where it keeps
+        its height.
+
+        An item may give an altitude and no place: ground stations write take-offs so. Altitude 0
+        without a place is the height it is at, as ArduPilot reads it.
+        """
+        altitude = self.parameters[6]
+        if self.place is None and (altitude == 0.0 or self.frame not in HEIGHT_FRAMES):
+            return math.nan
+        return altitude if self.command in PLACE_COMMANDS else math.nan
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NotUnderstood:

@@ -110,6 +110,7 @@ class Step:
     pump: bool | None  # None: the plan has not switched it yet, so as it was before
     heading_deg: float | None  # that the plan orders; None: the vehicle's own rule
     wait_s: float = 0.0  # waited there once arrived
+    height: float = math.nan  # m of `frame` to go to; NaN: the height it is at then
     turns: float = 0.0  # circles flown there
     radius: float = 0.0  # m of these
 
@@ -215,6 +216,7 @@ class _Walk:
                 index=index,
                 kind=kind,
                 place=item.place,
+                height=item.height,
                 frame=item.frame,
                 speed=self.speed,
                 climb_speed=self.climb_speed,

@@ -66,6 +66,7 @@ ASSUMED: Mapping[str, str] = {
     "PX4 corners": "corners cut by ArduPilot's rule: that of PX4 is not modelled",
     "pump by speed": "the flow falls with the speed over ground in turns",
     "no forward flight": "drag and lift of forward flight are not known of this aircraft",
+    "nose ahead": "the nose points along the first leg at take-off: a turn there is not in it",
     "nose gives way": "the nose gains at most {0} °/s² in turns: the rotors give no more",
     "first part": "only {0} of {1} min are flown in detail: the rest as these",
     "alike": "{0} of {1} min are flown in detail: the rest is like them",

@@ -63,6 +63,7 @@ class LegProfile:
     length: float  # m
     pulse: Pulse
     cruise_s: float  # s between speeding up and braking
+    brakes: bool = True  # False: it ends at top speed
 
     @property
     def top_speed(self) -> float:
@@ -70,14 +71,14 @@ class LegProfile:
 
     @property
     def seconds(self) -> float:
-        return 2.0 * self.pulse.seconds + self.cruise_s
+        return (2.0 if self.brakes else 1.0) * self.pulse.seconds + self.cruise_s
 
     def at(self, time_s: Floats) -> tuple[Floats, Floats, Floats]:
         """Return distance m, speed m/s and acceleration m/s², each (N,), at times (N,) s after the
         leg starts.
         """
         pulse, remaining_s = self.pulse, self.seconds - time_s
-        first, last = time_s < pulse.seconds, remaining_s < pulse.seconds
+        first, last = time_s < pulse.seconds, (remaining_s < pulse.seconds) & self.brakes
         way, speed, gained = pulse.at(np.where(first, time_s, remaining_s))
         cruise_length = (time_s - pulse.seconds) * self.top_speed + pulse.length
         return (
@@ -89,24 +90,32 @@ class LegProfile:
 
 @lru_cache(maxsize=4096)
 def leg_profile(
-    length: float, speed: float, acceleration: float, jerk: float, snap: float
+    length: float,
+    speed: float,
+    acceleration: float,
+    jerk: float,
+    snap: float,
+    *,
+    brakes: bool = True,
 ) -> LegProfile:
     """Return the motion along a leg of `length` m; its top speed is reduced where the leg is too
     short.
 
     Limits: `speed` m/s, `acceleration` m/s², `jerk` m/s³, `snap` m/s⁴. A reduced top speed is
-    rounded down to FINEST.
+    rounded down to FINEST. Without `brakes` the leg ends at its top speed.
     """
     low, high = 0.0, speed
-    if _pulse_seconds(speed, acceleration, jerk, snap) * speed > length:
+    pulses = 2.0 if brakes else 1.0  # each covers half of its time at top speed
+    room = 2.0 * length / pulses
+    if _pulse_seconds(speed, acceleration, jerk, snap) * speed > room:
         while high - low > 1e-3 * FINEST:
             middle = 0.5 * (low + high)
-            short = _pulse_seconds(middle, acceleration, jerk, snap) * middle > length
+            short = _pulse_seconds(middle, acceleration, jerk, snap) * middle > room
             low, high = (low, middle) if short else (middle, high)
         speed = max(math.floor(low / FINEST + 0.01) * FINEST, FINEST)
     pulse = speeding_up(speed, acceleration, jerk, snap)
-    rest = max(length - 2.0 * pulse.length, 0.0)
-    return LegProfile(length=length, pulse=pulse, cruise_s=rest / speed)
+    rest = max(length - pulses * pulse.length, 0.0)
+    return LegProfile(length=length, pulse=pulse, cruise_s=rest / speed, brakes=brakes)
 
 
 @lru_cache(maxsize=4096)

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+from thrustmargin.mission.forecast.yaw_response import YawLoop, yaw_authority
 from thrustmargin.mission.plan_check import parameter
+from thrustmargin.models.model.rotor_model import RotorModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,8 +38,9 @@ class FlightLimits:
     yaw_rate: float  # rad/s
     yaw_acceleration: float  # rad/s²
     yaw_time: float  # s in which a small error of heading is turned away
-    yaw_gain: float  # rad/s for a rad of error
+    yaw_loop: YawLoop  # by which the yaw follows its target
     nose_ahead: bool  # the nose follows the way flown
+    nose_home: bool  # also on the return
     sprays_by_speed: bool  # the pump's flow follows the speed over ground
     spray_speed: float = 0.0  # m/s below which the pump rests
     assumed: tuple[str, ...] = ()  # parameters that were not known
@@ -61,7 +64,10 @@ _ARDUPILOT: Mapping[str, tuple[str, float]] = {
     "yaw_rate_deg": ("ATC_RATE_Y_MAX", 0.0),
     "yaw_acceleration_deg": ("ATC_ACC_Y_MAX", 270.0),
     "yaw_time": ("ATC_INPUT_TC", 0.15),
-    "yaw_gain": ("ATC_ANG_YAW_P", 4.5),
+    "angle_gain": ("ATC_ANG_YAW_P", 4.5),
+    "rate_gain": ("ATC_RAT_YAW_P", 0.18),
+    "rate_integral": ("ATC_RAT_YAW_I", 0.018),
+    "rate_filter_hz": ("ATC_RAT_YAW_FLTE", 2.5),
     "yaw_behaviour": ("WP_YAW_BEHAVIOR", 2.0),
     "spray_cm_s": ("SPRAY_SPEED_MIN", 100.0),
 }
@@ -80,9 +86,11 @@ _PX4: Mapping[str, tuple[str, float]] = {
     "return_height": ("RTL_RETURN_ALT", 60.0),
     "yaw_rate_deg": ("MPC_YAWRAUTO_MAX", 60.0),
     "yaw_acceleration_deg": ("MPC_YAWRAUTO_ACC", 20.0),
-    "yaw_gain": ("MC_YAW_P", 2.8),
+    "angle_gain": ("MC_YAW_P", 2.8),
     "yaw_behaviour": ("MPC_YAW_MODE", 0.0),
 }
+#: rad/s² with which the angle loop brakes a yaw error, at least and at most (AC_AttitudeControl)
+LEAST_BRAKING, MOST_BRAKING = math.radians(10.0), math.radians(120.0)
 PX4_YAW_TIME = 0.25  # s, about what its attitude loop takes
 
 
@@ -100,11 +108,19 @@ def _values(
     return values, tuple(f"{name} {default:g}" for name, default in unknown)
 
 
-def flight_limits(parameters: Mapping[str, float], *, px4: bool = False) -> FlightLimits:
+def flight_limits(
+    parameters: Mapping[str, float], *, px4: bool = False, model: RotorModel | None = None
+) -> FlightLimits:
     """Return the limits of a vehicle with these parameters, by name; missing ones take their
     defaults.
+
+    `model` has the moment that its rotors have for yaw; None: unknown.
     """
-    return (_px4 if px4 else _ardupilot)(parameters)
+    limits = (_px4 if px4 else _ardupilot)(parameters)
+    if model is None:
+        return limits
+    authority, damping = yaw_authority(model)
+    return replace(limits, yaw_loop=replace(limits.yaw_loop, authority=authority, damping=damping))
 
 
 def _ardupilot(parameters: Mapping[str, float]) -> FlightLimits:
@@ -116,6 +132,12 @@ def _ardupilot(parameters: Mapping[str, float]) -> FlightLimits:
     spray = 0.01 * values.pop("spray_cm_s")
     turning = math.radians(values.pop("yaw_acceleration_deg"))
     values["corner_acceleration"] = values["corner_acceleration"] or 2.0 * values["acceleration"]
+    filtered = 2.0 * math.pi * values.pop("rate_filter_hz")  # 0 Hz is no filter
+    loop = YawLoop(
+        **{name: values.pop(name) for name in ("angle_gain", "rate_gain", "rate_integral")},
+        braking=min(max(0.5 * turning, LEAST_BRAKING), MOST_BRAKING),
+        rate_filter=filtered if filtered > 0.0 else math.inf,
+    )
     return FlightLimits(
         **values,
         spray_speed=spray,
@@ -124,7 +146,9 @@ def _ardupilot(parameters: Mapping[str, float]) -> FlightLimits:
         take_off_speed=values["climb_speed"],
         yaw_rate=min(slew, rate) if rate > 0.0 else slew,
         yaw_acceleration=turning,
+        yaw_loop=loop,
         nose_ahead=behaviour in (1.0, 2.0, 3.0),
+        nose_home=behaviour in (1.0, 3.0),
         sprays_by_speed=parameters.get("SPRAY_ENABLE", 1.0) > 0.0,
         assumed=assumed,
     )
@@ -133,6 +157,7 @@ def _ardupilot(parameters: Mapping[str, float]) -> FlightLimits:
 def _px4(parameters: Mapping[str, float]) -> FlightLimits:
     """Return the limits from PX4's parameters."""
     values, assumed = _values(_PX4, parameters)
+    loop = YawLoop(angle_gain=values.pop("angle_gain"))
     behaviour = values.pop("yaw_behaviour")
     rate, turning = (
         math.radians(values.pop(name)) for name in ("yaw_rate_deg", "yaw_acceleration_deg")
@@ -144,7 +169,9 @@ def _px4(parameters: Mapping[str, float]) -> FlightLimits:
         yaw_rate=rate,
         yaw_acceleration=turning,
         yaw_time=PX4_YAW_TIME,
+        yaw_loop=loop,
         nose_ahead=behaviour in (0.0, 3.0),
+        nose_home=behaviour in (0.0, 3.0),
         sprays_by_speed=False,
         assumed=assumed,
     )

@@ -64,8 +64,8 @@ Assumption = Literal[
     "sea level", "no flow", "pump rate", "straight splines", "circles as waits",
     "efficiency", "level ground", "PX4 corners", "pump by speed",
     "no forward flight", "extrapolated", "nose gives way", "first part", "alike", "aircraft",
-    "unlike", "hidden mass", "earlier battery", "pump always", "pump always stated", "pump lines",
-    "pump lines stated",
+    "nose ahead", "unlike", "hidden mass", "earlier battery", "pump always", "pump always stated",
+    "pump lines", "pump lines stated",
 ]  # fmt: skip
 
 
@@ -83,6 +83,7 @@ class TakeOff:
     pressure: float = math.nan  # Pa of the air there; NaN: the standard of the altitude
     wind: float = math.nan  # m/s
     wind_from_deg: float = math.nan  # NaN with wind: the worst of all directions
+    nose_deg: float = math.nan  # heading before take-off; NaN: along the first leg
     flow: float = math.nan  # kg/s at the speed of the line
     flow_per_metre: float = math.nan  # kg/m of line
     swath: float = math.nan  # m

@@ -255,13 +255,13 @@ def forecast(
     `pump_rule` is given for a plan that switches its pump.
 
         >>> plan = read_plan("sitl_logs/campaign/v4_m16_q2.5.tlog")
-        >>> forecast(plan, load_model(), 4.0).level.value
+        >>> forecast(plan, load_model(), 3.0).level.value
         'under'
     """
     stated = take_off if isinstance(take_off, TakeOff) else TakeOff(fill_kg=float(take_off))
     known = {} if parameters is None else parameters
     px4 = plan.firmware == FIRMWARE_PX4
-    limits = flight_limits(known, px4=px4)
+    limits = flight_limits(known, px4=px4, model=model)
     ordered = plan_steps(plan, pump or pump_output(known))
     for item, speed in speeds_of_nothing(ordered):
         raise PlanError(f"item {item} orders a speed of {speed:g} m/s; give it the speed to fly at")
@@ -284,6 +284,9 @@ def forecast(
         assumed["pump rate"] = (f"{craft.pump_max_flow_l_min:g}",)
     origin = Origin(latitude_deg=home[0], longitude_deg=home[1], altitude=altitude)
 
+    nose = math.radians(stated.nose_deg)
+    if not math.isfinite(nose) and limits.nose_ahead:
+        assumed["nose ahead"] = ()
     timed = timed_legs(legs)
     legs = legs[: _within(timed, FIRST_S, WHOLE_S)]
     _refuse_endless(timed[: len(legs)])
@@ -294,11 +297,13 @@ def forecast(
         return fly_plan("the plan", way, model, given, origin=origin, renewed=renewed)
 
     if day.wind.value > 0.0 and not math.isfinite(stated.wind_from_deg):
-        first = course(legs[: _within(timed, WIND_TRIED_S, 1.5 * WIND_TRIED_S)], limits)
+        tried = legs[: _within(timed, WIND_TRIED_S, 1.5 * WIND_TRIED_S)]
+        first = course(tried, limits, start_yaw=nose)
         given = _worst_wind(given, day.wind.value, model, lambda g: fly(first, g))
         assumed["worst wind"] = (f"{wind_from_deg(given):.0f}",)
+    course_by = partial(course, legs, start_yaw=nose)
     once = with_slower_yaw(
-        fly(course(legs, limits), given), model, partial(course, legs), lambda way: fly(way, given)
+        fly(course_by(limits), given), model, course_by, lambda way: fly(way, given)
     )
     if once.course.limits.yaw_acceleration < limits.yaw_acceleration:
         limits = once.course.limits
@@ -324,7 +329,7 @@ def forecast(
         windy=given.wind_ned != STILL,
         longest_s=UNLIKE_S,
     )
-    way = once.course if len(timed) == len(legs) else course(parts.legs, limits)
+    way = once.course if len(timed) == len(legs) else course(parts.legs, limits, start_yaw=nose)
     flight = fly(way, given, parts.renewed) if len(timed) > len(legs) or parts.renewed else once
     back = energy_back(flight, limits, model, given.wind_ned)
     if len(legs) < len(timed):

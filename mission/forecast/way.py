@@ -20,7 +20,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from itertools import accumulate, pairwise
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -30,11 +30,12 @@ from numpy.typing import NDArray
 
 from thrustmargin.mission.forecast.leg_profile import LegProfile, Pulse, leg_profile
 from thrustmargin.mission.forecast.limits import FlightLimits
+from thrustmargin.mission.forecast.yaw_response import followed_yaw
 from thrustmargin.mission.plan_items import FRAME_ABOVE_GROUND, FRAME_AMSL, MissionPlan
 from thrustmargin.mission.steps import PlanSteps, Step
 from thrustmargin.mission.terrain import Terrain
 from thrustmargin.models.errors import PlanError
-from thrustmargin.models.flight import Floats
+from thrustmargin.models.flight import Bools, Floats
 
 SpanKind = Literal["leg", "turn", "climb", "wait"]
 STEP = 0.1  # s between rows
@@ -67,8 +68,11 @@ class Course:
     spans: tuple[Span, ...]
 
 
-def course(legs: Sequence[WayLeg], limits: FlightLimits) -> Course:
-    """Compute the course along `legs`, from the ground to the end of the last leg."""
+def course(legs: Sequence[WayLeg], limits: FlightLimits, *, start_yaw: float = math.nan) -> Course:
+    """Compute the course along `legs`, from the ground to the end of the last leg.
+
+    `start_yaw` is the heading before take-off, rad; NaN: that of the first level leg.
+    """
     timed = timed_legs(legs)
     end = timed[-1].end_s + legs[-1].wait_s
     time_s = np.linspace(0.0, end, max(math.ceil(end / STEP), 2) + 1)
@@ -76,10 +80,11 @@ def course(legs: Sequence[WayLeg], limits: FlightLimits) -> Course:
     active = np.searchsorted([t.active_s for t in timed], time_s, side="right") - 1
     active = np.maximum(active, 0)
     ordered = np.array([np.nan if t.leg.heading is None else t.leg.heading for t in timed])[active]
+    held = np.array([t.leg.holds_nose for t in timed], dtype=np.bool_)[active]
     first = next((x.vector for x in legs if not x.vertical), legs[0].vector)
-    start = float(np.arctan2(first[1], first[0]))
-    target_yaw, off = heading(time_s, velocity, gained, ordered, limits, start)
-    yaw = lagged_yaw(time_s, target_yaw, limits)
+    start = start_yaw if math.isfinite(start_yaw) else float(np.arctan2(first[1], first[0]))
+    target_yaw, off = heading(time_s, velocity, gained, ordered, limits, start, held=held)
+    yaw = followed_yaw(time_s, target_yaw, limits.yaw_loop)
     return Course(
         legs=timed,
         limits=limits,
@@ -149,14 +154,17 @@ def heading(
     ordered: Floats,
     limits: FlightLimits,
     start: float,
+    *,
+    held: Bools | None = None,
 ) -> tuple[Floats, Floats]:
     """Compute the target yaw (T,), rad and unwrapped, and the yaw still to turn (T,), rad.
 
     The target moves with `velocity_ned` m/s and `gained_ned` m/s², both (T, 3). `ordered` (T,) rad
     is the heading that the plan orders, NaN where it orders none. `start` is the first heading,
-    rad.
+    rad. In rows `held` (T,) the nose does not follow the way; None: in no row.
     """
-    headings, turning = _wanted_headings(velocity_ned, gained_ned, ordered, limits, start)
+    held = np.zeros(time_s.size, dtype=np.bool_) if held is None else held
+    headings, turning = _wanted_headings(velocity_ned, gained_ned, ordered, held, limits, start)
     yaw = np.empty_like(time_s)
     angle, rate = start, 0.0
     most, gain = limits.yaw_rate, limits.yaw_acceleration
@@ -183,31 +191,20 @@ def heading(
     return yaw, headings - yaw
 
 
-def lagged_yaw(time_s: Floats, target: Floats, limits: FlightLimits) -> Floats:
-    """Compute the aircraft's yaw (T,), rad, for a target yaw (T,), rad.
-
-    It lags the target by the time constant of the yaw angle loop, 1/`yaw_gain`. `time_s` must be
-    evenly spaced.
-    """
-    steps = limits.yaw_gain * float(time_s[1] - time_s[0])
-    keep = math.exp(-steps)
-    decayed = 1.0 - keep
-    # Between rows the target is a straight line, so that this is exact.
-    added = decayed * target[:-1] + (1.0 - decayed / steps) * np.diff(target)
-    way = accumulate(
-        added.tolist(), lambda angle, more: keep * angle + more, initial=float(target[0])
-    )
-    return np.fromiter(way, dtype=np.float64, count=target.size)
-
-
 def _wanted_headings(
-    velocity: Floats, gained: Floats, ordered: Floats, limits: FlightLimits, start: float
+    velocity: Floats,
+    gained: Floats,
+    ordered: Floats,
+    held: Bools,
+    limits: FlightLimits,
+    start: float,
 ) -> tuple[Floats, Floats]:
     """Compute the heading demanded (T,), rad and unwrapped, and its rate (T,), rad/s."""
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     way = np.arctan2(velocity[:, 1], velocity[:, 0])
     free = np.isnan(ordered)
-    known = np.where(free, (speed > SLOW * limits.speed) & limits.nose_ahead, True)
+    follows = (speed > SLOW * limits.speed) & limits.nose_ahead & ~held
+    known = np.where(free, follows, True)
     goal = np.where(free, way, ordered)
     last = np.maximum.accumulate(np.where(known, np.arange(speed.size), -1))
     goal = np.where(last >= 0, goal[np.maximum(last, 0)], start)
@@ -268,11 +265,12 @@ class _Way:
             )
 
     def land(self, step: Step) -> None:
+        """Append the descent to the ground, which slows down once and is ended by the ground."""
         limits = self.limits
         if -self.at[2] > limits.land_below:
-            self.to(step, np.array([*self.at[:2], -limits.land_below]), stops=True)
+            self.to(step, np.array([*self.at[:2], -limits.land_below]), stops=False)
         slow = replace(step, descent_speed=limits.land_speed)
-        self.to(slow, np.array([*self.at[:2], 0.0]), stops=True)
+        self.to(slow, np.array([*self.at[:2], 0.0]), stops=True, touches_down=True)
 
 
 #: m by which straight legs over the ground may be off its height.
@@ -313,7 +311,8 @@ def plan_legs(
             distance = float(np.hypot(*way.at[:2]))
             up = max(-way.at[2], min(limits.return_height, CONE * distance))
             way.lift(step, up)
-            way.to(step, np.array([0.0, 0.0, -up]), speed=speed, stops=True)
+            home = np.array([0.0, 0.0, -up])
+            way.to(step, home, speed=speed, stops=True, holds_nose=not limits.nose_home)
             way.wait(RETURN_WAIT_S)
             way.land(step)
         elif step.kind == "wait":
@@ -377,9 +376,9 @@ def _ground(terrain: Terrain, latitude: Floats, longitude: Floats, item: int) ->
 
 def _places(plan: MissionPlan, steps: Sequence[Step], terrain: Terrain | None = None) -> Floats:
     """Return the places of S steps (S, 3), m NED about home; NaN where a step keeps the value
-    before.
+    before: all of it, or the place above which it changes its height.
     """
-    there = [step.place or (math.nan, math.nan, math.nan) for step in steps]
+    there = [(*(step.place or (math.nan, math.nan))[:2], step.height) for step in steps]
     degrees = np.array(there, dtype=np.float64).reshape(-1, 3)
     home = plan.home
     ground = home[2] if math.isfinite(home[2]) else 0.0
@@ -435,6 +434,8 @@ class WayLeg:
     wait_s: float = 0.0  # there
     pump: bool = False
     heading: float | None = None  # rad that the plan orders
+    holds_nose: bool = False  # the nose does not follow this leg
+    touches_down: bool = False  # at its end it is still moving: the ground stops it
 
     @cached_property
     def vector(self) -> Floats:
@@ -457,6 +458,7 @@ class WayLeg:
             self.acceleration,
             self.jerk,
             self.snap,
+            brakes=not self.touches_down,
         )
 
 
@@ -487,6 +489,8 @@ def way_leg(
     wait_s: float = 0.0,
     pump: bool = False,
     heading: float | None = None,
+    holds_nose: bool = False,
+    touches_down: bool = False,
 ) -> WayLeg | None:
     """Return a leg within the limits of the vehicle; None where its length is next to nothing."""
     north, east, down = (end_ned - start_ned).tolist()
@@ -516,6 +520,8 @@ def way_leg(
         wait_s=wait_s,
         pump=pump,
         heading=heading,
+        holds_nose=holds_nose,
+        touches_down=touches_down,
     )
 
 

@@ -20,6 +20,7 @@ from thrustmargin.mission.plan_tracking.stretches import (
     conditions_before_take_off,
     flown_way,
     stretch_ends,
+    yaw_before,
 )
 from thrustmargin.mission.steps import plan_steps, pump_output
 from thrustmargin.models.model.analysis import FlightAnalysis
@@ -47,12 +48,15 @@ def flown_mission(
     way, day = flown_way(analysis, plan.home), shown_day(analysis)
     if not way.time_s.size:
         return None
-    limits = flight_limits(parameters, px4=plan.firmware == FIRMWARE_PX4)
+    px4 = plan.firmware == FIRMWARE_PX4
+    limits = flight_limits(parameters, px4=px4, model=model)
     legs = plan_legs(plan, plan_steps(plan, pump_output(parameters)), limits)
     # Of a plan for many batteries only the part is forecast that one flight can have flown.
     longest_s = LONGER * float(way.time_s[-1] - way.time_s[0]) + LATE_S
     count = max(sum(timed.end_s <= longest_s for timed in timed_legs(legs)), 1)
-    to_fly = PlanToFly(course=course(legs[:count], limits), model=model, home=plan.home)
+    nose = yaw_before(analysis.track)
+    way_planned = course(legs[:count], limits, start_yaw=nose)
+    to_fly = PlanToFly(course=way_planned, model=model, home=plan.home, start_yaw=nose)
     given = conditions_before_take_off(
         parameters, model.airframe, fill_kg=day.fill_kg, altitude=plan.home[2]
     )

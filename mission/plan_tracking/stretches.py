@@ -49,20 +49,29 @@ class PlanToFly:
     course: Course  # by the limits of the vehicle
     model: RotorModel
     home: tuple[float, float, float]
+    start_yaw: float = math.nan  # rad, the heading before take-off; NaN unknown
 
     @classmethod
     def from_plan(
-        cls, plan: MissionPlan, parameters: Mapping[str, float], model: RotorModel
+        cls,
+        plan: MissionPlan,
+        parameters: Mapping[str, float],
+        model: RotorModel,
+        *,
+        start_yaw: float = math.nan,
     ) -> PlanToFly:
         """Return the plan with its course in time, by the vehicle's `parameters`, and the model to
         simulate it.
 
-        Raise PlanError if the plan flies nowhere.
+        `start_yaw` is the heading before take-off, rad; NaN unknown. Raise PlanError if the plan
+        flies nowhere.
         """
-        limits = flight_limits(parameters, px4=plan.firmware == FIRMWARE_PX4)
+        px4 = plan.firmware == FIRMWARE_PX4
+        limits = flight_limits(parameters, px4=px4, model=model)
         steps = plan_steps(plan, pump_output(parameters))
         legs = plan_legs(plan, pumped_by_airframe(plan, steps, model.airframe), limits)
-        return cls(course=course(legs, limits), model=model, home=plan.home)
+        way = course(legs, limits, start_yaw=start_yaw)
+        return cls(course=way, model=model, home=plan.home, start_yaw=start_yaw)
 
     def fly(self, given: PlanConditions) -> tuple[PlanFlight, FlightAnalysis]:
         """Simulate the planned flight and return it with its analysis."""
@@ -71,7 +80,8 @@ class PlanToFly:
             return fly_plan("the plan", way, self.model, given)
 
         legs = [timed.leg for timed in self.course.legs]
-        flight = with_slower_yaw(fly(self.course), self.model, partial(course, legs), fly)
+        by_limits = partial(course, legs, start_yaw=self.start_yaw)
+        flight = with_slower_yaw(fly(self.course), self.model, by_limits, fly)
         return flight, analyse(flight.track, self.model, flight.density, claim=PLANNED)
 
     def compare(self, given: PlanConditions, flown: FlownWay, *, over_s: float = 0.0) -> Beside:
@@ -214,6 +224,13 @@ def shift(track: FlightTrack, home: tuple[float, float, float]) -> Floats:
     return np.array([float(north), float(east), 0.0])
 
 
+def yaw_before(track: FlightTrack) -> float:
+    """Return the heading, rad, at the first row off the ground that reports one; NaN without."""
+    yaw = track.attitude[track.flying, 2]
+    known = yaw[np.isfinite(yaw)]
+    return float(known[0]) if known.size else math.nan
+
+
 def stretch_ends(flight: PlanFlight, flown: FlownWay, *, over_s: float = 0.0) -> tuple[int, ...]:
     """Return the rows of `flown` at the ends of the forecast's spans, up to where the flight left
     the plan.
@@ -255,9 +272,10 @@ def beside(
             stretches=(), left_at=flight.course.spans[0].item if flight.course.spans else None
         )
     ends = stretch_ends(flight, flown, over_s=over_s)
-    use, reach = worst_use(forecast, slice(None))
+    _, reach = worst_use(forecast, slice(None))
     planned = _Planned(
-        utilisation=use,
+        # Smoothed like the flown one: of a peak both are half-second means.
+        utilisation=worst_smoothed(flight.track.time_s, forecast.utilisation_predicted),
         reach=reach,
         speed=np.hypot(flight.track.velocity_ned[:, 0], flight.track.velocity_ned[:, 1]),
     )

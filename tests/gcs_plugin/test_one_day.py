@@ -151,4 +151,5 @@ def test_the_default_of_all_commands_is_one(tmp_path, capsys):
         assert made["day"][key] == asked["day"][key], key
     assert asked["day"]["air_temperature_c"] == {"value": 30.0, "source": "default"}
     assert math.isclose(asked["recommended"]["fill_kg"], 5.1)
-    assert 0.0 <= asked["recommended"]["fill_kg"] - made["fill_kg"] < 1.0
+    # Its turns, by the autopilot's defaults, take the rest.
+    assert 0.0 <= asked["recommended"]["fill_kg"] - made["fill_kg"] < 2.5

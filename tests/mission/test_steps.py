@@ -1,5 +1,6 @@
 """What a vehicle does along a plan: orders hold, jumps are followed, the rest is named."""
 
+import math
 import time
 from dataclasses import replace
 
@@ -172,3 +173,19 @@ def test_a_switch_is_understood_as_what_it_was_made_for(pump):
     found = plan_steps(replace(plan_of((22,)), items=items), pump)
     assert [s.pump for s in found.steps] == [True, False]
     assert found.not_understood == ()
+
+
+@pytest.mark.parametrize(
+    ("row", "height"),
+    [
+        ((22, (0.0, 0.0, 7.0)), 7.0),
+        ((22, (math.nan, math.nan, 7.0)), 7.0),
+        ((16, (0.0, 0.0, 9.0)), 9.0),
+        ((16, (0.0, 0.0, 0.0)), math.nan),  # stays as high as it is
+        ((20, (0.0, 0.0, 7.0)), math.nan),  # a return has none of its own
+    ],
+)
+def test_a_height_may_be_given_without_a_place(row, height):
+    (step,) = plan_steps(plan_of(row)).steps
+    assert step.place is None
+    assert step.height == pytest.approx(height, nan_ok=True)

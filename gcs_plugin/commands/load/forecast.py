@@ -235,6 +235,7 @@ def forecast(
         plan_forecast.TakeOff(
             fill_kg=kg,
             wind_from_deg=windward,
+            nose_deg=before.nose_deg,
             flow=_or_nan(flow) * liquid / 60.0,
             flow_per_metre=_or_nan(rate) * liquid * _or_nan(swath) / 1e4,
             swath=_or_nan(swath),
@@ -366,6 +367,7 @@ class _FlightBefore:
     caveats: tuple[Caveat, ...] = ()
     day: Day | None = None  # its air and its battery before it took off, and its wind
     wind_from_deg: float = math.nan  # where that wind came from
+    nose_deg: float = math.nan  # its heading before it took off
     beyond_gauge_kg: float = 0.0  # that hover thrust showed beyond the reported load
     #: Where it lifted off: degrees, degrees, m AMSL; None where the log does not say.
     lift_off: tuple[float, float, float] | None = None
@@ -378,6 +380,7 @@ def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
     from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
     from thrustmargin.gcs_plugin.commands.shared.known import flight_key
     from thrustmargin.gcs_plugin.logs.log_answer import answer_log
+    from thrustmargin.mission.plan_tracking.stretches import yaw_before
     from thrustmargin.models.model.analysis import analyse
     from thrustmargin.models.model.flight_day import day_before_take_off, flight_wind
     from thrustmargin.models.model.flight_power import flight_power
@@ -400,6 +403,7 @@ def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
         caveats=advice.caveats,
         day=replace(day_before_take_off(answer.whole), wind=wind),
         wind_from_deg=from_deg,
+        nose_deg=math.degrees(yaw_before(log.track)),
         beyond_gauge_kg=advice.fill.beyond_gauge_kg,
         lift_off=_lift_off(log.track),
         power=None if advice.withheld or advice.faults else flight_power(analysis, flight_key(log)),

@@ -32,6 +32,7 @@ from thrustmargin.mission.plan_tracking.stretches import (
     PlanToFly,
     conditions_before_take_off,
     flown_way,
+    yaw_before,
 )
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
@@ -229,7 +230,7 @@ def plan_beside(
     model = analysis.model
     if measured is not None:
         model = replace(model, power=power_law([measured]))
-    to_fly = PlanToFly.from_plan(plan, log.parameters, model)
+    to_fly = PlanToFly.from_plan(plan, log.parameters, model, start_yaw=yaw_before(log.track))
     way = flown_way(analysis, plan.home)
     found = shown_day(analysis)
     origin = log.track.origin

@@ -36,3 +36,14 @@ def test_jerk_that_must_be_gained_takes_longer():
     """4 m/s at 1.5 m/s² with jerk 1 m/s³ and ramps of 0.5 s: 4/1.5 + 1.5/1 + 0.5 s."""
     made = leg_profile(200.0, 4.0, 1.5, 1.0, np.pi)
     assert made.pulse.seconds == pytest.approx(4.0 / 1.5 + 1.5 + 0.5, rel=1e-6)
+
+
+def test_a_leg_that_does_not_brake_ends_at_its_speed():
+    """10 m at 0.5 m/s with 1 m/s²: 0.5 s to gain it, over 0.125 m, and the rest at 0.5 m/s."""
+    made = leg_profile(10.0, 0.5, 1.0, 1e4, 1e9, brakes=False)
+    assert made.seconds == pytest.approx(0.5 + (10.0 - 0.125) / 0.5, rel=1e-3)
+    way, speed, _ = made.at(np.array([made.seconds - 1e-6]))
+    assert way[0] == pytest.approx(10.0, abs=1e-3)
+    assert speed[0] == pytest.approx(0.5)
+    short = leg_profile(0.02, 0.5, 1.0, 1e4, 1e9, brakes=False)
+    assert short.top_speed == pytest.approx(0.2, abs=0.011)

@@ -43,3 +43,10 @@ def test_px4_has_its_own_names():
 def test_a_nose_that_is_told_to_stay_does_not_follow():
     assert flight_limits({}).nose_ahead
     assert not flight_limits({"WP_YAW_BEHAVIOR": 0.0}).nose_ahead
+
+
+def test_on_the_return_only_some_noses_follow():
+    """WP_YAW_BEHAVIOR 2, the default, is "next waypoint except on the return"."""
+    assert not flight_limits({}).nose_home
+    assert flight_limits({"WP_YAW_BEHAVIOR": 1.0}).nose_home
+    assert flight_limits({"WP_YAW_BEHAVIOR": 3.0}).nose_home

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.mission.forecast.limits import flight_limits
-from thrustmargin.mission.forecast.way import heading, lagged_yaw
+from thrustmargin.mission.forecast.way import heading
 
 LIMITS = replace(
     flight_limits({"WP_SPD": 4.0}), yaw_rate=math.radians(45.0), yaw_acceleration=math.radians(25.0)
@@ -68,15 +68,3 @@ def test_what_the_plan_orders_comes_first():
         TIME, velocity, 0.0 * velocity, np.full(TIME.size, math.radians(30.0)), LIMITS, 0.0
     )
     assert np.degrees(yaw[-1]) == pytest.approx(30.0, abs=0.1)
-
-
-def test_the_aircraft_is_behind_its_target_by_the_time_of_its_loop_of_angle():
-    """With ATC_ANG_YAW_P 2 half a second: of a step 63 % by then, 95 % after three times that, and
-    of a steady turn of 10 °/s it is 5° behind."""
-    limits = flight_limits({"ATC_ANG_YAW_P": 2.0})
-    step = lagged_yaw(TIME, np.where(TIME < 1.95, 30.0, 90.0), limits)
-    assert step[0] == 30.0
-    assert np.interp(2.45, TIME, step) == pytest.approx(30.0 + 0.632 * 60.0, abs=1.5)
-    assert np.interp(3.45, TIME, step) == pytest.approx(30.0 + 0.950 * 60.0, abs=0.5)
-    turn = lagged_yaw(TIME, 10.0 * TIME, limits)
-    assert 10.0 * TIME[-1] - turn[-1] == pytest.approx(5.0, abs=0.01)

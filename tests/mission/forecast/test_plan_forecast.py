@@ -154,7 +154,9 @@ def test_a_climb_is_a_climb():
 
 def test_a_nose_that_asks_for_more_than_the_rotors_have_gives_way():
     """270 °/s² is ArduPilot's default, and no sprayer has the moment for it."""
-    made = forecast(plan_of(*TWO_LINES), MODEL, replace(DAY, fill_kg=12.0, altitude=1800.0))
+    strong = {"ATC_RAT_YAW_P": 1.5}  # asks for it at once
+    heavy = replace(DAY, fill_kg=12.0, altitude=1800.0)
+    made = forecast(plan_of(*TWO_LINES), MODEL, heavy, parameters=strong)
     assert made.weakest is not None
     assert made.weakest.utilisation <= 1.0
     assert made.limits.yaw_acceleration < math.radians(200.0)

@@ -6,8 +6,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from tests.mission.plans_made import FIRST, SECOND, plan_of, spot
 from thrustmargin.mission.forecast.limits import flight_limits
-from thrustmargin.mission.forecast.way import target, timed_legs, way_leg
+from thrustmargin.mission.forecast.way import course, plan_legs, target, timed_legs, way_leg
+from thrustmargin.mission.steps import plan_steps
 
 LIMITS = flight_limits({"WP_SPD": 4.0, "WP_ACC": 1.5, "WP_RADIUS_M": 1.0, "ATC_INPUT_TC": 0.25})
 CORNERS = np.array([[0.0, 0.0, -3.0], [60.0, 0.0, -3.0], [60.0, 40.0, -3.0]])
@@ -79,3 +81,55 @@ def test_climb_and_descent_have_speeds_of_their_own(up, most):
 
 def test_a_leg_to_where_it_is_is_none():
     assert way_leg(LIMITS, 1, CORNERS[0], CORNERS[0]) is None
+
+
+def legs_of(*rows, **parameters):
+    limits = flight_limits({"RTL_ALT_M": 30.0, **parameters})
+    plan = plan_of(*rows)
+    return plan_legs(plan, plan_steps(plan), limits), limits
+
+
+def test_a_take_off_without_a_place_climbs_to_its_own_height():
+    """Ground stations write latitude and longitude 0 there; the return is at 30 m."""
+    (up, along, *_), _ = legs_of((22, (0.0, 0.0, 7.0)), (16, spot(FIRST, 11.0, 7.0)), (20,))
+    assert up.end_ned == pytest.approx([0.0, 0.0, -7.0])
+    assert along.vector[2] == pytest.approx(0.0)
+
+
+def test_a_place_without_degrees_is_a_change_of_height():
+    legs, _ = legs_of((22, (0.0, 0.0, 7.0)), (16, spot(FIRST, 11.0, 7.0)), (16, (0.0, 0.0, 9.0)))
+    assert legs[-1].vector == pytest.approx([0.0, 0.0, -2.0])
+    stays, _ = legs_of((22, (0.0, 0.0, 7.0)), (16, spot(FIRST, 11.0, 7.0)), (16, (0.0, 0.0, 0.0)))
+    assert len(stays) == 2
+
+
+def test_a_landing_slows_down_once_and_meets_the_ground_moving():
+    """From 30 m at 1.5 m/s, from 10 m on at 0.5 m/s: nowhere does it stop between."""
+    legs, _ = legs_of((22, (0.0, 0.0, 30.0)), (20,), WP_ACC_Z=1.0)
+    timed = timed_legs(legs)
+    time_s = np.arange(0.0, timed[-1].end_s, 0.02)
+    place, speed, _ = target(timed, time_s)
+    down = speed[:, 2]
+    landing = time_s > timed[-2].start_s + 2.0
+    assert down[landing].min() > 0.3
+    assert down[-1] == pytest.approx(0.5, abs=0.01)
+    assert abs(place[-1, 2]) < 0.05
+    # 20 m at 1.5 and 10 m at 0.5 m/s, and 1 s for each of the two changes of speed.
+    took = time_s[-1] - timed[-2].start_s
+    assert took == pytest.approx(20.0 / 1.5 + 10.0 / 0.5 + 1.5, abs=1.0)
+
+
+@pytest.mark.parametrize(("behaviour", "turned"), [(1.0, 180.0), (2.0, 0.0)])
+def test_on_the_return_the_nose_stays_or_turns_as_the_vehicle_is_set(behaviour, turned):
+    legs, limits = legs_of(
+        (22, (0.0, 0.0, 30.0)), (16, spot(SECOND, 11.0, 30.0)), (20,), WP_YAW_BEHAVIOR=behaviour
+    )
+    assert abs(np.degrees(course(legs, limits).yaw[-1])) == pytest.approx(turned, abs=1.0)
+
+
+def test_the_first_turn_is_from_the_heading_before_take_off():
+    legs, limits = legs_of((22, (0.0, 0.0, 5.0)), (16, spot(SECOND, 11.0, 5.0)))
+    yaw = np.degrees(course(legs, limits, start_yaw=np.radians(90.0)).yaw)
+    assert yaw[0] == pytest.approx(90.0)
+    assert yaw[-1] == pytest.approx(0.0, abs=1.0)
+    assert np.abs(np.degrees(course(legs, limits).yaw)).max() < 0.1

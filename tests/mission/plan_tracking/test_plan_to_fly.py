@@ -20,7 +20,7 @@ from thrustmargin.models.model.model_file import shipped_model
 
 MODEL = shipped_model()
 PLAN = plan_of(*TWO_LINES)
-SHARP = {"ATC_ACCEL_Y_MAX": 2500.0, "ATC_RATE_Y_MAX": 45.0}
+SHARP = {"ATC_ACCEL_Y_MAX": 2500.0, "ATC_RATE_Y_MAX": 45.0, "ATC_RAT_YAW_P": 1.5}
 
 
 def test_where_the_rotors_have_no_moment_left_every_forecast_gives_up_yaw_alike():
