@@ -64,6 +64,8 @@ from thrustmargin.models.flight import (
 from thrustmargin.models.provenance import Provenance, Rejected, SourceKind
 
 SILENT = 2.0  # s without reports after which the next kind of report triggers the rows
+#: Channels of each motor's ESC besides its speed.
+ESC_CHANNELS = ("esc_voltage", "esc_current", "esc_temperature", "motor_temperature")
 KEPT = 8.0  # s of reports that rows may need: the longest age limit, and the falling tank's window
 
 
@@ -182,8 +184,14 @@ def flight_rows(
     for channel, found in (("rotor_speed_rpm", measured.signals), ("throttle", outputs)):
         channels[channel] = _columns(channel, found, clock_s, options.sampling)
         reported[channel] = [signal for signal in found if signal is not None]
+    for channel in ESC_CHANNELS:
+        found = motors.esc_readings(signals, channel)
+        if any(found):
+            channels[channel] = _columns(channel, found, clock_s, options.sampling)
+            reported[channel] = [signal for signal in found if signal is not None]
+            sources[channel] = motors.esc_source(found)
     if reported["rotor_speed_rpm"]:
-        sources["rotor_speed_rpm"] = motors.rotor_speed_source(measured.signals)
+        sources["rotor_speed_rpm"] = motors.esc_source(measured.signals)
     if reported["throttle"]:
         sources["throttle"] = motors.throttle_source(outputs, signals, parameters, before.sent)
     contact, held, flying_by = before.contact, before.held, FlyingBy.GIVEN

@@ -58,6 +58,9 @@ RULES: tuple[Rule, ...] = (
     Rule("ORGN", ("Lat", "Lng", "Alt"), "ekf_origin", _PLACE, index="Type", only=0),
     Rule("ESC", ("Volt",), "esc_voltage", "V", index="Instance"),
     Rule("ESC", ("Curr",), "esc_current", "A", index="Instance"),
+    # 0 °C is what an ESC without that sensor reports.
+    Rule("ESC", ("Temp",), "esc_temperature", "degC", index="Instance", unknown=(0,)),
+    Rule("ESC", ("MotTemp",), "motor_temperature", "degC", index="Instance", unknown=(0,)),
     Rule("ESC", ("RawRPM",), "esc_rpm", "rpm", index="Instance"),
     Rule("ESC", ("RPM",), "esc_rpm", "rpm", index="Instance", note=_SMOOTHED),
 )
