@@ -19,6 +19,7 @@ from thrustmargin.gcs_plugin.wording.advice_words import (
     misfit_words,
     misread_words,
 )
+from thrustmargin.gcs_plugin.wording.arm_words import arm_sentences
 from thrustmargin.gcs_plugin.wording.report_words import FirstContact
 from thrustmargin.models.model.advice import Advice, Advised, advise
 from thrustmargin.models.model.airframe_claim import AirframeClaim
@@ -64,6 +65,7 @@ def verdict_findings(advice: Advice) -> tuple[Finding, ...]:
         found.append(Finding("what to do", Severity.GRAVE, action(advice)))
     if advice.misread is not None:
         found.append(Finding("ESC speed", Severity.WARNING, misread_words(advice.misread)))
+    found += [Finding("arm", Severity.WARNING, words) for words in arm_sentences(advice.arms)]
     if Caveat.MODEL in advice.caveats:
         found.append(Finding("model", Severity.WARNING, misfit_words(advice)))
     if not found and not advice.withheld and Caveat.ROTORS_NOT_SOUGHT not in advice.caveats:

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
+from scipy.signal import lfilter
 
 from thrustmargin.models.flight import Bools, Floats
 
@@ -133,13 +134,10 @@ class _Blocks:
 
     def __init__(self, time_s: Floats, usable: Bools) -> None:
         """Cut the rows at times (T,), s, into blocks of at least FEWEST_ROWS usable rows."""
-        block = np.floor(time_s / BLOCK_S).astype(np.int64)
-        numbers, count = np.unique(block[usable], return_counts=True)
-        self._rows = [
-            np.flatnonzero(usable & (block == number))
-            for number, rows in zip(numbers, count, strict=True)
-            if rows >= FEWEST_ROWS
-        ]
+        rows = np.flatnonzero(usable)
+        block = np.floor(time_s[rows] / BLOCK_S).astype(np.int64)
+        parts = np.split(rows, np.flatnonzero(np.diff(block)) + 1)
+        self._rows = [part for part in parts if part.size >= FEWEST_ROWS]
 
     def mean(self, values: Floats) -> Floats:
         """Return the mean (B, R) of values (T, R) over the finite rows of each block.
@@ -246,20 +244,21 @@ def _heat(quantity: Quantity, one: ArmReadings, kelvin: Floats) -> ArmFigure | N
     First-order law: T' = g I² - (T - T_0)/tau, so T = T_0 + g h, with h the response of a lag of
     tau to I². One tau of HEAT_TIMES serves all arms. None where no arm rises by LEAST_RISE.
     """
-    time_s, seconds = one.time_s, np.diff(one.time_s, append=one.time_s[-1:])
-    square = np.nan_to_num(one.esc_current) ** 2
     rotors = kelvin.shape[1]
+    square = np.nan_to_num(one.esc_current) ** 2
+    grid = np.arange(one.time_s[0], one.time_s[-1] + 1.0) if one.time_s.size else np.zeros(1)
+    if grid.size < 2:
+        return None
+    even = np.stack([np.interp(grid, one.time_s, column) for column in square.T], axis=1)
     known = np.isfinite(kelvin)
     arms = [arm for arm in range(rotors) if known[:, arm].sum() > 100]
     if not arms or not np.isfinite(one.esc_current).any():
         return None
     least, best = math.inf, None
     for tau in HEAT_TIMES:
-        response = np.zeros_like(square)
-        fall = np.exp(-np.clip(seconds, 0.0, 10.0) / tau)
-        for row in range(1, time_s.size):
-            step = fall[row - 1]
-            response[row] = response[row - 1] * step + square[row - 1] * tau * (1.0 - step)
+        fall = math.exp(-1.0 / tau)
+        lagged = lfilter([0.0, tau * (1.0 - fall)], [1.0, -fall], even, axis=0)
+        response = np.stack([np.interp(one.time_s, grid, column) for column in lagged.T], axis=1)
         gain, error, squares = np.full((3, rotors), np.nan)
         for arm in arms:
             rows = known[:, arm]

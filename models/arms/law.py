@@ -43,8 +43,10 @@ USUAL_SCATTER: Mapping[Quantity, float] = MappingProxyType(
 )
 #: Standard deviation, as a share, of what moves all arms of a flight together.
 TOGETHER = 0.3
-#: Of a sound instrument the offset is zero, whatever earlier flights had.
+#: Of a sound instrument the offset is zero, whatever earlier flights had. Its scatter is a step of
+#: the reading, which is known as well as if ABSOLUTE_FREEDOM values had shown it.
 ABSOLUTE = frozenset({Quantity.OFFSET})
+ABSOLUTE_FREEDOM = 30.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,7 +114,7 @@ def _absolute(figure: ArmFigure) -> Departure:
         departure=np.array(figure.value) / figure.unit,
         covariance=usual**2 * np.eye(rotors),
         own=np.diag(_squares(figure)),
-        freedom=PRIOR_FLIGHTS,
+        freedom=ABSOLUTE_FREEDOM,
     )
 
 
