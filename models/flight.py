@@ -9,6 +9,7 @@ standard error in `standard_errors`, in the channel's own shape and unit.
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -241,7 +242,8 @@ class FlightTrack:
 
     def __repr__(self) -> str:
         silent = [name for name in TRACK_CHANNELS if not self.reports(name)]
-        without = f"\n  not reported: {', '.join(silent)}" if silent else ""
+        listed = textwrap.shorten(f"not reported: {', '.join(silent)}", 150, placeholder=" ...")
+        without = f"\n  {listed}" if silent else ""
         return (
             f"FlightTrack {self.name}: {self.time_s.size} rows of {self.rotor_count} rotors in "
             f"{self.duration:.1f} s{without}"

@@ -60,9 +60,9 @@ def learnt_flight(
             longitude_deg,
         )
         model = replace(model, state=state)
-    known = replace(aircraft, flights=tuple(one for one in aircraft.flights if one.flight != flight))
+    others = tuple(one for one in aircraft.flights if one.flight != flight)
     start = start_unix_s if np.isfinite(start_unix_s) else _after_last(aircraft)
-    model = replace(model, arms=known.arms_before(start) or model.arms)
+    model = replace(model, arms=replace(aircraft, flights=others).arms_before(start) or model.arms)
     analysis = analysis_for_verdict(analyse(track, model, claim=claim))
     advice = advise(analysis, limit=limit).advice
     offsets = None

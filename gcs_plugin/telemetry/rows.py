@@ -52,6 +52,7 @@ from thrustmargin.gcs_plugin.telemetry.tank_source import (
     tank_levels,
 )
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options, stated_channels
+from thrustmargin.gcs_plugin.telemetry.vibration import vibration_per_rev
 from thrustmargin.models.checks.held import HeldSoFar
 from thrustmargin.models.flight import (
     TRACK_CHANNELS,
@@ -190,6 +191,10 @@ def flight_rows(
             channels[channel] = _columns(channel, found, clock_s, options.sampling)
             reported[channel] = [signal for signal in found if signal is not None]
             sources[channel] = motors.esc_source(found)
+    shaken = [None] if live else vibration_per_rev(signals, measured.signals)
+    if found := [signal for signal in shaken if signal is not None]:
+        channels["vibration_per_rev"] = _columns("vibration_per_rev", shaken, clock_s, "linear")
+        reported["vibration_per_rev"], sources["vibration_per_rev"] = found, found[0].source
     if reported["rotor_speed_rpm"]:
         sources["rotor_speed_rpm"] = motors.esc_source(measured.signals)
     if reported["throttle"]:

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from thrustmargin.gcs_plugin.wording.actions import Action, at_desk, hands_on
 from thrustmargin.gcs_plugin.wording.language import percent, percent_within, say
-from thrustmargin.models.arms.causes import Cause
-from thrustmargin.models.arms.posterior import ArmAnswer, ArmFinding, PossibleCause
+from thrustmargin.models.checks.arms.causes import Cause
+from thrustmargin.models.checks.arms.posterior import ArmAnswer, ArmFinding, PossibleCause
 
 #: The part, as one of several that it may be.
 PARTS: Mapping[Cause, str] = {
@@ -65,8 +65,8 @@ LOOKS: Mapping[Cause, Action] = {
     Cause.LEAD: hands_on("lead", "right after landing, feel its lugs and connectors for heat"),
     Cause.IMBALANCE: hands_on("propeller", "balance its propeller and tighten the motor's screws"),
     Cause.SPEED_READING: at_desk("ESC", "check the pole count and telemetry of its ESC"),
-    Cause.CURRENT_READING: at_desk(
-        "ESC", "hover once with a clamp meter log on its lead, or compare with another ESC there"
+    Cause.CURRENT_READING: hands_on(
+        "ESC", "put another ESC on that arm for one flight: a wrong reading goes with the ESC"
     ),
     Cause.VOLTAGE_READING: at_desk(
         "ESC", "compare its voltage at rest with that of the battery; nothing flies worse by it"
@@ -81,7 +81,8 @@ LOOKS: Mapping[Cause, Action] = {
 
 
 def arm_sentence(finding: ArmFinding) -> str:
-    """Return what is wrong with an arm, with the interval, how sure, the other causes and a look."""
+    """Return what is wrong with an arm: interval, probability, other causes, and the look that
+    settles it."""
     first, *others = finding.causes
     words = say("arm {arm}: {what}", arm=finding.arm + 1, what=amount_words(first))
     sure = percent(min(finding.probability * first.probability, 0.99))

@@ -23,7 +23,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from thrustmargin.models.arms.posterior import ArmAnswer
+from thrustmargin.models.checks.arms.posterior import ArmAnswer
 from thrustmargin.models.checks.loss_of_control import (
     LossOfControl,
     before_loss,
@@ -252,7 +252,7 @@ def advise(
         fill, by_use, by_lost = unsound_fill(fill), by_use * NAN, by_lost * NAN
         lost = lost if lost.not_survivable_s > 0.0 else RotorLost(known_s=lost.known_s)
     arms = None
-    if not (planned or in_progress):
+    if not (planned or in_progress or analysis.withheld):
         arms = flight_arm_answer(analysis, [one.fault for one in faults], misread)
     battery = _battery(analysis)
     airborne_s = track.flying_s

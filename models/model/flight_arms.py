@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from thrustmargin.models.arms.causes import Cause
-from thrustmargin.models.arms.figures import ArmFigures, ArmReadings, arm_figures
-from thrustmargin.models.arms.law import ArmLaw
-from thrustmargin.models.arms.posterior import ArmAnswer, arm_answer
+from thrustmargin.models.checks.arms.causes import Cause
+from thrustmargin.models.checks.arms.figures import ArmFigures, ArmReadings, arm_figures
+from thrustmargin.models.checks.arms.law import ArmLaw
+from thrustmargin.models.checks.arms.posterior import ArmAnswer, arm_answer
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.fault_test import RotorFault
@@ -80,10 +80,28 @@ def flight_arm_answer(
     """
     model = analysis.model
     return arm_answer(
-        flight_arm_figures(analysis, flight=analysis.track.name),
+        [flight_arm_figures(analysis, flight=analysis.track.name)],
         model.arms,
         modes=mode_directions(model),
         given=_causes_left(faults, misread),
+    )
+
+
+def flights_arm_answer(
+    model: RotorModel, tracks: Sequence[FlightTrack], weak: Collection[int] = ()
+) -> ArmAnswer | None:
+    """Return what is wrong with which arms in several flights together; None without a flight.
+
+    `weak` are the rotors, from 0, that a search by speeds reports: either the propeller of each has
+    lost thrust, or its speed is misread.
+    """
+    if not tracks:
+        return None
+    return arm_answer(
+        [flight_arm_figures(analyse(track, model), flight=track.name) for track in tracks],
+        model.arms,
+        modes=mode_directions(model),
+        given=dict.fromkeys(weak, (Cause.PROPELLER, Cause.SPEED_READING)),
     )
 
 
@@ -96,11 +114,11 @@ def _causes_left(
     """
     left: dict[int, tuple[Cause, ...]] = {}
     for fault in faults:
-        if not fault.rotors and fault.kind == "propeller":
-            seen = fault.witnessed
-            left[fault.rotor] = (Cause.PROPELLER,) if seen else (Cause.PROPELLER, Cause.SPEED_READING)
-        elif not fault.rotors:
-            left[fault.rotor] = _OF_DRIVE
+        if fault.rotors:
+            continue
+        of_speed = () if fault.witnessed else (Cause.SPEED_READING,)
+        propeller = fault.kind == "propeller"
+        left[fault.rotor] = (Cause.PROPELLER, *of_speed) if propeller else _OF_DRIVE
     if misread is not None:
         left[misread.rotor] = (Cause.SPEED_READING,)
         if not misread.witnessed:

@@ -33,6 +33,8 @@ RULES: tuple[Rule, ...] = (
     Rule("RATE", ("R", "P", "Y"), "angular_rate_frd", "deg/s"),
     Rule("IMU", ("GyrX", "GyrY", "GyrZ"), "angular_rate_frd", "rad/s", index="I", only=0),
     Rule("IMU", ("AccX", "AccY", "AccZ"), "specific_force_frd", "m/s/s", index="I", only=0),
+    # Every sample of the sensor, where raw logging is on.
+    Rule("ACC", ("AccX", "AccY", "AccZ"), "fast_force_frd", "m/s/s", index="I", only=0),
     Rule("POS", ("Lat", "Lng", "Alt"), "geodetic", _PLACE),
     Rule("GPS", ("Lat", "Lng", "Alt"), "geodetic", _PLACE, index="I", only=0),
     Rule("XKF1", ("VN", "VE", "VD"), "velocity_ned", "m/s", index="C", only=0),

@@ -12,7 +12,6 @@ from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.logs.log_answer import LogAnswer, answer_log
 from thrustmargin.gcs_plugin.reports.margin import data, load
 from thrustmargin.gcs_plugin.reports.margin.accuracy import accuracy, model_use, trained_on
-from thrustmargin.gcs_plugin.reports.margin.arm_rows import arm_rows
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import rows_of
 from thrustmargin.gcs_plugin.reports.margin.moments import (
     airborne_use,
@@ -34,6 +33,7 @@ from thrustmargin.gcs_plugin.wording.report_words import (
     prediction_checked,
 )
 from thrustmargin.mission.field import sprayed_field
+from thrustmargin.models.checks.arms.answer_json import answer_json
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advice, Advised, FlightLevel
@@ -160,7 +160,7 @@ def advice_values(advice: Advice) -> dict[str, Any]:
         values[part] = {k: v for k, v in whole.items() if not isinstance(v, np.ndarray)}
     alone = advice.use.spent_alone
     values["use"]["spent_alone"] = None if alone is None else alone + 1
-    values["arms"] = arm_rows(advice.arms)
+    values["arms"] = answer_json(advice.arms)
     values["fill"]["kg"] = safe_kg(advice.fill)
     values["fill"]["day"] = day_json(advice.fill.day)
     values["fill"]["fresh_day"] = day_json(advice.fill.fresh_day)

@@ -1,7 +1,8 @@
 """Flights of an F16 whose arms have laws of their own, with one cause on one arm.
 
 The plant turns a duty cycle into speed, current, voltage and heat by a motor's equations; it shares
-no code with `models/arms`. Arms differ as parts of one make do, and flights by fill, air and wind.
+no code with `models/checks/arms`. Arms differ as parts of one make do, and flights by fill, air and
+wind.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ class Bad:
 def arm_flight(
     seed: int, day: int, bad: Bad | None = None, *, aircraft: int = 0, duration: float = 150.0
 ) -> FlightTrack:
-    """A flight of an aircraft (its parts are drawn by `aircraft`) on a day, with a cause or none."""
+    """A flight on a day, with a cause or none; `aircraft` is the seed of its parts."""
     parts = np.random.default_rng(1000 + aircraft)
     torque = 1.0 + 0.03 * parts.standard_normal(4)  # of each arm's power
     thrust = 1.0 + 0.01 * parts.standard_normal(4)
@@ -71,7 +72,6 @@ def arm_flight(
     coefficient = F16.thrust_coefficient * air * thrust
     power_of = 1.15e-7 * air * torque * by_day  # W/rpm³ at the shaft
     lead, amplitude = resistance.copy(), unbalanced.copy()
-    stage_heat, motor_heat = np.ones((2, 4))
     jumps = np.full(4, 0.002)
     share = {cause: np.zeros(4) for cause in CAUSES}
     if bad is not None:
@@ -97,16 +97,15 @@ def arm_flight(
     into_motor = WINDING * amps**2 + share["motor"] * shaft + 0.03 * shaft
     into_esc = STAGE * amps**2 + share["esc"] * shaft * 0.6 + 0.01 * shaft
     warm = 293.0 + 3.0 * rng.standard_normal()
-    hot_esc = warm + _lag(into_esc, 200.0) * 1.2 * stage_heat
-    hot_motor = warm + _lag(into_motor, 500.0) * 0.6 * motor_heat
-    said = speed * (1.0 + jumps * rng.standard_normal(speed.shape) / 1.0)
+    hot_esc = warm + _lag(into_esc, 200.0) * 1.2
+    hot_motor = warm + _lag(into_motor, 500.0) * 0.6
+    said = speed * (1.0 + jumps * rng.standard_normal(speed.shape))
     said = said * (1.0 + share["speed_reading"])
     said_amps = amps * (1.0 + share["current_reading"]) + 0.3 * rng.standard_normal(amps.shape)
     said_volts = at_esc * (1.0 + share["voltage_reading"]) + 0.03 * rng.standard_normal(amps.shape)
     grown = np.stack([1.0 + share[f"{part}_temperature_reading"] for part in ("esc", "motor")])
-    hot_esc, hot_motor = (
-        np.round(warm + (hot - warm) * more) for hot, more in zip((hot_esc, hot_motor), grown)
-    )
+    hot_esc = np.round(warm + (hot_esc - warm) * grown[0])
+    hot_motor = np.round(warm + (hot_motor - warm) * grown[1])
     shaken = amplitude * 9.80665 * (speed / 1900.0) ** 2
     shaken = shaken * np.abs(1.0 + 0.15 * rng.standard_normal(speed.shape))
     level = np.where(flying, -3.0, 0.0)

@@ -1,16 +1,17 @@
-"""The arms' answer of a flight as JSON: arms, causes and figures, counted from 1."""
+"""Write the arms' answer as values of JSON, with the arms counted from 1."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
-if TYPE_CHECKING:
-    from thrustmargin.gcs_plugin.reports.margin.data import JsonObject
-    from thrustmargin.models.arms.posterior import ArmAnswer
+from thrustmargin.models.checks.arms.posterior import ArmAnswer
 
 
-def arm_rows(answer: ArmAnswer | None) -> JsonObject | None:
-    """What the figures of the arms show, and from how many earlier flights; None without them."""
+def answer_json(answer: ArmAnswer | None) -> dict[str, Any] | None:
+    """Return an answer as a dict of JSON values; None without one.
+
+    Sizes are shares, as `causes` has them; `ci95` are the ends of their 95 % intervals.
+    """
     if answer is None:
         return None
     return {

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import NDArray
 
-from thrustmargin.models.arms.figures import ArmFigure, ArmFigures, Quantity
+from thrustmargin.models.checks.arms.figures import ArmFigures, Quantity
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.between_flights import PRIOR_FLIGHTS
@@ -25,9 +26,9 @@ from thrustmargin.models.physics.electric_power import POWER_SCATTER
 LEAST_FLIGHTS = 3
 #: Standard deviation between flights of one arm about the others, as a share, before any is seen.
 #: Power: that of the whole aircraft. Output: that from motor to motor of one make. Resistance and
-#: offset: one step, 0.1 V, of what most ESCs report, at 50 V. Thrust: trims of `rotor_faults`, a
-#: third. Heat: a reading of whole degrees in a rise of 7 K. Vibration: a hundredth of g, the noise of
-#: a mounted IMU. Jumps: 0.3 % of speed, the noise of an ESC's speed.
+#: offset: one step, 0.1 V, of what most ESCs report, at 50 V. Thrust: a third of the trims of
+#: `rotor_faults`. Heat: a reading of whole degrees in a rise of 7 K. Vibration: a hundredth of g,
+#: the noise of a mounted IMU. Jumps: 0.3 % of speed, the noise of an ESC's speed.
 USUAL_SCATTER: Mapping[Quantity, float] = MappingProxyType(
     {
         Quantity.THRUST: 0.03,
@@ -85,69 +86,100 @@ class Departure:
 
 
 def departures(
-    flight: ArmFigures, law: ArmLaw | None, modes: Floats | None = None
+    flights: Sequence[ArmFigures], law: ArmLaw | None, modes: Floats | None = None
 ) -> tuple[Departure, ...]:
-    """Return the departures of a flight's arms from `law`, the earlier flights of the aircraft.
+    """Return the departures of the arms in `flights`, as their mean, from the flights of `law`.
 
     `modes` (R, R) has the modes of the layout as columns of unit length: thrust is shared by modes,
     as the centre of gravity moves arms together. Quantities with fewer than LEAST_FLIGHTS earlier
     flights are left out, but for the offsets of instruments, which need none.
     """
+    named = {one.flight for one in flights}
+    earlier = [] if law is None else [one for one in law.flights if one.flight not in named]
     found = []
-    for figure in flight.figures:
-        earlier = [] if law is None else [one for one in law.flights if one.flight != flight.flight]
-        of = [(one.day, seen) for one in earlier if (seen := one.of(figure.quantity)) is not None]
-        absolute = figure.quantity in ABSOLUTE
-        if len(of) < LEAST_FLIGHTS and not absolute:
+    for quantity in Quantity:
+        new, old = _Group.of(flights, quantity), _Group.of(earlier, quantity)
+        if new is None:
             continue
-        used = modes if figure.quantity is Quantity.THRUST else None
-        found.append(_absolute(figure) if absolute else _departure(figure, of, used))
+        if quantity in ABSOLUTE:
+            found.append(_absolute(new))
+        elif old is not None and len(old.values) >= LEAST_FLIGHTS:
+            used = modes if quantity is Quantity.THRUST else None
+            found.append(_departure(new, old, used))
     return tuple(found)
 
 
-def _absolute(figure: ArmFigure) -> Departure:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Group:
+    """One quantity of F flights on D days."""
+
+    quantity: Quantity
+    unit: float  # median of the flights' units
+    values: Floats  # (F, R)
+    squared_errors: Floats  # (F, R) as shares; 0 where unknown
+    day: NDArray[np.int64]  # (F,) index of the flight's day
+    by_day: Floats  # (D, R) mean of each day's flights
+
+    @classmethod
+    def of(cls, flights: Sequence[ArmFigures], quantity: Quantity) -> _Group | None:
+        """Return the group; None where no flight shows the quantity."""
+        seen = [(one.day, found) for one in flights if (found := one.of(quantity)) is not None]
+        if not seen:
+            return None
+        unit = float(np.median([one.unit for _, one in seen]))
+        values = np.array([one.value for _, one in seen])
+        errors = np.array([one.error for _, one in seen])
+        numbers, day = np.unique([day for day, _ in seen], return_inverse=True)
+        by_day = np.array([_mean(values[day == k]) for k in range(numbers.size)])
+        squared = np.nan_to_num(errors / unit) ** 2
+        return cls(
+            quantity=quantity,
+            unit=unit,
+            values=values,
+            squared_errors=squared,
+            day=day,
+            by_day=by_day,
+        )
+
+
+def _absolute(new: _Group) -> Departure:
     """Return the departure of an instrument from zero."""
-    rotors = len(figure.value)
-    usual = USUAL_SCATTER[figure.quantity]
+    usual = USUAL_SCATTER[new.quantity]
     return Departure(
-        quantity=figure.quantity,
-        departure=np.array(figure.value) / figure.unit,
-        covariance=usual**2 * np.eye(rotors),
-        own=np.diag(_squares(figure)),
+        quantity=new.quantity,
+        departure=_mean(new.by_day) / new.unit,
+        covariance=usual**2 * np.eye(new.values.shape[1]),
+        own=np.diag(np.mean(new.squared_errors, axis=0) / len(new.values)),
         freedom=ABSOLUTE_FREEDOM,
     )
 
 
-def _squares(figure: ArmFigure) -> Floats:
-    """Return the squared standard errors (R,) of a figure as shares; 0 where unknown."""
-    return np.nan_to_num(np.array(figure.error) / figure.unit) ** 2
+def _departure(new: _Group, old: _Group, modes: Floats | None) -> Departure:
+    """Return the departure of one quantity from its mean over the days of earlier flights.
 
-
-def _departure(
-    figure: ArmFigure, earlier: Sequence[tuple[int, ArmFigure]], modes: Floats | None
-) -> Departure:
-    """Return the departure of one quantity from its mean over days in `earlier` flights."""
-    values = np.array([one.value for _, one in earlier]) / figure.unit
-    days = np.array([day for day, _ in earlier])
-    rotors = values.shape[1]
-    numbers = np.unique(days)
-    with np.errstate(invalid="ignore"):
-        by_day = np.array([_mean(values[days == day]) for day in numbers])
-        expected = _mean(by_day)
+    The variance between days is divided by the days on either side, that within a day by the
+    flights. Both are in the unit of the new flights.
+    """
+    values, by_day = old.values / new.unit, old.by_day / new.unit
+    days, rotors = by_day.shape
+    expected = _mean(by_day)
     axes = np.eye(rotors) if modes is None else modes
     # Arms of one make scatter alike; the common part has taken one arm's worth away.
     alike = modes is None
-    usual, counted = USUAL_SCATTER[figure.quantity], rotors - 1 if alike else 1
+    usual, counted = USUAL_SCATTER[new.quantity], rotors - 1 if alike else 1
     between = _squares_of(by_day - expected, axes, alike=alike)
-    within = _squares_of(values - by_day[np.searchsorted(numbers, days)], axes, alike=alike)
-    freedom = PRIOR_FLIGHTS + (len(numbers) - 1) * counted
-    variance = (PRIOR_FLIGHTS * usual**2 + between) / freedom * (1.0 + 1.0 / len(numbers))
-    variance = variance + within / max((len(earlier) - len(numbers)) * counted, 1)
+    within = _squares_of(values - by_day[old.day], axes, alike=alike)
+    freedom = PRIOR_FLIGHTS + (days - 1) * counted
+    variance = (PRIOR_FLIGHTS * usual**2 + between) / freedom
+    variance = variance * (1.0 / len(new.by_day) + 1.0 / days)
+    variance = variance + within / max((len(values) - days) * counted, 1) / len(new.values)
+    # Earlier flights' scatter has their own errors; only what this flight is worse counts again.
+    own = np.mean(new.squared_errors, axis=0) - np.mean(old.squared_errors, axis=0)
     return Departure(
-        quantity=figure.quantity,
-        departure=np.array(figure.value) / figure.unit - expected,
+        quantity=new.quantity,
+        departure=_mean(new.by_day) / new.unit - expected,
         covariance=axes @ np.diag(variance) @ axes.T,
-        own=np.diag(np.maximum(_squares(figure) - _usual_error(earlier, figure.unit), 0.0)),
+        own=np.diag(np.maximum(own, 0.0) / len(new.values)),
         freedom=freedom,
     )
 
@@ -162,11 +194,6 @@ def _squares_of(left: Floats, axes: Floats, *, alike: bool) -> Floats:
         left = left - left.mean(axis=1, keepdims=True)
         return np.full(left.shape[1], np.sum(left**2))
     return np.sum((left @ axes) ** 2, axis=0)
-
-
-def _usual_error(earlier: Sequence[tuple[int, ArmFigure]], unit: float) -> Floats:
-    """Return the mean squared standard errors (R,) of earlier flights: their scatter has them."""
-    return np.mean([np.nan_to_num(np.array(one.error) / unit) ** 2 for _, one in earlier], axis=0)
 
 
 def _mean(values: Floats) -> Floats:

@@ -20,9 +20,9 @@ import numpy as np
 from scipy.special import logsumexp
 from scipy.stats import chi2
 
-from thrustmargin.models.arms.causes import PATTERNS, Cause
-from thrustmargin.models.arms.figures import ArmFigures, Quantity
-from thrustmargin.models.arms.law import TOGETHER, ArmLaw, Departure, departures
+from thrustmargin.models.checks.arms.causes import PATTERNS, Cause
+from thrustmargin.models.checks.arms.figures import ArmFigures, Quantity
+from thrustmargin.models.checks.arms.law import TOGETHER, ArmLaw, Departure, departures
 from thrustmargin.models.flight import Floats
 
 #: Prior probability that something is wrong with an arm in a flight: about one flight in fifty.
@@ -71,7 +71,7 @@ class ArmFinding:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmAnswer:
-    """What the arms' figures of one flight show."""
+    """What the arms' figures of one flight or of some together show."""
 
     findings: tuple[ArmFinding, ...]
     quantities: tuple[Quantity, ...]  # that were compared
@@ -80,29 +80,30 @@ class ArmAnswer:
 
 
 def arm_answer(
-    figures: ArmFigures,
+    flights: Sequence[ArmFigures],
     law: ArmLaw | None,
     *,
     modes: Floats | None = None,
     given: Mapping[int, Collection[Cause]] | None = None,
 ) -> ArmAnswer:
-    """Return what is wrong with which arms in a flight, by its figures and those of earlier ones.
+    """Return what is wrong with which arms in some flights, by their figures and earlier ones.
 
     `modes` (R, R) are the layout's modes (`law.departures`). `given` are the arms, from 0, that the
     thrust search reports, with the causes that it leaves possible: one of them is there for
     certain.
     """
-    left = list(departures(figures, law, modes))
+    left = list(departures(flights, law, modes))
+    own_voltage = all(one.own_voltage for one in flights)
     quantities = tuple(one.quantity for one in left)
     findings: list[ArmFinding] = []
     asked = dict(given or {})
     while len(findings) < MOST_FINDINGS and left:
         first = {arm: asked.pop(arm) for arm in list(asked)[:1]}
-        found = _finding(left, own_voltage=figures.own_voltage, given=first)
+        found = _finding(left, own_voltage=own_voltage, given=first)
         if found is None:
             break
         findings.append(found)
-        left = _without(left, found, own_voltage=figures.own_voltage)
+        left = _without(left, found, own_voltage=own_voltage)
     return ArmAnswer(
         findings=tuple(findings),
         quantities=quantities,
@@ -111,9 +112,7 @@ def arm_answer(
     )
 
 
-def _without(
-    left: Sequence[Departure], found: ArmFinding, *, own_voltage: bool
-) -> list[Departure]:
+def _without(left: Sequence[Departure], found: ArmFinding, *, own_voltage: bool) -> list[Departure]:
     """Return the departures without what the causes of a finding move at its arm."""
     kept = []
     for one in left:
@@ -243,9 +242,7 @@ def _shown(one: Departure, arm: int) -> tuple[float, float]:
     others = others[np.isfinite(others)]
     usual = float(np.mean(others)) if others.size and one.quantity is not Quantity.THRUST else 0.0
     apart = float(one.departure[arm]) - usual
-    error = math.sqrt(
-        (one.covariance + one.own)[arm, arm] * (1.0 + 1.0 / max(others.size, 1))
-    )
+    error = math.sqrt((one.covariance + one.own)[arm, arm] * (1.0 + 1.0 / max(others.size, 1)))
     return apart, apart / error
 
 

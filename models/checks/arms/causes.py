@@ -8,13 +8,13 @@ figure of another arm.
 Sources. A propeller: thrust and power coefficients go with the fourth and fifth power of the
 diameter (Leishman, Principles of Helicopter Aerodynamics, 2.3), so a cut one loses 5/4 as much
 power; a rough leading edge costs power instead: the ratio of power is open. A motor or ESC: losses
-of 5 to 20 % and 2 to 5 % of the power at cruise (efficiencies in makers' tables of large motors), so
-a loss more of 1 % of the power is 5 to 20, and 20 to 50, per cent more heat; some of what an ESC's
-timing costs heats the motor. A lead: speed at a duty
-cycle goes with the voltage, so its square with twice the share; windings lose 2 to 10 % of it, in proportion to the current. An
-ESC's loss goes with the current to the power 1 to 2 (switching and conduction), a motor's with 1 to
-2 (iron and copper), so what is computed per A² falls where the current rises. A reading that is a factor off
-moves what is computed from it by the exponent that it has there.
+of 5 to 20 % and 2 to 5 % of the power at cruise (efficiencies in makers' tables of large motors),
+so a loss more of 1 % of the power is 5 to 20, and 20 to 50, per cent more heat; some of what an
+ESC's timing costs heats the motor. A lead: speed at a duty cycle goes with the voltage, so its
+square with twice the share; windings lose 2 to 10 % of it, in proportion to the current. An ESC's
+loss goes with the current to the power 1 to 2 (switching and conduction), a motor's with 1 to 2
+(iron and copper), so what is computed per A² falls where the current rises. A reading that is a
+factor off moves what is computed from it by the exponent that it has there.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
 
-from thrustmargin.models.arms.figures import Quantity
+from thrustmargin.models.checks.arms.figures import Quantity
 
 Q = Quantity
 

@@ -65,7 +65,7 @@ class ArmFigure:
     quantity: Quantity
     value: tuple[float, ...]  # (R,)
     error: tuple[float, ...]  # (R,)
-    #: Size of the figure that is a share of 1: U/I ohm for a resistance, U for an offset, and so on.
+    #: Size of the figure that is a share of 1: U/I for a resistance, ohm, and U for an offset, V.
     unit: float = 1.0
 
 
