@@ -9,6 +9,7 @@ standard error in `standard_errors`, in the channel's own shape and unit.
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -83,6 +84,13 @@ TRACK_CHANNELS: Mapping[str, TrackChannel] = MappingProxyType(
         "tank_kg": TrackChannel("kg", 3.0, -0.5, 1000.0),
         "rotor_speed_rpm": TrackChannel("rpm", 0.5, -100_000.0, 100_000.0, per_rotor=True),
         "throttle": TrackChannel("0..1", 0.5, 0.0, 1.0, per_rotor=True),
+        # Of each motor's ESC. Its voltage and current change within a second, heat in many.
+        "esc_voltage": TrackChannel("V", 1.0, 0.0, 1000.0, per_rotor=True),
+        "esc_current": TrackChannel("A", 1.0, -500.0, 2000.0, per_rotor=True),
+        "esc_temperature": TrackChannel("K", 5.0, 180.0, 600.0, per_rotor=True),
+        "motor_temperature": TrackChannel("K", 5.0, 180.0, 600.0, per_rotor=True),
+        # Of the body, once per revolution of each rotor; of recorded flights with fast IMU samples.
+        "vibration_per_rev": TrackChannel("m/s²", 5.0, 0.0, 500.0, per_rotor=True),
         "voltage": TrackChannel("V", 3.0, 0.0, 1000.0),
         "current": TrackChannel("A", 3.0, -2000.0, 5000.0),
         "pressure": TrackChannel("Pa", 5.0, 10_000.0, 120_000.0, direct=True),
@@ -173,6 +181,11 @@ class FlightTrack:
     tank_kg: Floats  # (T,) kg of liquid
     rotor_speed_rpm: Floats  # (T, R) measured, in the autopilot's motor order
     throttle: Floats  # (T, R) motor output, 0 idle to 1 full
+    esc_voltage: Floats  # (T, R) V at the ESC's end of its lead
+    esc_current: Floats  # (T, R) A that the ESC draws from the battery
+    esc_temperature: Floats  # (T, R) K
+    motor_temperature: Floats  # (T, R) K
+    vibration_per_rev: Floats  # (T, R) m/s², amplitude at the frequency at which each rotor turns
     voltage: Floats  # (T,) V of the battery
     current: Floats  # (T,) A of the battery
     pressure: Floats  # (T,) Pa static
@@ -229,7 +242,8 @@ class FlightTrack:
 
     def __repr__(self) -> str:
         silent = [name for name in TRACK_CHANNELS if not self.reports(name)]
-        without = f"\n  not reported: {', '.join(silent)}" if silent else ""
+        listed = textwrap.shorten(f"not reported: {', '.join(silent)}", 150, placeholder=" ...")
+        without = f"\n  {listed}" if silent else ""
         return (
             f"FlightTrack {self.name}: {self.time_s.size} rows of {self.rotor_count} rotors in "
             f"{self.duration:.1f} s{without}"

@@ -6,10 +6,12 @@ optional, empty where unknown: `time_s`; `position_north/_east/_down`; `velocity
 `roll`, `pitch`, `yaw` (rad); `roll_rate`, `pitch_rate`, `yaw_rate` (rad/s);
 `specific_force_forward/_right/_down` (m/s², (0, 0, -9.81) at rest); `airspeed`, without it from
 velocity and wind; `wind_north/_east/_down` (the velocity of the air); `tank_kg`;
-`rotor_speed_rpm_1` to `_R` and `throttle_1` to `_R` in motor order; `voltage`, `current`,
-`pressure` (Pa), `temperature` (K, of the air or of a warm board: `train` learns which), `altitude`
-(m AMSL), `height_agl` (m), `spraying` (1 or 0), `flying` (1 or 0). A first line `# {...}` contains
-what has no column: the origin of positions, the start in Unix time, the source of each channel.
+`rotor_speed_rpm_1` to `_R` and `throttle_1` to `_R` in motor order, and so `esc_voltage_1`,
+`esc_current_1`, `esc_temperature_1`, `motor_temperature_1` (K) and `vibration_per_rev_1` (m/s², the
+body's at the frequency of that rotor); `voltage`, `current`, `pressure` (Pa), `temperature` (K, of
+the air or of a warm board: `train` learns which), `altitude` (m AMSL), `height_agl` (m), `spraying`
+(1 or 0), `flying` (1 or 0). A first line `# {...}` contains what has no column: the origin of
+positions, the start in Unix time, the source of each channel.
 
 Tables of other programs are read too: separated by commas, semicolons or tabs; with a decimal point
 or comma; in quotes; in UTF-8 or UTF-16. A heading may end with our unit in brackets, as in a margin
@@ -252,7 +254,9 @@ COLUMNS: Mapping[str, tuple[str, ...]] = {
     "wind_ned": tuple(f"wind_{a}" for a in _NED),
     **{name: (name,) for name, c in TRACK_CHANNELS.items() if not (c.axes or c.per_rotor)},
 }
-_ROTOR = re.compile(r"(rotor_speed_rpm|throttle)_([1-9][0-9]?)")
+#: Channels with a column for each rotor, in the order of files.
+OF_ROTOR = tuple(name for name, c in TRACK_CHANNELS.items() if c.per_rotor)
+_ROTOR = re.compile(rf"({'|'.join(OF_ROTOR)})_([1-9][0-9]?)")
 _WITH_UNIT = re.compile(r"(\w+) \[(.*)\]")  # a heading of a margin report's CSV
 _SHOWN = 50  # rows by which the decimal sign is known
 _DECIMAL_COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+(e[-+]?[0-9]+)?", re.IGNORECASE)
@@ -501,7 +505,7 @@ def _track(
             sources["airspeed"] = Provenance(kind=SourceKind.INFERRED, name=name, parts=parts)
         relative = channels["velocity_ned"] - (0.0 if wind is None else wind)
         channels["airspeed"] = np.linalg.norm(relative, axis=1)
-    for channel in ("rotor_speed_rpm", "throttle"):
+    for channel in OF_ROTOR:
         names = [f"{channel}_{k + 1}" for k in range(rotors)]
         if any(name in columns for name in names):
             channels[channel] = np.stack([columns.get(n, nothing) for n in names], axis=-1)

@@ -21,6 +21,7 @@ from thrustmargin.gcs_plugin.wording.advice_words import (
     misfit_words,
     misread_words,
 )
+from thrustmargin.gcs_plugin.wording.arm_words import arm_sentences
 from thrustmargin.gcs_plugin.wording.flight_words import event_words, loss_words
 from thrustmargin.gcs_plugin.wording.report_words import FirstContact
 from thrustmargin.gcs_plugin.wording.vehicle_words import beside_words
@@ -108,6 +109,7 @@ def verdict_findings(advice: Advice) -> tuple[Finding, ...]:
         findings.append(Finding("what to do", Severity.GRAVE, action(advice)))
     if advice.misread is not None:
         findings.append(Finding("ESC speed", Severity.WARNING, misread_words(advice.misread)))
+    findings += [Finding("arm", Severity.WARNING, words) for words in arm_sentences(advice.arms)]
     if Caveat.MODEL in advice.caveats:
         findings.append(Finding("model", Severity.WARNING, misfit_words(advice)))
     if not findings and not advice.withheld and Caveat.ROTORS_NOT_SOUGHT not in advice.caveats:

@@ -122,6 +122,15 @@ def _of_instance(
     return signals, order
 
 
+#: Fields of an ESC in esc_status, which are channels of that name, and their units.
+_ESC_FIELDS = (
+    ("esc_voltage", "V"),
+    ("esc_current", "A"),
+    ("esc_temperature", "degC"),
+    ("motor_temperature", "degC"),
+)
+
+
 def _with_escs(motors: UlogMotors, topic: Topic) -> UlogMotors:
     """Add ESC channels by motor number from 0, whatever their place in the message."""
     signals: list[Signal] = []
@@ -147,9 +156,11 @@ def _with_escs(motors: UlogMotors, topic: Topic) -> UlogMotors:
             rpm = np.where((online.astype(np.int64) >> place) & 1, rpm, np.nan)
         source = topic_source("esc_status", "esc_rpm", "rpm")
         signals.append(topic_signal("esc_rpm", source, topic, rpm, motor))
-        for name, unit in (("esc_voltage", "V"), ("esc_current", "A")):
+        for name, unit in _ESC_FIELDS:
             if (column := f"{start}{name}") in topic:
                 values = in_si(topic, column, unit)
+                if unit == "degC":  # 0 is what an ESC without that sensor reports
+                    values = np.where(topic[column] == 0, np.nan, values)
                 source = topic_source("esc_status", name, unit)
                 signals.append(topic_signal(name, source, topic, values, motor))
     stated = int(topic["esc_count"].max(initial=0)) if "esc_count" in topic else 0

@@ -117,6 +117,19 @@ def _unless_silent(field: str, unit: str) -> Callable[[Columns], Floats]:
     return convert
 
 
+def _esc_temperature(columns: Columns) -> Floats:
+    # A whole number of °C; 0 is what an ESC without a sensor sends.
+    kelvin = in_si(columns, "temperature", "degC")
+    return np.where((columns["count"] == 0) | (columns["temperature"] == 0), np.nan, kelvin)
+
+
+def _esc_info_temperature(columns: Columns) -> Floats:
+    # INT16_MAX is "not known"; 0 is what an ESC without a sensor sends.
+    raw = columns["temperature"]
+    kelvin = in_si(columns, "temperature", "cdegC")
+    return np.where((raw == 32767) | (raw == 0), np.nan, kelvin)
+
+
 #: ESC messages with four ESCs each -> number of the first output, counted from 0.
 ESC_TELEMETRY_FIRST: Mapping[str, int] = MappingProxyType(
     {f"ESC_TELEMETRY_{n + 1}_TO_{n + 4}": n for n in range(0, 32, 4)}
@@ -139,6 +152,7 @@ _ESCS = tuple(
         ("rpm", esc_rpm),
         ("voltage", _unless_silent("voltage", "cV")),
         ("current", _unless_silent("current", "cA")),
+        ("temperature", _esc_temperature),
     )
 )
 
@@ -226,6 +240,13 @@ MAVLINK_RULES: tuple[Rule, ...] = (
     Rule("ESC_STATUS", ("voltage",), "esc_voltage", "V", index="index"),
     Rule("ESC_STATUS", ("current",), "esc_current", "A", index="index"),
     Rule("ESC_INFO", ("failure_flags",), "esc_failure", index="index"),
+    Rule(
+        "ESC_INFO",
+        ("temperature",),
+        "esc_temperature",
+        convert=_esc_info_temperature,
+        index="index",
+    ),
     Rule("NAMED_VALUE_FLOAT", ("value",), "named_value"),
     Rule("FUEL_STATUS", ("remaining_fuel",), "fuel_remaining", index="id", convert=_liquid),
     Rule("FUEL_STATUS", ("percent_remaining",), "fuel_percent", "%", index="id", unknown=(255,)),

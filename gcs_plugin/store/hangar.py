@@ -25,6 +25,8 @@ from typing import Any, TypeVar
 
 from thrustmargin.gcs_plugin.store.aircraft_marks import Marks, Recognition, recognise
 from thrustmargin.mission.forecast.experience import Experience, FlownMission, experience
+from thrustmargin.models.checks.arms.figures import ArmFigures
+from thrustmargin.models.checks.arms.law import ArmLaw
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.json_values import from_json_values, to_json_values
 from thrustmargin.models.model.mode_walk import (
@@ -101,6 +103,8 @@ class AircraftFlight:
     offsets: FlightOffsets | None = None
     not_taught: NotTaught | None = None  # why the flight taught nothing; None where it taught
     trained: bool = False  # the model was made from it
+    arms: ArmFigures | None = None  # what each arm's ESC reported of it
+    bad_arms: tuple[int, ...] = ()  # arms, from 0, of which a part may have been bad
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -197,6 +201,20 @@ class KnownAircraft:
             ]
         )
 
+    def arms_before(self, start_unix_s: float = math.inf) -> ArmLaw | None:
+        """Return the figures of each arm in the flights before a Unix time, since the last repair.
+
+        Flights in which a part of an arm may have been bad are left out: a fault must not become
+        what is expected. None without such a flight.
+        """
+        since = max((one for one in self.repairs if one < start_unix_s), default=-math.inf)
+        figures = [
+            row.arms
+            for row in self.flights_before(start_unix_s)
+            if row.arms is not None and not row.bad_arms and row.start_unix_s >= since
+        ]
+        return ArmLaw(flights=tuple(figures)) if figures else None
+
     def experience_before(self, start_unix_s: float = math.inf) -> Experience | None:
         """Return how missions before a Unix time differed from their forecasts; None where too few
         were flown.
@@ -239,7 +257,12 @@ class KnownAircraft:
         """Load the model with the state and the power law by which a flight that starts at a Unix
         time is predicted; without a state where the model has no interval to widen.
         """
-        model = replace(self.model(), power=self.power_before(start_unix_s))
+        made = self.model()
+        model = replace(
+            made,
+            power=self.power_before(start_unix_s),
+            arms=self.arms_before(start_unix_s) or made.arms,
+        )
         if model.interval is None:
             return model
         if not math.isfinite(longitude_deg) and self.flights:

@@ -12,6 +12,7 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.advice import Advice, FlightLevel, advise
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse, analysis_for_verdict
+from thrustmargin.models.model.flight_arms import flight_arm_figures
 from thrustmargin.models.model.flight_offsets import flight_offsets
 from thrustmargin.models.model.flight_power import power_coefficient
 from thrustmargin.models.model.mode_walk import FlightOffsets, WalkStep, walk
@@ -59,6 +60,9 @@ def learnt_flight(
             longitude_deg,
         )
         model = replace(model, state=state)
+    others = tuple(one for one in aircraft.flights if one.flight != flight)
+    start = start_unix_s if np.isfinite(start_unix_s) else _after_last(aircraft)
+    model = replace(model, arms=replace(aircraft, flights=others).arms_before(start) or model.arms)
     analysis = analysis_for_verdict(analyse(track, model, claim=claim))
     advice = advise(analysis, limit=limit).advice
     offsets = None
@@ -97,6 +101,8 @@ def learnt_flight(
         offsets=offsets,
         not_taught=reason,
         trained=flight in aircraft.training,
+        arms=flight_arm_figures(analysis, flight=flight),
+        bad_arms=bad_arms(advice),
     )
     return LearntFlight(analysis=analysis, advice=advice, row=row)
 
@@ -136,6 +142,12 @@ def not_taught(advice: Advice, offsets: FlightOffsets | None) -> NotTaught | Non
     if Caveat.LOAD in advice.caveats or Caveat.GAUGE in advice.caveats:
         return NotTaught.LOAD
     return NotTaught.TOO_SHORT if offsets is None else None
+
+
+def bad_arms(advice: Advice) -> tuple[int, ...]:
+    """Return the arms, from 0, of which a part that flies may be bad, not a reading alone."""
+    found = () if advice.arms is None else advice.arms.findings
+    return tuple(one.arm for one in found if not one.only_sensors)
 
 
 def coverage(analysis: FlightAnalysis) -> float:

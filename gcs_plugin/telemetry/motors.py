@@ -71,6 +71,21 @@ class MotorMap:
             for s in of_rotors
         ]
 
+    def esc_readings(self, signals: Signals, channel: str) -> list[Signal | None]:
+        """Return one signal of an ESC channel such as `esc_current` a motor, None without a value.
+
+        A reading of 0 is NaN: it is what an ESC without that sensor reports. A true 0 A, of a motor
+        that stands, shows nothing of the arm.
+        """
+        escs = by_index(signals, channel)
+        found = []
+        for signal in map(escs.get, self.escs):
+            if signal is not None:
+                values = np.where(signal.values == 0.0, np.nan, signal.values)
+                signal = signal._replace(values=values) if np.isfinite(values).any() else None
+            found.append(signal)
+        return found
+
     def throttle(
         self, signals: Signals, parameters: Mapping[str, float], before: Span = NOTHING_SENT
     ) -> list[Signal | None]:
@@ -132,8 +147,12 @@ class MotorMap:
                 result[fresh, rotor] = last_before(signal, clock_s)[fresh]
         return result
 
-    def rotor_speed_source(self, signals: list[Signal | None]) -> Provenance:
-        first, *others = dict.fromkeys(s.source for s in signals if s is not None)
+    def esc_source(self, found: list[Signal | None]) -> Provenance:
+        """Return the source of the readings of all ESCs, with how ESCs were matched to motors.
+
+        `found` must contain a signal.
+        """
+        first, *others = dict.fromkeys(s.source for s in found if s is not None)
         if others:
             first = Provenance(kind=first.kind, name=first.name, parts=(first, *others))
         return replace(first, assumed=self.assumed).remarked(self.esc_words)

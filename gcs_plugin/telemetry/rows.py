@@ -52,6 +52,7 @@ from thrustmargin.gcs_plugin.telemetry.tank_source import (
     tank_levels,
 )
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options, stated_channels
+from thrustmargin.gcs_plugin.telemetry.vibration import vibration_per_rev
 from thrustmargin.models.checks.held import HeldSoFar
 from thrustmargin.models.flight import (
     TRACK_CHANNELS,
@@ -64,6 +65,8 @@ from thrustmargin.models.flight import (
 from thrustmargin.models.provenance import Provenance, Rejected, SourceKind
 
 SILENT = 2.0  # s without reports after which the next kind of report triggers the rows
+#: Channels of each motor's ESC besides its speed.
+ESC_CHANNELS = ("esc_voltage", "esc_current", "esc_temperature", "motor_temperature")
 KEPT = 8.0  # s of reports that rows may need: the longest age limit, and the falling tank's window
 
 
@@ -179,11 +182,21 @@ def flight_rows(
         heard_s=before.heard_s,
         memory=before.rotors,
     )
-    for channel, of_rotors in (("rotor_speed_rpm", measured.signals), ("throttle", outputs)):
-        channels[channel] = _columns(channel, of_rotors, clock_s, options.sampling)
-        reported[channel] = [signal for signal in of_rotors if signal is not None]
+    for channel, found in (("rotor_speed_rpm", measured.signals), ("throttle", outputs)):
+        channels[channel] = _columns(channel, found, clock_s, options.sampling)
+        reported[channel] = [signal for signal in found if signal is not None]
+    for channel in ESC_CHANNELS:
+        found = motors.esc_readings(signals, channel)
+        if any(found):
+            channels[channel] = _columns(channel, found, clock_s, options.sampling)
+            reported[channel] = [signal for signal in found if signal is not None]
+            sources[channel] = motors.esc_source(found)
+    shaken = [None] if live else vibration_per_rev(signals, measured.signals)
+    if found := [signal for signal in shaken if signal is not None]:
+        channels["vibration_per_rev"] = _columns("vibration_per_rev", shaken, clock_s, "linear")
+        reported["vibration_per_rev"], sources["vibration_per_rev"] = found, found[0].source
     if reported["rotor_speed_rpm"]:
-        sources["rotor_speed_rpm"] = motors.rotor_speed_source(measured.signals)
+        sources["rotor_speed_rpm"] = motors.esc_source(measured.signals)
     if reported["throttle"]:
         sources["throttle"] = motors.throttle_source(outputs, signals, parameters, before.sent)
     contact, held_so_far, flying_by = before.contact, before.held, FlyingBy.GIVEN

@@ -9,6 +9,7 @@ from enum import StrEnum
 import numpy as np
 
 from thrustmargin.gcs_plugin.wording import actions, alarm_words
+from thrustmargin.gcs_plugin.wording.arm_words import arm_sentences
 from thrustmargin.gcs_plugin.wording.fill_words import fill_advice, how_sure
 from thrustmargin.gcs_plugin.wording.language import (
     clock,
@@ -341,6 +342,7 @@ def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
     found += [("model", sound_again(fault)) for fault in advice.repaired]
     if advice.misread is not None:
         found.append(("ESC", misread_words(advice.misread)))
+    found += [("arm", words) for words in arm_sentences(advice.arms)]
     if Caveat.ROTORS_NOT_SOUGHT in advice.caveats:
         found.append(("weak rotors", say(NOT_SOUGHT, long=duration(advice.unsought_s))))
     elif Caveat.ROTORS_BY_OUTPUTS in advice.caveats:

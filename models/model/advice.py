@@ -23,6 +23,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from thrustmargin.models.checks.arms.posterior import ArmAnswer
 from thrustmargin.models.checks.loss_of_control import (
     LossOfControl,
     before_loss,
@@ -42,6 +43,7 @@ from thrustmargin.models.model.analysis import (
 )
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.fill_limits import NextFill, next_fill, unsound_fill
+from thrustmargin.models.model.flight_arms import flight_arm_answer
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.model.model_misfit import (
     Caveat,
@@ -150,6 +152,8 @@ class Advice:
     caveats: tuple[Caveat, ...] = ()
     #: A rotor whose ESC reads too high or low; its use is corrected where outputs show the error.
     misread: MisreadSpeed | None = None
+    #: What power, heat, leads and vibration show of each arm; None of a plan and in flight.
+    arms: ArmAnswer | None = None
 
     @property
     def level(self) -> FlightLevel:
@@ -247,6 +251,9 @@ def advise(
         analysis, whole = one, one if whole_too else with_bad_part(whole)
         fill, by_use, by_lost = unsound_fill(fill), by_use * NAN, by_lost * NAN
         lost = lost if lost.not_survivable_s > 0.0 else RotorLost(known_s=lost.known_s)
+    arms = None
+    if not (planned or in_progress or analysis.withheld):
+        arms = flight_arm_answer(analysis, [one.fault for one in faults], misread)
     battery = _battery(analysis)
     airborne_s = track.flying_s
     shown_s = float(seconds[track.flying & analysis.any_measured].sum())
@@ -286,6 +293,7 @@ def advise(
             faults=faults,
             repaired=repaired,
             misread=misread,
+            arms=arms,
             losses=tuple(losses),
             rotor_count=track.rotor_count,
             rotor_names=() if analysis.claim.other_order else analysis.places,

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from thrustmargin.models.checks.arms.law import ArmLaw
 from thrustmargin.models.effects.compose import EffectRecord
 from thrustmargin.models.errors import AirframeError, ModelError
 from thrustmargin.models.json_values import from_json_values, to_json_values
@@ -186,7 +187,11 @@ def _metadata(model: RotorModel) -> dict[str, Any]:
         **{key: to_json_values(getattr(model, field)) for key, field, _ in JSON_FIELDS},
         **{
             key: to_json_values(known)
-            for key, known in (("state", model.state), ("power", model.power))
+            for key, known in (
+                ("state", model.state),
+                ("power", model.power),
+                ("arms", model.arms),
+            )
             if known is not None
         },
     }
@@ -198,7 +203,7 @@ def _model(data: Any, tensors: dict[str, np.ndarray]) -> RotorModel:
     schema = data.get("schema") if isinstance(data, dict) else None
     if schema != SCHEMA:
         raise ModelError(f"its schema is {schema!r}, this version reads {SCHEMA!r}")
-    later = ("forward_flight", "good_flights", "thermometer", "state", "power")
+    later = ("forward_flight", "good_flights", "thermometer", "state", "power", "arms")
     data = {**dict.fromkeys(later), **data}
     missing = sorted({"airframe", *(key for key, _, _ in JSON_FIELDS)} - data.keys())
     if missing or not isinstance(data["airframe"], dict):
@@ -209,4 +214,5 @@ def _model(data: Any, tensors: dict[str, np.ndarray]) -> RotorModel:
         **{field: from_json_values(kind, data[key], key) for key, field, kind in JSON_FIELDS},
         state=from_json_values(ModeState | None, data["state"], "state"),
         power=from_json_values(PowerLaw | None, data["power"], "power"),
+        arms=from_json_values(ArmLaw | None, data["arms"], "arms"),
     )

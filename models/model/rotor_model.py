@@ -28,6 +28,7 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
+from thrustmargin.models.checks.arms.law import ArmLaw
 from thrustmargin.models.effects.base import Effect, FlightState, Placed, look_of
 from thrustmargin.models.effects.channels import Channels, channels_of
 from thrustmargin.models.effects.compose import (
@@ -75,6 +76,7 @@ class RotorModel:
     thermometer: Thermometer | None = None  # for logs that do not state where their thermometer is
     state: ModeState | None = None  # of an aircraft that is followed, before the flight predicted
     power: PowerLaw | None = None  # as measured in flights; None: by formula alone
+    arms: ArmLaw | None = None  # each arm's figures in earlier flights
     placed: tuple[Placed, ...] = field(init=False, repr=False)  # the effects, ready to compose
 
     def __post_init__(self) -> None:

@@ -33,6 +33,8 @@ RULES: tuple[Rule, ...] = (
     Rule("RATE", ("R", "P", "Y"), "angular_rate_frd", "deg/s"),
     Rule("IMU", ("GyrX", "GyrY", "GyrZ"), "angular_rate_frd", "rad/s", index="I", only=0),
     Rule("IMU", ("AccX", "AccY", "AccZ"), "specific_force_frd", "m/s/s", index="I", only=0),
+    # Every sample of the sensor, where raw logging is on.
+    Rule("ACC", ("AccX", "AccY", "AccZ"), "fast_force_frd", "m/s/s", index="I", only=0),
     Rule("POS", ("Lat", "Lng", "Alt"), "geodetic", _PLACE),
     Rule("GPS", ("Lat", "Lng", "Alt"), "geodetic", _PLACE, index="I", only=0),
     Rule("XKF1", ("VN", "VE", "VD"), "velocity_ned", "m/s", index="C", only=0),
@@ -58,6 +60,9 @@ RULES: tuple[Rule, ...] = (
     Rule("ORGN", ("Lat", "Lng", "Alt"), "ekf_origin", _PLACE, index="Type", only=0),
     Rule("ESC", ("Volt",), "esc_voltage", "V", index="Instance"),
     Rule("ESC", ("Curr",), "esc_current", "A", index="Instance"),
+    # 0 °C is what an ESC without that sensor reports.
+    Rule("ESC", ("Temp",), "esc_temperature", "degC", index="Instance", unknown=(0,)),
+    Rule("ESC", ("MotTemp",), "motor_temperature", "degC", index="Instance", unknown=(0,)),
     Rule("ESC", ("RawRPM",), "esc_rpm", "rpm", index="Instance"),
     Rule("ESC", ("RPM",), "esc_rpm", "rpm", index="Instance", note=_SMOOTHED),
 )

@@ -11,8 +11,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs.csv_table import COLUMNS as OF_TRACK
-from thrustmargin.gcs_plugin.logs.csv_table import unit_of_column
-from thrustmargin.models.flight import Floats
+from thrustmargin.gcs_plugin.logs.csv_table import OF_ROTOR, unit_of_column
+from thrustmargin.models.flight import TRACK_CHANNELS, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 
 _PART = {name: (channel, k) for channel, names in OF_TRACK.items() for k, name in enumerate(names)}
@@ -21,8 +21,7 @@ COLUMNS: tuple[tuple[str, str, int | None], ...] = (
     ("time_s", "s", None),
     ("flying", "0/1", None),
     *((name, unit_of_column(name) or "0/1", None) for name in _PART),
-    ("rotor_speed_rpm_{}", "rpm", None),
-    ("throttle_{}", "0..1", None),
+    *((f"{name}_{{}}", TRACK_CHANNELS[name].unit, None) for name in OF_ROTOR),
     ("ground_speed", "m/s", 3),
     ("tank_error_kg", "kg", 3),
     ("density", "kg/m3", 4),
@@ -52,7 +51,7 @@ def rows_of(
     The fills are (T,) kg.
     """
     track, prediction = analysis.track, analysis.prediction
-    of_track = {name: getattr(track, name) for name in ("time_s", "flying", "throttle")}
+    of_track = {name: getattr(track, name) for name in ("time_s", "flying", *OF_ROTOR)}
     for name, (channel, part) in _PART.items():
         values = getattr(track, channel)
         of_track[name] = values if values.ndim == 1 else values[:, part]

@@ -35,6 +35,7 @@ from thrustmargin.gcs_plugin.wording.report_words import (
     prediction_checked,
 )
 from thrustmargin.mission.field import sprayed_field
+from thrustmargin.models.checks.arms.answer_json import answer_json
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advice, Advised, FlightLevel
@@ -165,6 +166,7 @@ def advice_values(advice: Advice) -> dict[str, Any]:
         values[part] = {k: v for k, v in whole.items() if not isinstance(v, np.ndarray)}
     alone = advice.use.spent_alone
     values["use"]["spent_alone"] = None if alone is None else alone + 1
+    values["arms"] = answer_json(advice.arms)
     values["fill"]["kg"] = safe_kg(advice.fill)
     values["fill"]["day"] = day_json(advice.fill.day)
     values["fill"]["fresh_day"] = day_json(advice.fill.fresh_day)

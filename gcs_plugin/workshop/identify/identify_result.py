@@ -11,11 +11,15 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog, page_shell
 from thrustmargin.gcs_plugin.wording.alarm_words import place_words
+from thrustmargin.gcs_plugin.wording.arm_words import arm_sentences
 from thrustmargin.gcs_plugin.wording.effect_sentences import effect_thing
 from thrustmargin.gcs_plugin.wording.language import chance, number, say, shown_unit, within
 from thrustmargin.gcs_plugin.workshop.identify import identify_words as answers
 from thrustmargin.gcs_plugin.workshop.identify.asked_words import requested_actions
 from thrustmargin.gcs_plugin.workshop.identify.identify_words import answer
+from thrustmargin.models.checks.arms.answer_json import answer_json
+from thrustmargin.models.checks.arms.posterior import ArmAnswer
+from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer import held_out_errors
 from thrustmargin.models.identification.answer.model_update import (
@@ -27,6 +31,7 @@ from thrustmargin.models.identification.answer.model_update import (
 from thrustmargin.models.identification.answer.result import Identification, ReportedEffect
 from thrustmargin.models.identification.next_flight.next_flight import NextFlight, plan_next_flight
 from thrustmargin.models.json_values import to_json_values
+from thrustmargin.models.model.flight_arms import flights_arm_answer
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -45,6 +50,7 @@ class Result:
     errors: tuple[held_out_errors.RotorErrors, ...]  # all rotors, then each
     margins: tuple[MarginChange, ...]  # of each effect
     margin: MarginChange  # of all effects, worst rotor
+    arms: ArmAnswer | None  # by power, heat, leads and vibration of the fitted flights
     following: NextFlight | None
     answer: tuple[str, ...]
     model_in: str
@@ -69,6 +75,13 @@ def make_result(
     next flight.
     """
     unseen = found.unseen
+    fitted = tracks[: found.problem.flights]
+    weak = {
+        one.term.rotor
+        for one in found.found
+        if one.term.rotor is not None and one.term.effect.name == ROTOR_DEGRADATION.name
+    }
+    arms = flights_arm_answer(found.model, fitted, sorted(weak))
     margins, margin = margin_changes(found)
     following = plan_next_flight(found, tracks)
     mission = "" if following is None else mission
@@ -81,8 +94,9 @@ def make_result(
         errors=held_out_errors.rotor_errors(unseen[-1]),
         margins=margins,
         margin=margin,
+        arms=arms,
         following=following,
-        answer=answer(found, margin, following, mission),
+        answer=(*answer(found, margin, following, mission), *arm_sentences(arms)),
         model_in=model_in,
         model_out=model_out,
         mission=mission,
@@ -93,9 +107,9 @@ def make_result(
 def json_text(result: Result) -> str:
     """Return the JSON text of the schema "thrustmargin.identify/1".
 
-    After the keys of `Identification.to_json` follow `next_flight`, `margin`, `answer`, `actions`,
-    `notes`, `not_used` and `date`. `margin` is the predicted thrust margin before and after: of all
-    effects, and of each.
+    After the keys of `Identification.to_json` follow `next_flight`, `margin`, `arms`, `answer`,
+    `actions`, `notes`, `not_used` and `date`. `margin` is the predicted
+    thrust margin before and after: of all effects, and of each.
     """
     whole: dict[str, Any] = result.found.to_json(
         model_in=result.model_in, model_out=result.model_out
@@ -105,6 +119,7 @@ def json_text(result: Result) -> str:
         "all": _margin_json(result.margin),
         "effects": [_margin_json(m) for m in result.margins],
     }
+    whole["arms"] = answer_json(result.arms)
     whole["answer"] = list(result.answer)
     whole["actions"] = requested_actions(result.found)
     whole["notes"] = list(result.update.notes)

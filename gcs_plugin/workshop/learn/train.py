@@ -155,6 +155,7 @@ def training_run(
 
     from thrustmargin.gcs_plugin.commands.shared.terminal import steps
     from thrustmargin.models.identification.good_flights.commissioning import commission
+    from thrustmargin.models.model.flight_arms import learnt_arms
     from thrustmargin.models.model.rotor_model import physics_model
     from thrustmargin.models.model.thermometer import learnt_thermometer, with_air_temperature
     from thrustmargin.models.model.training import train as fit
@@ -188,6 +189,7 @@ def training_run(
             progress=lambda what: step(what, len(names)),
         )
     model = replace(made, thermometer=thermometer)
+    model = replace(model, arms=learnt_arms(model, kept))
     return TrainingRun(model=model, trained=trained, tracks=kept, unfit=unfit)
 
 

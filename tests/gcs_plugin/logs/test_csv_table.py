@@ -70,10 +70,12 @@ def test_any_track_reads_back_to_the_last_digit(tmp_path_factory, data, rotors, 
 
 def test_the_documented_names_are_the_ones_that_are_read(tmp_path):
     names = [name for columns in COLUMNS.values() for name in columns]
-    names += [f"rotor_speed_rpm_{k}" for k in range(1, 5)] + [f"throttle_{k}" for k in range(1, 5)]
+    rotors = [name for name, channel in TRACK_CHANNELS.items() if channel.per_rotor]
+    names += [f"{name}_{k}" for name in rotors for k in range(1, 5)]
     header = ",".join(["time_s", *names, "flying"])
     can_be = {"pressure": "90000", "temperature": "300"}
     can_be |= {f"rotor_speed_rpm_{k}": "900" for k in range(1, 5)}
+    can_be |= {n: "310" for n in names if "_temperature_" in n}
     row = ",".join(can_be.get(name, "0.5") for name in ["time_s", *names, "flying"])
     (tmp_path / "all.csv").write_text(f"{header}\n{row}\n")
     log = read_log(tmp_path / "all.csv")

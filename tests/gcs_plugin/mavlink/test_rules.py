@@ -154,6 +154,10 @@ VALUES: dict[tuple[str, str], tuple[Mapping[str, object], Any]] = {
     ("ESC_STATUS", "esc_voltage"): ({"voltage": [50.5] * 4}, [50.5] * 4),
     ("ESC_STATUS", "esc_current"): ({"current": [9.5] * 4}, [9.5] * 4),
     ("ESC_INFO", "esc_failure"): ({"failure_flags": [0, 1, 2, 4]}, [0, 1, 2, 4]),
+    ("ESC_INFO", "esc_temperature"): (
+        {"temperature": [2500, 0, 32767, -500]},
+        [298.15, NAN, NAN, 268.15],
+    ),
     ("NAMED_VALUE_FLOAT", "named_value"): ({"value": 9.25}, 9.25),
     ("FUEL_STATUS", "fuel_remaining"): ({"remaining_fuel": 9500.0, "fuel_type": 1}, 9500.0),
     ("FUEL_STATUS", "fuel_percent"): ({"percent_remaining": 60}, 60.0),
@@ -163,6 +167,8 @@ for _name in ESC_TELEMETRY_FIRST:
     VALUES[_name, "esc_rpm"] = (_four, [1900, NAN, 2000, 0])
     VALUES[_name, "esc_voltage"] = ({**_four, "voltage": [5880] * 4}, [58.8, NAN, 58.8, 58.8])
     VALUES[_name, "esc_current"] = ({**_four, "current": [1550] * 4}, [15.5, NAN, 15.5, 15.5])
+    _warm = {**_four, "temperature": [40, 40, 0, 25]}
+    VALUES[_name, "esc_temperature"] = (_warm, [313.15, NAN, NAN, 298.15])
 
 #: The rules whose messages carry a number of the sensor, battery or first ESC.
 INDEXED = {
@@ -186,6 +192,7 @@ INDEXED = {
     ("ESC_STATUS", "esc_voltage"): ("index", None),
     ("ESC_STATUS", "esc_current"): ("index", None),
     ("ESC_INFO", "esc_failure"): ("index", None),
+    ("ESC_INFO", "esc_temperature"): ("index", None),
     ("FUEL_STATUS", "fuel_remaining"): ("id", None),
     ("FUEL_STATUS", "fuel_percent"): ("id", None),
 }

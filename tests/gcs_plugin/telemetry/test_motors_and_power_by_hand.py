@@ -259,7 +259,7 @@ def test_words_say_where_rotor_speed_and_throttle_come_from():
     found = motors(functions(1, 2, 3))
     by = "motors on outputs 1, 2, 3 by SERVOn_FUNCTION"
     speeds = [reports("esc_rpm", [1.0] * 3), None, reports("esc_rpm", [2.0] * 3)]
-    assert found.rotor_speed_source(speeds).words == f"ESC_RPM x ({by})"
+    assert found.esc_source(speeds).words == f"ESC_RPM x ({by})"
     pulses = Signal("throttle", pulses_of("SERVO_OUTPUT_RAW servo1_raw"), TIME, TIME)
     assert found.throttle_source([None, pulses], {}, {}).words == (
         f"SERVO_OUTPUT_RAW (1000 to 2000 µs, assumed; {by})"

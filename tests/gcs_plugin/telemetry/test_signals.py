@@ -96,7 +96,7 @@ def test_named_values_are_one_signal_each_in_the_order_of_time():
 def escs(count) -> Stream:
     # The second row of ESC 6 has rpm 0 while its counter stands still: silent.
     rpm = np.array([[1000, 1100, 1200, 1300], [1001, 0, 0, 1301]], np.uint16)
-    four = dict.fromkeys(("voltage", "current"), rpm * 0 + 100)
+    four = dict.fromkeys(("voltage", "current", "temperature"), rpm * 0 + 100)
     return stream([0.0, 0.1], rpm=rpm, count=np.array(count, np.uint16), **four)
 
 

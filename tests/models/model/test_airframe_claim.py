@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.models.flight import TRACK_CHANNELS
 from thrustmargin.models.model.airframe_claim import airframe_claim, unknown_aircraft
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import physics_model
@@ -87,7 +88,8 @@ def test_no_number_of_a_withheld_analysis_needs_an_airframe(rotors):
     track = LOG.track
     if rotors != 4:
         wide = np.resize(track.rotor_speed_rpm, (track.time_s.size, rotors))
-        track = replace(track, rotor_speed_rpm=wide, throttle=wide / 3000.0)
+        changed = {n: wide for n, channel in TRACK_CHANNELS.items() if channel.per_rotor}
+        track = replace(track, **changed | {"throttle": wide / 3000.0})
     facts = VehicleFacts(rotor_count=rotors, rotor_evidence="a test")
     doubted = airframe_claim(SMALL, F16, facts, {}, given=True)
     flight = analyse(track, physics_model(F16), claim=replace(doubted, withheld=("another",)))

@@ -127,6 +127,8 @@ AGREEMENT = {
     "throttle": (2e-3, 0.02),
     "voltage": (0.02, 0.1),
     "current": (0.5, 4.0),
+    "esc_voltage": (0.02, 0.1),
+    "esc_current": (0.2, 2.0),
     "pressure": (0.1, 1.0),
     "temperature": (0.02, 0.02),
     "altitude": (0.006, 0.02),
@@ -157,8 +159,10 @@ def test_tlog_and_bin_of_one_flight_agree(both, channel):
 
 
 def test_every_channel_of_the_track_is_compared():
-    # What was asked for is not in the telemetry of this flight.
-    assert set(TRACK_CHANNELS) - set(AGREEMENT) == {"spraying", "asked_attitude"}
+    # What was asked for is not in the telemetry of this flight. Its ESCs measure no temperature,
+    # and its IMU samples are too slow for vibration.
+    silent = {"esc_temperature", "motor_temperature", "vibration_per_rev"}
+    assert set(TRACK_CHANNELS) - set(AGREEMENT) == {"spraying", "asked_attitude", *silent}
 
 
 def test_tlog_and_bin_agree_on_flying_spraying_start_and_mission(both):

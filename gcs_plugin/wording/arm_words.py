@@ -1,0 +1,117 @@
+"""Write what is wrong with an arm: the part, how much, how sure, what else, and what settles it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from thrustmargin.gcs_plugin.wording.actions import Action, at_desk, hands_on
+from thrustmargin.gcs_plugin.wording.language import percent, percent_within, say
+from thrustmargin.models.checks.arms.causes import Cause
+from thrustmargin.models.checks.arms.posterior import ArmAnswer, ArmFinding, PossibleCause
+
+#: The part, as one of several that it may be.
+PARTS: Mapping[Cause, str] = {
+    Cause.PROPELLER: "its propeller",
+    Cause.MOTOR: "its motor",
+    Cause.ESC: "its ESC",
+    Cause.LEAD: "its lead or a lug",
+    Cause.IMBALANCE: "its balance or mount",
+    Cause.SPEED_READING: "the reading of its speed",
+    Cause.CURRENT_READING: "the reading of its current",
+    Cause.VOLTAGE_READING: "the reading of its voltage",
+    Cause.ESC_TEMPERATURE_READING: "the reading of its ESC's temperature",
+    Cause.MOTOR_TEMPERATURE_READING: "the reading of its motor's temperature",
+}
+#: What the part does, by an amount; of a cause whose size may have both signs the second is of a
+#: negative one.
+AMOUNTS: Mapping[Cause, tuple[str, str]] = {
+    Cause.PROPELLER: (
+        "its propeller gives {amount} less thrust at its speed",
+        "its propeller gives {amount} more thrust at its speed",
+    ),
+    Cause.MOTOR: ("its motor takes {amount} more power at its speed", ""),
+    Cause.ESC: ("its ESC takes {amount} more power at its speed", ""),
+    Cause.LEAD: ("its lead or a lug takes {amount} more of the voltage under load", ""),
+    Cause.IMBALANCE: ("it shakes the frame by {amount} of g more, once per revolution", ""),
+    Cause.SPEED_READING: (
+        "its speed reads {amount} too high",
+        "its speed reads {amount} too low",
+    ),
+    Cause.CURRENT_READING: (
+        "its current reads {amount} too high",
+        "its current reads {amount} too low",
+    ),
+    # The offset is of the battery's voltage over the ESC's: above zero, the ESC reads low.
+    Cause.VOLTAGE_READING: (
+        "its ESC reads {amount} too little voltage",
+        "its ESC reads {amount} too much voltage",
+    ),
+    Cause.ESC_TEMPERATURE_READING: (
+        "its ESC's temperature reads {amount} too high a rise",
+        "its ESC's temperature reads {amount} too small a rise",
+    ),
+    Cause.MOTOR_TEMPERATURE_READING: (
+        "its motor's temperature reads {amount} too high a rise",
+        "its motor's temperature reads {amount} too small a rise",
+    ),
+}
+#: The one look that settles it.
+LOOKS: Mapping[Cause, Action] = {
+    Cause.PROPELLER: hands_on(
+        "propeller", "compare the edges and the length of its blades with the others'"
+    ),
+    Cause.MOTOR: hands_on("motor", "turn its motor by hand: it must run as freely as the others"),
+    Cause.ESC: hands_on("ESC", "right after landing, compare the heat of its ESC with the others'"),
+    Cause.LEAD: hands_on("lead", "right after landing, feel its lugs and connectors for heat"),
+    Cause.IMBALANCE: hands_on("propeller", "balance its propeller and tighten the motor's screws"),
+    Cause.SPEED_READING: at_desk("ESC", "check the pole count and telemetry of its ESC"),
+    Cause.CURRENT_READING: hands_on(
+        "ESC", "put another ESC on that arm for one flight: a wrong reading goes with the ESC"
+    ),
+    Cause.VOLTAGE_READING: at_desk(
+        "ESC", "compare its voltage at rest with that of the battery; nothing flies worse by it"
+    ),
+    Cause.ESC_TEMPERATURE_READING: hands_on(
+        "ESC", "right after landing, compare the heat of its ESC with the others'"
+    ),
+    Cause.MOTOR_TEMPERATURE_READING: hands_on(
+        "motor", "right after landing, compare the heat of its motor with the others'"
+    ),
+}
+
+
+def arm_sentence(finding: ArmFinding) -> str:
+    """Return what is wrong with an arm: interval, probability, other causes, and the look that
+    settles it."""
+    first, *others = finding.causes
+    words = say("arm {arm}: {what}", arm=finding.arm + 1, what=amount_words(first))
+    sure = percent(min(finding.probability * first.probability, 0.99))
+    words += say(", {sure} sure", sure=sure)
+    if others:
+        listed = say(" or ").join(
+            say("{part} ({sure})", part=say(PARTS[one.cause]), sure=percent(one.probability))
+            for one in others
+        )
+        words += say("; else {parts}", parts=listed)
+    return words + say("; {look}", look=LOOKS[first.cause].text)
+
+
+def amount_words(one: PossibleCause) -> str:
+    """Return what a cause does, with its amount and 95 % interval."""
+    more, less = AMOUNTS[one.cause]
+    ends = sorted((abs(one.lower), abs(one.upper)))
+    amount = percent_within(abs(one.size), *ends)
+    return say(more if one.size >= 0.0 or not less else less, amount=amount)
+
+
+def arm_sentences(answer: ArmAnswer | None) -> tuple[str, ...]:
+    """Return one sentence for each arm with something wrong.
+
+    A voltage reading alone is left out: every log is checked for it, whatever is known of the
+    aircraft (`inspection.instrument_offsets`).
+    """
+    if answer is None:
+        return ()
+    return tuple(
+        arm_sentence(one) for one in answer.findings if one.cause is not Cause.VOLTAGE_READING
+    )

@@ -1,0 +1,42 @@
+"""Write the arms' answer as values of JSON, with the arms counted from 1."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from thrustmargin.models.checks.arms.posterior import ArmAnswer
+
+
+def answer_json(answer: ArmAnswer | None) -> dict[str, Any] | None:
+    """Return an answer as a dict of JSON values; None without one.
+
+    Sizes are shares, as `causes` has them; `ci95` are the ends of their 95 % intervals.
+    """
+    if answer is None:
+        return None
+    return {
+        "compared": list(answer.quantities),
+        "earlier_flights": answer.flights,
+        "days": answer.days,
+        "findings": [
+            {
+                "arm": one.arm + 1,
+                "probability": one.probability,
+                "causes": [
+                    {
+                        "cause": cause.cause,
+                        "sensor": cause.cause.of_sensor,
+                        "probability": cause.probability,
+                        "size": cause.size,
+                        "ci95": [cause.lower, cause.upper],
+                    }
+                    for cause in one.causes
+                ],
+                "shown": [
+                    {"quantity": quantity, "departure": share, "standard_deviations": apart}
+                    for quantity, share, apart in one.shown
+                ],
+            }
+            for one in answer.findings
+        ],
+    }

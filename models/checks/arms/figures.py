@@ -1,0 +1,283 @@
+"""Reduce one flight to a few figures of each arm, which later flights are compared with.
+
+Symbols: arm i of R with rotor speed N_i [rpm], ESC voltage U_i [V] and current I_i [A], battery
+voltage U [V], air density rho over a reference density.
+
+    thrust       (N_i² - predicted N_i²) / mean predicted N²     more speed than the thrust needs
+    power        ln U_i I_i / (rho/rho_ref N_i³)                 torque is to N², power to N³
+    output       ln N_i² - ln f_i                                speed at motor output, f as curve
+    resistance   slope of U - U_i over I_i, ohm                  lead, lugs and connectors
+    offset       U - U_i without current, V                      instrument, not a part
+    esc_heat     ln of K per A² s                                first-order response to I_i²
+    motor_heat   the same of the motor
+    vibration    body's amplitude at the frequency of N_i, m/s² at 1000 rpm
+    jumps        scatter of N_i from sample to sample, as a share of N_i
+
+Power is to N³ as torque is to N² (Leishman, Principles of Helicopter Aerodynamics, 2.3); the force
+of an unbalanced rotor is to N². Each figure is a median over blocks with the standard error that
+the scatter of the blocks shows, so a turn or a gust moves it little.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from scipy.signal import lfilter
+
+from thrustmargin.models.flight import Bools, Floats
+
+BLOCK_S = 5.0  # of the blocks, as in `model.flight_offsets`
+FEWEST_BLOCKS = 6
+FEWEST_ROWS = 5  # of a block
+#: Standard deviation over median absolute deviation, and standard error of a median over that of a
+#: mean, of a normal variable.
+MEDIAN_ABSOLUTE, MEDIAN_ERROR = 1.4826, 1.2533
+#: s: time constants of an ESC or motor that are tried. Between a bare power stage and a motor of
+#: some kg; the one with the least error in all arms is taken.
+HEAT_TIMES = (30.0, 60.0, 120.0, 240.0, 480.0, 960.0)
+#: K that the sensors resolve; less of a rise is no measurement.
+HEAT_STEP = 1.0
+LEAST_RISE = 3.0  # K
+NAN = math.nan
+
+
+class Quantity(StrEnum):
+    """One kind of figure of an arm; the module has their definitions."""
+
+    THRUST = "thrust"
+    POWER = "power"
+    OUTPUT = "output"
+    RESISTANCE = "resistance"
+    OFFSET = "offset"
+    ESC_HEAT = "esc_heat"
+    MOTOR_HEAT = "motor_heat"
+    VIBRATION = "vibration"
+    JUMPS = "jumps"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmFigure:
+    """One quantity of the R arms in one flight, with its standard errors; NaN unknown."""
+
+    quantity: Quantity
+    value: tuple[float, ...]  # (R,)
+    error: tuple[float, ...]  # (R,)
+    #: Size of the figure that is a share of 1: U/I for a resistance, ohm, and U for an offset, V.
+    unit: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmFigures:
+    """All figures of one flight's arms."""
+
+    flight: str
+    day: int  # number of the day, for flights of one day share their wind and battery
+    figures: tuple[ArmFigure, ...] = ()
+    #: Whether power is by the ESCs' own voltages; else by the battery's, which a lead's loss is in.
+    own_voltage: bool = True
+
+    def of(self, quantity: Quantity) -> ArmFigure | None:
+        """Return the figure of a quantity; None where the flight does not show it."""
+        return next((one for one in self.figures if one.quantity is quantity), None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ArmReadings:
+    """What T rows of one flight report of R arms; NaN unknown."""
+
+    time_s: Floats  # (T,)
+    flying: Bools  # (T,)
+    usable: Bools  # (T,) rows in flight in which the rotors carry the aircraft
+    density_ratio: Floats  # (T,) of the air, over the reference density
+    speed_rpm: Floats  # (T, R) measured
+    thrust_excess: Floats  # (T, R)
+    output_excess: Floats  # (T, R)
+    voltage: Floats  # (T,) of the battery
+    esc_voltage: Floats  # (T, R)
+    esc_current: Floats  # (T, R)
+    esc_temperature: Floats  # (T, R) K
+    motor_temperature: Floats  # (T, R) K
+    vibration: Floats  # (T, R) m/s²
+
+
+def arm_figures(readings: ArmReadings, *, flight: str, day: int) -> ArmFigures:
+    """Return the figures of one flight's arms; those that the flight does not show are left out."""
+    one, rotors = readings, readings.speed_rpm.shape[1]
+    own = bool(np.isfinite(one.esc_voltage).any())
+    volts = one.esc_voltage if own else np.repeat(one.voltage[:, None], rotors, axis=1)
+    speed, blocks = one.speed_rpm, _Blocks(one.time_s, one.usable)
+    power = blocks.mean(volts * one.esc_current)
+    cubes = blocks.mean(one.density_ratio[:, None] * speed**3)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        watts = np.log(np.where(power > 0.0, power, np.nan) / cubes)
+        shaken = blocks.mean(one.vibration) / (blocks.mean(speed) / 1000.0) ** 2
+    typical = float(np.nanmedian(speed[one.usable])) if one.usable.any() else NAN
+    found = [
+        _middle(Quantity.THRUST, blocks.mean(one.thrust_excess)),
+        _middle(Quantity.POWER, watts),
+        _middle(Quantity.OUTPUT, blocks.mean(one.output_excess)),
+        *_leads(one),
+        _heat(Quantity.ESC_HEAT, one, one.esc_temperature),
+        _heat(Quantity.MOTOR_HEAT, one, one.motor_temperature),
+        _middle(Quantity.VIBRATION, shaken, unit=9.80665 / (typical / 1000.0) ** 2),
+        _middle(Quantity.JUMPS, blocks.jitter(speed)),
+    ]
+    kept = tuple(figure for figure in found if figure is not None)
+    return ArmFigures(flight=flight, day=day, figures=kept, own_voltage=own)
+
+
+class _Blocks:
+    """The usable rows of a flight, cut into blocks of BLOCK_S."""
+
+    def __init__(self, time_s: Floats, usable: Bools) -> None:
+        """Cut the rows at times (T,), s, into blocks of at least FEWEST_ROWS usable rows."""
+        rows = np.flatnonzero(usable)
+        block = np.floor(time_s[rows] / BLOCK_S).astype(np.int64)
+        parts = np.split(rows, np.flatnonzero(np.diff(block)) + 1)
+        self._rows = [part for part in parts if part.size >= FEWEST_ROWS]
+
+    def mean(self, values: Floats) -> Floats:
+        """Return the mean (B, R) of values (T, R) over the finite rows of each block.
+
+        NaN where half of a block's rows or more are unknown.
+        """
+        means = np.full((len(self._rows), values.shape[1]), np.nan)
+        for mean, rows in zip(means, self._rows, strict=True):
+            finite = np.isfinite(values[rows])
+            count = finite.sum(axis=0)
+            enough = count > 0.5 * len(rows)
+            total = np.where(finite, values[rows], 0.0).sum(axis=0)
+            mean[enough] = total[enough] / count[enough]
+        return means
+
+    def jitter(self, speed: Floats) -> Floats:
+        """Return the scatter (B, R) of speeds (T, R) from sample to sample, as a share of them.
+
+        By second differences, which a steady change does not move; white noise of standard
+        deviation s has second differences of sqrt(6) s.
+        """
+        scatter = np.full((len(self._rows), speed.shape[1]), np.nan)
+        for share, rows in zip(scatter, self._rows, strict=True):
+            some = speed[rows]
+            bend = (some[2:] - 2.0 * some[1:-1] + some[:-2]) / np.mean(some, axis=0)
+            share[:] = np.sqrt(np.mean(bend**2, axis=0) / 6.0)
+        return scatter
+
+
+def _middle(quantity: Quantity, blocks: Floats, *, unit: float = 1.0) -> ArmFigure | None:
+    """Return the medians of blocks (B, R) with their errors; None without a known arm."""
+    known = np.isfinite(blocks)
+    enough = known.sum(axis=0) >= FEWEST_BLOCKS
+    if not enough.any():
+        return None
+    value, error = np.full((2, blocks.shape[1]), np.nan)
+    for arm in np.flatnonzero(enough):
+        some = blocks[known[:, arm], arm]
+        value[arm] = np.median(some)
+        scatter = MEDIAN_ABSOLUTE * np.median(np.abs(some - value[arm]))
+        error[arm] = MEDIAN_ERROR * scatter / math.sqrt(some.size)
+    return ArmFigure(quantity=quantity, value=_plain(value), error=_plain(error), unit=unit)
+
+
+def _plain(values: Floats) -> tuple[float, ...]:
+    """Return an array as a tuple of Python floats."""
+    return tuple(float(value) for value in values)
+
+
+def _leads(one: ArmReadings) -> list[ArmFigure | None]:
+    """Return resistance, ohm, and offset, V, of each arm's lead.
+
+    Least squares of U - U_i over I_i, on means of 2 s from the ground on: at rest no current flows,
+    which shows the offset. An ESC that reports no current before take-off has none then.
+    """
+    drop = one.voltage[:, None] - one.esc_voltage
+    reported = np.isfinite(one.esc_current).any(axis=0)
+    resting = ~one.flying[:, None] & np.isnan(one.esc_current) & reported
+    current = np.where(resting, 0.0, one.esc_current)
+    rotors = drop.shape[1]
+    ohm, ohm_error, volts, volts_error = np.full((4, rotors), np.nan)
+    if not one.usable.any():
+        return [None, None]
+    bins = np.unique(np.floor(one.time_s / 2.0), return_inverse=True)[1]
+    for arm in range(rotors):
+        known = np.isfinite(drop[:, arm]) & np.isfinite(current[:, arm])
+        count = np.bincount(bins[known], minlength=1)
+        used = count >= 3
+        if used.sum() < 2 * FEWEST_BLOCKS:
+            continue
+        y, x = (np.bincount(bins[known], weights=v[known, arm])[used] for v in (drop, current))
+        y, x = y / count[used], x / count[used]
+        load = float(np.median(current[one.usable & known, arm]))
+        if not load > 0.0:
+            continue
+        design = np.column_stack([np.ones(x.size), x])
+        inverse = np.linalg.inv(design.T @ design + 1e-9 * np.eye(2))
+        solved = inverse @ design.T @ y
+        left = y - design @ solved
+        # Readings of a tenth of a volt hold for long: neighbouring means are not independent.
+        spread = float(left @ left) / (x.size - 2) * 2.0
+        ohm_error[arm], volts_error[arm] = (math.sqrt(spread * inverse[k, k]) for k in (1, 0))
+        ohm[arm], volts[arm] = solved[1], solved[0]
+    if not np.isfinite(ohm).any():
+        return [None, None]
+    level = float(np.nanmedian(one.voltage[one.usable]))
+    load = float(np.nanmedian(one.esc_current[one.usable]))
+    return [
+        ArmFigure(
+            quantity=Quantity.RESISTANCE,
+            value=_plain(ohm),
+            error=_plain(ohm_error),
+            unit=level / load,
+        ),
+        ArmFigure(
+            quantity=Quantity.OFFSET, value=_plain(volts), error=_plain(volts_error), unit=level
+        ),
+    ]
+
+
+def _heat(quantity: Quantity, one: ArmReadings, kelvin: Floats) -> ArmFigure | None:
+    """Return ln of the K per A² s by which each arm grows warm, of temperatures (T, R).
+
+    First-order law: T' = g I² - (T - T_0)/tau, so T = T_0 + g h, with h the response of a lag of
+    tau to I². One tau of HEAT_TIMES serves all arms. None where no arm rises by LEAST_RISE.
+    """
+    rotors = kelvin.shape[1]
+    square = np.nan_to_num(one.esc_current) ** 2
+    grid = np.arange(one.time_s[0], one.time_s[-1] + 1.0) if one.time_s.size else np.zeros(1)
+    if grid.size < 2:
+        return None
+    even = np.stack([np.interp(grid, one.time_s, column) for column in square.T], axis=1)
+    known = np.isfinite(kelvin)
+    arms = [arm for arm in range(rotors) if known[:, arm].sum() > 100]
+    if not arms or not np.isfinite(one.esc_current).any():
+        return None
+    least, best = math.inf, None
+    for tau in HEAT_TIMES:
+        fall = math.exp(-1.0 / tau)
+        lagged = lfilter([0.0, tau * (1.0 - fall)], [1.0, -fall], even, axis=0)
+        response = np.stack([np.interp(one.time_s, grid, column) for column in lagged.T], axis=1)
+        gain, error, squares = np.full((3, rotors), np.nan)
+        for arm in arms:
+            rows = known[:, arm]
+            design = np.column_stack([np.ones(rows.sum()), response[rows, arm]])
+            if np.ptp(design[:, 1]) <= 0.0:
+                continue
+            inverse = np.linalg.inv(design.T @ design)
+            solved = inverse @ design.T @ kelvin[rows, arm]
+            left = kelvin[rows, arm] - design @ solved
+            # Whole degrees: as many independent readings as steps, not as rows.
+            steps = max(np.ptp(kelvin[rows, arm]) / HEAT_STEP, 1.0)
+            squares[arm] = float(left @ left) / rows.sum()
+            spread = (squares[arm] + HEAT_STEP**2 / 12.0) * rows.sum() / steps
+            if solved[1] > 0.0 and np.ptp(kelvin[rows, arm]) >= LEAST_RISE:
+                gain[arm] = math.log(solved[1])
+                error[arm] = math.sqrt(spread * inverse[1, 1]) / solved[1]
+        total = float(np.nansum(squares))
+        if np.isfinite(gain).any() and total < least:
+            least, best = total, (gain, error)
+    if best is None:
+        return None
+    return ArmFigure(quantity=quantity, value=_plain(best[0]), error=_plain(best[1]))

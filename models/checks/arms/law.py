@@ -1,0 +1,204 @@
+"""Learn what each figure of each arm is on a sound aircraft, from earlier flights of it.
+
+The expected figure of an arm is the mean over the days of each day's flights. Flights differ in
+two ways: all arms together (air, battery, wind: not evidence of an arm) and each arm by itself. The
+second is the yardstick, between days and within one; while days are few it is drawn towards a usual
+scatter, which counts as PRIOR_FLIGHTS values.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.models.checks.arms.figures import ArmFigures, Quantity
+from thrustmargin.models.errors import ModelError
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.physics.between_flights import PRIOR_FLIGHTS
+from thrustmargin.models.physics.electric_power import POWER_SCATTER
+
+#: Fewest flights from which an arm's own figures are expected of a further one.
+LEAST_FLIGHTS = 3
+#: Standard deviation between flights of one arm about the others, as a share, before any is seen.
+#: Power: that of the whole aircraft. Output: that from motor to motor of one make. Resistance and
+#: offset: one step, 0.1 V, of what most ESCs report, at 50 V. Thrust: a third of the trims of
+#: `rotor_faults`. Heat: a reading of whole degrees in a rise of 7 K. Vibration: a hundredth of g,
+#: the noise of a mounted IMU. Jumps: 0.3 % of speed, the noise of an ESC's speed.
+USUAL_SCATTER: Mapping[Quantity, float] = MappingProxyType(
+    {
+        Quantity.THRUST: 0.03,
+        Quantity.POWER: POWER_SCATTER,
+        Quantity.OUTPUT: 0.015,
+        Quantity.RESISTANCE: 0.002,
+        Quantity.OFFSET: 0.002,
+        Quantity.ESC_HEAT: 0.15,
+        Quantity.MOTOR_HEAT: 0.15,
+        Quantity.VIBRATION: 0.01,
+        Quantity.JUMPS: 0.003,
+    }
+)
+#: Standard deviation, as a share, of what moves all arms of a flight together.
+TOGETHER = 0.3
+#: Of a sound instrument the offset is zero, whatever earlier flights had. Its scatter is a step of
+#: the reading, which is known as well as if ABSOLUTE_FREEDOM values had shown it.
+ABSOLUTE = frozenset({Quantity.OFFSET})
+ABSOLUTE_FREEDOM = 30.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmLaw:
+    """The figures of the flights that a further one is compared with.
+
+    Raises ModelError where the flights have different numbers of arms.
+    """
+
+    flights: tuple[ArmFigures, ...]
+
+    def __post_init__(self) -> None:
+        counts = {len(figure.value) for one in self.flights for figure in one.figures}
+        if len(counts) > 1:
+            raise ModelError(f"its arms' figures are of {sorted(counts)} arms")
+
+    @property
+    def days(self) -> int:
+        """Return the number of days of the flights."""
+        return len({one.day for one in self.flights})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Departure:
+    """How far the arms of one flight are from what is expected, in one quantity, as shares.
+
+    `departure` (R,) is NaN where unknown; `covariance` (R, R) is that of a sound aircraft, without
+    what moves all arms together; `freedom` is the number of flights that its scale is known from.
+    """
+
+    quantity: Quantity
+    departure: Floats
+    covariance: Floats
+    own: Floats  # (R, R) the part of it that this flight's own blocks show
+    freedom: float
+
+
+def departures(
+    flights: Sequence[ArmFigures], law: ArmLaw | None, modes: Floats | None = None
+) -> tuple[Departure, ...]:
+    """Return the departures of the arms in `flights`, as their mean, from the flights of `law`.
+
+    `modes` (R, R) has the modes of the layout as columns of unit length: thrust is shared by modes,
+    as the centre of gravity moves arms together. Quantities with fewer than LEAST_FLIGHTS earlier
+    flights are left out, but for the offsets of instruments, which need none.
+    """
+    named = {one.flight for one in flights}
+    earlier = [] if law is None else [one for one in law.flights if one.flight not in named]
+    found = []
+    for quantity in Quantity:
+        new, old = _Group.of(flights, quantity), _Group.of(earlier, quantity)
+        if new is None:
+            continue
+        if quantity in ABSOLUTE:
+            found.append(_absolute(new))
+        elif old is not None and len(old.values) >= LEAST_FLIGHTS:
+            used = modes if quantity is Quantity.THRUST else None
+            found.append(_departure(new, old, used))
+    return tuple(found)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Group:
+    """One quantity of F flights on D days."""
+
+    quantity: Quantity
+    unit: float  # median of the flights' units
+    values: Floats  # (F, R)
+    squared_errors: Floats  # (F, R) as shares; 0 where unknown
+    day: NDArray[np.int64]  # (F,) index of the flight's day
+    by_day: Floats  # (D, R) mean of each day's flights
+
+    @classmethod
+    def of(cls, flights: Sequence[ArmFigures], quantity: Quantity) -> _Group | None:
+        """Return the group; None where no flight shows the quantity."""
+        seen = [(one.day, found) for one in flights if (found := one.of(quantity)) is not None]
+        if not seen:
+            return None
+        unit = float(np.median([one.unit for _, one in seen]))
+        values = np.array([one.value for _, one in seen])
+        errors = np.array([one.error for _, one in seen])
+        numbers, day = np.unique([day for day, _ in seen], return_inverse=True)
+        by_day = np.array([_mean(values[day == k]) for k in range(numbers.size)])
+        squared = np.nan_to_num(errors / unit) ** 2
+        return cls(
+            quantity=quantity,
+            unit=unit,
+            values=values,
+            squared_errors=squared,
+            day=day,
+            by_day=by_day,
+        )
+
+
+def _absolute(new: _Group) -> Departure:
+    """Return the departure of an instrument from zero."""
+    usual = USUAL_SCATTER[new.quantity]
+    return Departure(
+        quantity=new.quantity,
+        departure=_mean(new.by_day) / new.unit,
+        covariance=usual**2 * np.eye(new.values.shape[1]),
+        own=np.diag(np.mean(new.squared_errors, axis=0) / len(new.values)),
+        freedom=ABSOLUTE_FREEDOM,
+    )
+
+
+def _departure(new: _Group, old: _Group, modes: Floats | None) -> Departure:
+    """Return the departure of one quantity from its mean over the days of earlier flights.
+
+    The variance between days is divided by the days on either side, that within a day by the
+    flights. Both are in the unit of the new flights.
+    """
+    values, by_day = old.values / new.unit, old.by_day / new.unit
+    days, rotors = by_day.shape
+    expected = _mean(by_day)
+    axes = np.eye(rotors) if modes is None else modes
+    # Arms of one make scatter alike; the common part has taken one arm's worth away.
+    alike = modes is None
+    usual, counted = USUAL_SCATTER[new.quantity], rotors - 1 if alike else 1
+    between = _squares_of(by_day - expected, axes, alike=alike)
+    within = _squares_of(values - by_day[old.day], axes, alike=alike)
+    freedom = PRIOR_FLIGHTS + (days - 1) * counted
+    variance = (PRIOR_FLIGHTS * usual**2 + between) / freedom
+    variance = variance * (1.0 / len(new.by_day) + 1.0 / days)
+    variance = variance + within / max((len(values) - days) * counted, 1) / len(new.values)
+    # Earlier flights' scatter has their own errors; only what this flight is worse counts again.
+    own = np.mean(new.squared_errors, axis=0) - np.mean(old.squared_errors, axis=0)
+    return Departure(
+        quantity=new.quantity,
+        departure=_mean(new.by_day) / new.unit - expected,
+        covariance=axes @ np.diag(variance) @ axes.T,
+        own=np.diag(np.maximum(own, 0.0) / len(new.values)),
+        freedom=freedom,
+    )
+
+
+def _squares_of(left: Floats, axes: Floats, *, alike: bool) -> Floats:
+    """Return the sums of squares (R,) of values (F, R) along each of the `axes` (R, R).
+
+    `alike`: one sum of all arms about their mean. Rows with an unknown arm are left out.
+    """
+    left = left[np.isfinite(left).all(axis=1)]
+    if alike:
+        left = left - left.mean(axis=1, keepdims=True)
+        return np.full(left.shape[1], np.sum(left**2))
+    return np.sum((left @ axes) ** 2, axis=0)
+
+
+def _mean(values: Floats) -> Floats:
+    """Return the mean over the first axis of the finite values; NaN where there is none."""
+    finite = np.isfinite(values)
+    count = finite.sum(axis=0)
+    total = np.where(finite, values, 0.0).sum(axis=0)
+    return np.where(count > 0, total / np.maximum(count, 1), math.nan)

@@ -1,0 +1,260 @@
+"""Find what is wrong with which arm: one posterior over arms, causes and sizes.
+
+The departures y of a quantity from what a sound aircraft has are normal with covariance S, in
+which the arms' common part is open. A cause of size s at arm i moves its mean by s r e_i and widens
+it by (s d)² e_i e_i', with the ratio r and its deviation d of `causes.PATTERNS`. The scale of S is
+known from few flights, so it is averaged over (Student's t). Sizes are averaged over a log-uniform
+grid. The probability of "sound" is that of none of them, with the prior FAULTY.
+
+A second arm or cause is sought after the first with the figures left out that the first moves at
+its arm. What the thrust search has reported of an arm is given: one of the causes that it leaves.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import logsumexp
+from scipy.stats import chi2
+
+from thrustmargin.models.checks.arms.causes import PATTERNS, Cause
+from thrustmargin.models.checks.arms.figures import ArmFigures, Quantity
+from thrustmargin.models.checks.arms.law import TOGETHER, ArmLaw, Departure, departures
+from thrustmargin.models.flight import Floats
+
+#: Prior probability that something is wrong with an arm in a flight: about one flight in fifty.
+FAULTY = 0.02
+SURE = 0.95  # posterior probability of an answer that is reported, and coverage of its interval
+POSSIBLE = 0.05  # probability from which another cause is listed
+#: Sizes that are tried, as shares: from half a per cent, below which no figure repeats, up.
+SIZES = np.geomspace(0.005, 0.6, 40)
+MOST_FINDINGS = 4
+#: Quantiles of the scale's distribution over which it is averaged.
+_QUANTILES = (np.arange(25) + 0.5) / 25
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PossibleCause:
+    """One cause with its probability, given that the arm has one."""
+
+    cause: Cause
+    probability: float
+    size: float  # share; see `causes`
+    lower: float  # 95 % interval
+    upper: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmFinding:
+    """One arm, from 0, with something wrong; its causes, the most probable first, are all that
+    together have the probability SURE."""
+
+    arm: int
+    probability: float  # that something is wrong with this arm
+    causes: tuple[PossibleCause, ...]
+    #: What speaks for it: each quantity that departs, as a share, in standard deviations.
+    shown: tuple[tuple[Quantity, float, float], ...]
+
+    @property
+    def cause(self) -> Cause | None:
+        """Return the cause, if it is the only one; None if it is one of several."""
+        return self.causes[0].cause if len(self.causes) == 1 else None
+
+    @property
+    def only_sensors(self) -> bool:
+        """Return whether every possible cause is a wrong reading: then no part is blamed."""
+        return all(one.cause.of_sensor for one in self.causes)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmAnswer:
+    """What the arms' figures of one flight or of some together show."""
+
+    findings: tuple[ArmFinding, ...]
+    quantities: tuple[Quantity, ...]  # that were compared
+    flights: int  # earlier flights that they were compared with
+    days: int
+
+
+def arm_answer(
+    flights: Sequence[ArmFigures],
+    law: ArmLaw | None,
+    *,
+    modes: Floats | None = None,
+    given: Mapping[int, Collection[Cause]] | None = None,
+) -> ArmAnswer:
+    """Return what is wrong with which arms in some flights, by their figures and earlier ones.
+
+    `modes` (R, R) are the layout's modes (`law.departures`). `given` are the arms, from 0, that the
+    thrust search reports, with the causes that it leaves possible: one of them is there for
+    certain.
+    """
+    left = list(departures(flights, law, modes))
+    own_voltage = all(one.own_voltage for one in flights)
+    quantities = tuple(one.quantity for one in left)
+    findings: list[ArmFinding] = []
+    asked = dict(given or {})
+    while len(findings) < MOST_FINDINGS and left:
+        first = {arm: asked.pop(arm) for arm in list(asked)[:1]}
+        found = _finding(left, own_voltage=own_voltage, given=first)
+        if found is None:
+            break
+        findings.append(found)
+        left = _without(left, found, own_voltage=own_voltage)
+    return ArmAnswer(
+        findings=tuple(findings),
+        quantities=quantities,
+        flights=0 if law is None else len(law.flights),
+        days=0 if law is None else law.days,
+    )
+
+
+def _without(left: Sequence[Departure], found: ArmFinding, *, own_voltage: bool) -> list[Departure]:
+    """Return the departures without what the causes of a finding move at its arm."""
+    kept = []
+    for one in left:
+        moves = any(
+            _moves(cause.cause, one.quantity, own_voltage=own_voltage) for cause in found.causes
+        )
+        values = one.departure.copy()
+        if moves:
+            values[found.arm] = math.nan
+        if np.isfinite(values).any():
+            kept.append(replace(one, departure=values))
+    return kept
+
+
+def _moves(cause: Cause, quantity: Quantity, *, own_voltage: bool) -> bool:
+    """Return whether a cause can move a quantity of its arm."""
+    moved = PATTERNS[cause].of(quantity, own_voltage=own_voltage)
+    return moved.ratio != 0.0 or moved.spread != 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Evidence:
+    """Log likelihoods of one quantity: without a cause (), and with one of each arm and size."""
+
+    one: Departure
+    known: Floats  # (K,) indices of arms with a departure
+    weighted: Floats  # (L, K) inverse covariance times the departure, for each of L scales
+    inverse: Floats  # (L, K) diagonal of the inverse covariance
+    base: Floats  # (L,) log density without a cause
+
+    @classmethod
+    def of(cls, one: Departure) -> _Evidence:
+        """Prepare the scales of a departure's covariance."""
+        known = np.flatnonzero(np.isfinite(one.departure))
+        y = one.departure[known]
+        cut = np.ix_(known, known)
+        scales = one.freedom / chi2.isf(_QUANTILES, one.freedom)
+        # What moves all arms together is open, but not where modes are known one by one.
+        open_part = 0.0 if one.quantity is Quantity.THRUST else TOGETHER**2
+        stack = scales[:, None, None] * one.covariance[cut] + one.own[cut] + open_part
+        inverse = np.linalg.inv(stack)
+        weighted = inverse @ y
+        base = -0.5 * (weighted @ y + np.linalg.slogdet(stack)[1])
+        return cls(one, known, weighted, np.diagonal(inverse, axis1=1, axis2=2), base)
+
+    @property
+    def sound(self) -> float:
+        """Return the log likelihood without a cause."""
+        return float(logsumexp(self.base) - math.log(self.base.size))
+
+    def gain(self, arm: int, ratio: float, spread: float, sizes: Floats) -> Floats:
+        """Return the log likelihood ratio (S,) of a cause of each size at an arm to none."""
+        place = np.flatnonzero(self.known == arm)
+        if not place.size or (ratio == 0.0 and spread == 0.0):
+            return np.zeros(sizes.size)
+        weighted, inverse = (x[:, place[0]][:, None] for x in (self.weighted, self.inverse))
+        mean, variance = (sizes * ratio)[None, :], ((sizes * spread) ** 2)[None, :]
+        # Sherman and Morrison: the covariance grows by one arm's variance.
+        shifted = weighted - mean * inverse
+        grown = 1.0 + variance * inverse
+        quadratic = -2.0 * mean * weighted + mean**2 * inverse - variance * shifted**2 / grown
+        logs = self.base[:, None] - 0.5 * (quadratic + np.log(grown))
+        return logsumexp(logs, axis=0) - math.log(self.base.size) - self.sound
+
+
+def _finding(
+    left: Sequence[Departure], *, own_voltage: bool, given: Mapping[int, Collection[Cause]]
+) -> ArmFinding | None:
+    """Return the arm with something wrong, and its causes; None while none is sure.
+
+    With an arm in `given` it is that arm, with one of its causes for certain.
+    """
+    evidence = [_Evidence.of(one) for one in left]
+    rotors = left[0].departure.size
+    both = np.concatenate([-SIZES[::-1], SIZES])
+    gains: dict[tuple[int, Cause], tuple[Floats, Floats]] = {}
+    for cause, pattern in PATTERNS.items():
+        sizes = both if pattern.both_ways else SIZES
+        moved = [(one, pattern.of(one.one.quantity, own_voltage=own_voltage)) for one in evidence]
+        for at in given or range(rotors):
+            if given and cause not in given[at]:
+                continue
+            total = np.zeros(sizes.size)
+            for one, how in moved:
+                total = total + one.gain(at, how.ratio, how.spread, sizes)
+            gains[at, cause] = sizes, total
+    prior = math.log(FAULTY / (rotors * len(PATTERNS)))
+    logs = {
+        key: prior + float(logsumexp(total)) - math.log(total.size)
+        for key, (_, total) in gains.items()
+    }
+    sound = math.log1p(-FAULTY)
+    whole = float(logsumexp([*logs.values(), *([] if given else [sound])]))
+    by_arm = {
+        at: math.exp(float(logsumexp([v for (k, _), v in logs.items() if k == at])) - whole)
+        for at in {k for k, _ in logs}
+    }
+    worst = max(by_arm, key=lambda at: by_arm[at])
+    if not given and by_arm[worst] < SURE:
+        return None
+    mine = {cause: value for (at, cause), value in logs.items() if at == worst}
+    total = float(logsumexp(list(mine.values())))
+    causes, reached = [], 0.0
+    for cause in sorted(mine, key=lambda one: -mine[one]):
+        share = math.exp(mine[cause] - total)
+        if reached >= SURE or (causes and share < POSSIBLE * (1.0 - reached)):
+            break
+        causes.append(_possible(cause, share, *gains[worst, cause]))
+        reached += share
+    moved = {one.cause for one in causes}
+    return ArmFinding(
+        arm=worst,
+        probability=by_arm[worst],
+        causes=tuple(causes),
+        shown=tuple(
+            (one.quantity, *_shown(one, worst))
+            for one in left
+            if np.isfinite(one.departure[worst])
+            and any(_moves(cause, one.quantity, own_voltage=own_voltage) for cause in moved)
+        ),
+    )
+
+
+def _shown(one: Departure, arm: int) -> tuple[float, float]:
+    """Return an arm's departure from the others', as a share, and in standard deviations."""
+    others = np.delete(one.departure, arm)
+    others = others[np.isfinite(others)]
+    usual = float(np.mean(others)) if others.size and one.quantity is not Quantity.THRUST else 0.0
+    apart = float(one.departure[arm]) - usual
+    error = math.sqrt((one.covariance + one.own)[arm, arm] * (1.0 + 1.0 / max(others.size, 1)))
+    return apart, apart / error
+
+
+def _possible(cause: Cause, share: float, sizes: Floats, logs: Floats) -> PossibleCause:
+    """Return a cause with the mean and interval of its size, from log likelihoods (S,)."""
+    weight = np.exp(logs - logs.max())
+    weight = weight / weight.sum()
+    ends = np.interp([0.025, 0.975], np.cumsum(weight) - 0.5 * weight, sizes)
+    return PossibleCause(
+        cause=cause,
+        probability=share,
+        size=float(weight @ sizes),
+        lower=float(ends[0]),
+        upper=float(ends[1]),
+    )

@@ -1,0 +1,126 @@
+"""Measure the figures of each arm in a flight, and find what is wrong with which arm."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+
+from thrustmargin.models.checks.arms.causes import Cause
+from thrustmargin.models.checks.arms.figures import ArmFigures, ArmReadings, arm_figures
+from thrustmargin.models.checks.arms.law import ArmLaw
+from thrustmargin.models.checks.arms.posterior import ArmAnswer, arm_answer
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.analysis import FlightAnalysis, analyse
+from thrustmargin.models.model.fault_test import RotorFault
+from thrustmargin.models.model.mode_walk import local_day
+from thrustmargin.models.model.output_faults import MisreadSpeed
+from thrustmargin.models.model.rotor_faults import RowLimit, fault_signals, mode_directions
+from thrustmargin.models.model.rotor_model import RotorModel
+
+#: Of the squared speeds that carry the weight: with less, the legs are on the ground.
+CARRIED = 0.8
+#: Causes of a rotor whose speed is not that of its motor output.
+_OF_DRIVE = (Cause.MOTOR, Cause.ESC, Cause.LEAD)
+
+
+def flight_arm_figures(analysis: FlightAnalysis, *, flight: str) -> ArmFigures:
+    """Return the figures of a flight's arms; `flight` is the digest of its log, or its name.
+
+    Speeds that were inferred from motor outputs are not used, because they show no power. A flight
+    without a date counts as of day 0. Where no margin is claimed (`withheld`) thrust is unknown.
+    """
+    track, rotors = analysis.track, analysis.track.rotor_count
+    signals = fault_signals(analysis, slice(None))
+    excess, output = signals[:, 1 : 1 + rotors], signals[:, 1 + rotors : 1 + 2 * rotors]
+    speed = np.where(analysis.from_outputs, np.nan, track.measured("rotor_speed_rpm"))
+    predicted = np.sum(analysis.prediction.rotor_speed_rpm**2, axis=1)
+    with np.errstate(invalid="ignore"):
+        light = np.sum(speed**2, axis=1) < CARRIED * predicted  # False where the load is unknown
+    usable = track.flying & ~light & np.isfinite(speed).all(axis=1)
+    usable &= signals[:, -1] < RowLimit.NO_FAULT
+    readings = ArmReadings(
+        time_s=track.time_s,
+        flying=track.flying,
+        usable=usable,
+        density_ratio=analysis.density / analysis.model.reference_density,
+        speed_rpm=speed,
+        thrust_excess=np.full_like(excess, np.nan) if analysis.withheld else excess,
+        output_excess=output,
+        voltage=track.voltage,
+        esc_voltage=track.esc_voltage,
+        esc_current=track.esc_current,
+        esc_temperature=track.esc_temperature,
+        motor_temperature=track.motor_temperature,
+        vibration=track.vibration_per_rev,
+    )
+    start = 0.0 if track.start_unix_s is None else track.start_unix_s
+    longitude = track.origin.longitude_deg if track.origin else math.nan
+    return arm_figures(readings, flight=flight, day=local_day(start, longitude))
+
+
+def learnt_arms(model: RotorModel, tracks: Sequence[FlightTrack]) -> ArmLaw:
+    """Return the law of an aircraft's arms by its good flights, with `model` as it is made."""
+    return ArmLaw(
+        flights=tuple(
+            flight_arm_figures(analyse(track, model), flight=track.name) for track in tracks
+        )
+    )
+
+
+def flight_arm_answer(
+    analysis: FlightAnalysis,
+    faults: Sequence[RotorFault] = (),
+    misread: MisreadSpeed | None = None,
+) -> ArmAnswer:
+    """Return what is wrong with which arms in a flight, by what the model knows of them.
+
+    It agrees with the thrust search, which reports `faults` and a `misread` speed.
+    """
+    model = analysis.model
+    return arm_answer(
+        [flight_arm_figures(analysis, flight=analysis.track.name)],
+        model.arms,
+        modes=mode_directions(model),
+        given=_causes_left(faults, misread),
+    )
+
+
+def flights_arm_answer(
+    model: RotorModel, tracks: Sequence[FlightTrack], weak: Collection[int] = ()
+) -> ArmAnswer | None:
+    """Return what is wrong with which arms in several flights together; None without a flight.
+
+    `weak` are the rotors, from 0, that a search by speeds reports: either the propeller of each has
+    lost thrust, or its speed is misread.
+    """
+    if not tracks:
+        return None
+    return arm_answer(
+        [flight_arm_figures(analyse(track, model), flight=track.name) for track in tracks],
+        model.arms,
+        modes=mode_directions(model),
+        given=dict.fromkeys(weak, (Cause.PROPELLER, Cause.SPEED_READING)),
+    )
+
+
+def _causes_left(
+    faults: Sequence[RotorFault], misread: MisreadSpeed | None
+) -> Mapping[int, tuple[Cause, ...]]:
+    """Return the causes that the thrust search leaves of each arm, from 0, that it reports.
+
+    A fault of one of several rotors gives none: it does not say which arm.
+    """
+    left: dict[int, tuple[Cause, ...]] = {}
+    for fault in faults:
+        if fault.rotors:
+            continue
+        of_speed = () if fault.witnessed else (Cause.SPEED_READING,)
+        propeller = fault.kind == "propeller"
+        left[fault.rotor] = (Cause.PROPELLER, *of_speed) if propeller else _OF_DRIVE
+    if misread is not None:
+        left[misread.rotor] = (Cause.SPEED_READING,)
+        if not misread.witnessed:
+            left[misread.rotor] = (Cause.SPEED_READING, Cause.PROPELLER)
+    return left

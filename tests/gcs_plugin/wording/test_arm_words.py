@@ -1,0 +1,68 @@
+"""What is said of an arm: the part, how much, how sure, what else, and what settles it."""
+
+import pytest
+
+from thrustmargin.gcs_plugin.wording.arm_words import (
+    AMOUNTS,
+    LOOKS,
+    PARTS,
+    amount_words,
+    arm_sentence,
+    arm_sentences,
+)
+from thrustmargin.gcs_plugin.wording.language import speaking
+from thrustmargin.models.checks.arms.causes import PATTERNS, Cause
+from thrustmargin.models.checks.arms.posterior import ArmAnswer, ArmFinding, PossibleCause
+
+
+def possible(cause, probability=1.0, size=0.06):
+    low, high = sorted((0.7 * size, 1.3 * size))
+    return PossibleCause(cause=cause, probability=probability, size=size, lower=low, upper=high)
+
+
+def finding(*causes, arm=2, probability=0.98):
+    return ArmFinding(arm=arm, probability=probability, causes=causes, shown=())
+
+
+def test_one_cause_is_said_with_its_amount_interval_probability_and_look():
+    assert arm_sentence(finding(possible(Cause.LEAD))) == (
+        "arm 3: its lead or a lug takes 6 % (4 to 8) more of the voltage under load, 98 % sure; "
+        "with the battery off, right after landing, feel its lugs and connectors for heat"
+    )
+
+
+def test_the_others_that_it_may_be_are_listed_with_their_probability():
+    several = finding(possible(Cause.MOTOR, 0.6), possible(Cause.CURRENT_READING, 0.37))
+    assert arm_sentence(several) == (
+        "arm 3: its motor takes 6 % (4 to 8) more power at its speed, 59 % sure; else the reading "
+        "of its current (37 %); with the battery off, turn its motor by hand: it must run as "
+        "freely as the others"
+    )
+
+
+def test_the_sign_of_a_size_changes_the_words():
+    assert "less thrust" in amount_words(possible(Cause.PROPELLER))
+    assert "6 % (4 to 8) more thrust" in amount_words(possible(Cause.PROPELLER, size=-0.06))
+    assert "too little voltage" in amount_words(possible(Cause.VOLTAGE_READING))
+
+
+@pytest.mark.parametrize("language", ["en", "de"])
+def test_every_cause_has_words_in_every_language(language):
+    assert set(AMOUNTS) == set(PARTS) == set(LOOKS) == set(Cause) == set(PATTERNS)
+    with speaking(language):
+        said = {cause: arm_sentence(finding(possible(cause))) for cause in Cause}
+        assert len(set(said.values())) == len(Cause)
+        for cause, pattern in PATTERNS.items():
+            assert bool(AMOUNTS[cause][1]) == pattern.both_ways
+    assert ("Arm 3" if language == "de" else "arm 3") in said[Cause.MOTOR]
+
+
+def test_a_voltage_reading_alone_is_left_to_the_check_of_every_log():
+    answer = ArmAnswer(
+        findings=(finding(possible(Cause.VOLTAGE_READING)), finding(possible(Cause.MOTOR), arm=0)),
+        quantities=(),
+        flights=5,
+        days=2,
+    )
+    assert [words[:5] for words in arm_sentences(answer)] == ["arm 1"]
+    assert arm_sentences(None) == ()

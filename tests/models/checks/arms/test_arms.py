@@ -1,0 +1,163 @@
+"""What is wrong with which arm, on flights of a plant with one cause on one arm."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.models.checks.arms.arm_plant import CAUSES, F16, Bad, arm_flight
+from thrustmargin.models.checks.arms.causes import Cause
+from thrustmargin.models.checks.arms.figures import ArmFigure, ArmFigures, Quantity
+from thrustmargin.models.checks.arms.law import ArmLaw, departures
+from thrustmargin.models.checks.arms.posterior import arm_answer
+from thrustmargin.models.errors import ModelError
+from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.flight_arms import (
+    flight_arm_answer,
+    flight_arm_figures,
+    flights_arm_answer,
+    learnt_arms,
+)
+from thrustmargin.models.model.model_file import load_model, save_model
+from thrustmargin.models.model.rotor_faults import mode_directions
+from thrustmargin.models.model.rotor_model import physics_model
+
+MODEL = physics_model(F16)
+MODES = mode_directions(MODEL)
+GOOD = [arm_flight(k, day=k, aircraft=3) for k in range(8)]
+KNOWN = replace(MODEL, arms=learnt_arms(MODEL, GOOD))
+OF_ESC = ("esc_voltage", "esc_current", "esc_temperature", "motor_temperature")
+#: A rise of temperature that reads 12 % too high is within the scatter of flights.
+NOT_SHOWN = ("esc_temperature_reading", "motor_temperature_reading")
+
+
+def answer(track, model=KNOWN, **given):
+    return flight_arm_answer(analyse(track, model), **given)
+
+
+def without(track, *channels):
+    return replace(track, **{c: np.full_like(getattr(track, c), np.nan) for c in channels})
+
+
+@pytest.mark.parametrize("cause", [c for c in CAUSES if c not in NOT_SHOWN])
+def test_a_cause_of_12_percent_is_found_on_its_arm(cause):
+    found = answer(arm_flight(71, 30, Bad(cause=cause, size=0.12, arm=2), aircraft=3)).findings
+    assert [one.arm for one in found] == [2]
+    (first, *_) = found[0].causes
+    assert found[0].cause == cause
+    low, high = sorted((abs(first.lower), abs(first.upper)))
+    assert 0.5 * low < 0.12 < 1.5 * high
+    assert found[0].only_sensors == cause.endswith("_reading")
+
+
+@pytest.mark.parametrize("seed", range(80, 86))
+def test_of_a_sound_aircraft_nothing_is_said(seed):
+    assert answer(arm_flight(seed, 30 + seed, aircraft=3)).findings == ()
+
+
+def test_what_cannot_be_told_apart_is_one_of_several():
+    """Without temperatures more power is the motor's, the ESC's or the ammeter's."""
+    model = replace(MODEL, arms=learnt_arms(MODEL, [without(t, *OF_ESC[2:]) for t in GOOD]))
+    bad = arm_flight(72, 30, Bad(cause="motor", size=0.12, arm=1), aircraft=3)
+    (found,) = answer(without(bad, *OF_ESC[2:]), model).findings
+    assert found.arm == 1
+    assert found.cause is None
+    assert {Cause.MOTOR, Cause.CURRENT_READING} <= {one.cause for one in found.causes}
+    assert sum(one.probability for one in found.causes) > 0.9
+
+
+def test_without_readings_of_the_escs_a_bad_motor_is_not_blamed_on_anything_else():
+    bad = arm_flight(73, 30, Bad(cause="motor", size=0.12), aircraft=3)
+    found = answer(without(bad, *OF_ESC, "vibration_per_rev"))
+    assert found.findings == ()
+    assert Quantity.POWER not in found.quantities
+
+
+def test_the_thrust_search_is_never_contradicted():
+    """Of an arm that it reports, only the causes that it leaves are possible."""
+    bad = arm_flight(74, 30, Bad(cause="speed_reading", size=0.12, arm=1), aircraft=3)
+    flight = [flight_arm_figures(analyse(bad, KNOWN), flight="new")]
+    given = arm_answer(flight, KNOWN.arms, modes=MODES, given={1: (Cause.PROPELLER,)})
+    assert (given.findings[0].arm, given.findings[0].cause) == (1, Cause.PROPELLER)
+    either = flights_arm_answer(KNOWN, [bad], weak=[1])
+    assert either.findings[0].cause is Cause.SPEED_READING
+    weak = arm_flight(75, 30, Bad(cause="propeller", size=0.12, arm=1), aircraft=3)
+    assert flights_arm_answer(KNOWN, [weak], weak=[1]).findings[0].cause is Cause.PROPELLER
+
+
+def test_two_bad_arms_are_both_found():
+    one = arm_flight(76, 30, Bad(cause="lead", size=0.12, arm=0), aircraft=3)
+    other = arm_flight(76, 30, Bad(cause="imbalance", size=0.12, arm=3), aircraft=3)
+    both = replace(one, vibration_per_rev=other.vibration_per_rev)
+    found = {f.arm: f.cause for f in answer(both).findings}
+    assert found == {0: Cause.LEAD, 3: Cause.IMBALANCE}
+
+
+def test_several_flights_show_what_one_does_not():
+    tracks = [
+        arm_flight(400 + k, 40 + k, Bad(cause="current_reading", size=0.05, arm=2), aircraft=3)
+        for k in range(6)
+    ]
+    assert answer(tracks[0]).findings == ()
+    (found,) = flights_arm_answer(KNOWN, tracks).findings
+    assert found.arm == 2
+    assert Cause.CURRENT_READING in {one.cause for one in found.causes}
+    assert flights_arm_answer(KNOWN, []) is None
+
+
+def figures(flight, day, value, quantity=Quantity.POWER, unit=1.0):
+    error = (0.001,) * len(value)
+    one = ArmFigure(quantity=quantity, value=tuple(value), error=error, unit=unit)
+    return ArmFigures(flight=flight, day=day, figures=(one,))
+
+
+def test_what_all_arms_do_together_is_no_evidence():
+    flights = [figures(str(k), k, [0.001 * k] * 4) for k in range(6)]
+    law = ArmLaw(flights=tuple(flights))
+    assert arm_answer([figures("new", 9, [0.25] * 4)], law).findings == ()
+    assert arm_answer([figures("new", 9, [0.25, 0.0, 0.0, 0.0])], law).findings[0].arm == 0
+
+
+def test_a_flight_is_not_compared_with_itself_and_few_flights_show_nothing():
+    flights = tuple(figures(str(k), k, [0.0] * 4) for k in range(3))
+    law = ArmLaw(flights=flights)
+    assert arm_answer([figures("new", 9, [0.3, 0, 0, 0])], law).quantities == (Quantity.POWER,)
+    assert arm_answer([figures("1", 1, [0.3, 0, 0, 0])], law).quantities == ()
+    assert arm_answer([figures("new", 9, [0.3, 0, 0, 0])], None).quantities == ()
+
+
+def test_the_scatter_between_days_is_the_yardstick():
+    """Arms that differ by 5 % from day to day are not bad at 10 %."""
+    rng = np.random.default_rng(5)
+    calm, wild = (
+        ArmLaw(
+            flights=tuple(figures(str(k), k, scatter * rng.standard_normal(4)) for k in range(10))
+        )
+        for scatter in (0.003, 0.05)
+    )
+    new = [figures("new", 20, [0.0, 0.1, 0.0, 0.0])]
+    assert arm_answer(new, calm).findings[0].arm == 1
+    assert arm_answer(new, wild).findings == ()
+    (one,) = departures(new, wild)
+    assert np.sqrt(np.diag(one.covariance)) == pytest.approx([0.05] * 4, rel=0.35)
+
+
+def test_an_instrument_s_offset_needs_no_earlier_flight():
+    low = figures("new", 0, [0.9, 0.0, 0.02, -0.03], Quantity.OFFSET, unit=50.0)
+    (found,) = arm_answer([low], None).findings
+    assert (found.arm, found.cause) == (0, Cause.VOLTAGE_READING)
+    assert found.causes[0].size == pytest.approx(0.018, rel=0.3)
+
+
+def test_a_law_of_different_numbers_of_arms_is_refused():
+    with pytest.raises(ModelError, match=r"of \[4, 6\] arms"):
+        ArmLaw(flights=(figures("a", 0, [0.0] * 4), figures("b", 1, [0.0] * 6)))
+
+
+def test_a_model_file_keeps_what_is_known_of_the_arms(tmp_path):
+    save_model(KNOWN, tmp_path / "known.safetensors")
+    read = load_model(tmp_path / "known.safetensors").arms
+    assert [one.flight for one in read.flights] == [track.name for track in GOOD]
+    bad = arm_flight(71, 30, Bad(cause="lead", size=0.12, arm=2), aircraft=3)
+    again = answer(bad, replace(MODEL, arms=read)).findings
+    assert [one.cause for one in again] == [Cause.LEAD]
