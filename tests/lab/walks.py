@@ -6,8 +6,7 @@ colours a row. Code that runs at import is not counted. Of the files with a func
 - `ran`: all;
 - `way`: those with a function that returns one of the types that the datum passes through, by its
   annotation, and the command itself: there the datum gets its next form;
-- `climbs`: calls between files of the way into a room that imports the caller's: callbacks, for
-  which a reader goes back up.
+- `climbs`: files that files of lower rooms call back, for which a reader goes back up.
 
 `--list` names the files of the way.
 """
@@ -169,12 +168,10 @@ def main() -> None:
         ran = {name for name, _ in trace.ran}
         on_way = {name for name in ran if name.endswith(f".{argv[0]}")}
         on_way |= {name for name, line in trace.ran if line in handing_on(name, types)}
-        climbs = {
-            (a, b) for a, b in trace.calls if {a, b} <= on_way and (room(a), room(b)) in pairs
-        }
+        climbs = {b for a, b in trace.calls if a in on_way and (room(a), room(b)) in pairs}
         print(f"| {way} | {len(ran)} | {len(on_way)} | {aim} | {len(climbs)} |")
         if options.list:
-            print(*sorted(on_way), *(f"{a} ^ {b}" for a, b in sorted(climbs)), sep="\n")
+            print(*sorted(on_way), *(f"^ {name}" for name in sorted(climbs)), sep="\n")
 
 
 def handing_on(module: str, types: str) -> set[int]:
