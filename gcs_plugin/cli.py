@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
 from typing import Any
 
-from thrustmargin.gcs_plugin.commands.shared.extras import HERE, extras
+from thrustmargin.gcs_plugin.commands import HERE, extras
 from thrustmargin.gcs_plugin.commands.shared.options import QUIET, UsageError, refuse_renamed
 from thrustmargin.gcs_plugin.commands.shared.typed import as_read, hide_none, plain_optionals
 from thrustmargin.gcs_plugin.mavlink.text import clean_lines

@@ -14,7 +14,7 @@ Kuensch 1989).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -28,6 +28,8 @@ CONFIDENCE = 0.95
 DRAWS = 2000
 #: Fewest blocks of a flight from which its spread can be estimated.
 FEWEST_BLOCKS = 5
+#: Number of flights that a prior scatter between the flights of an aircraft counts as.
+PRIOR_FLIGHTS = 3.0
 #: Columns of the sums: rows, errors, squares, measured about its mean, its squares, rows inside
 #: the interval of the prediction, rows that have one.
 N, E, EE, Y, YY, INSIDE, BOUNDED = range(7)
@@ -299,3 +301,19 @@ def _within(t: float, degrees: int) -> float:
         term *= square * k / (k + 1)
     total *= t / math.sqrt(degrees + t * t)
     return (math.atan(t / math.sqrt(degrees)) + total) * 2.0 / math.pi if odd else total
+
+
+def error_of_further(
+    values: Sequence[float], middle: float, *, prior: float, independent: int | None = None
+) -> float:
+    """Return the standard error of one further value about `middle`, the mean of the F `values`.
+
+    Flights of one aircraft differ by more than each is uncertain, and a few of them do not show by
+    how much: their scatter is drawn towards `prior`, which counts as PRIOR_FLIGHTS flights.
+
+    `prior` is the standard deviation between flights before any is seen. `independent` is the
+    number of values that the mean counts as, F without it: flights of one day are not independent.
+    """
+    squares = PRIOR_FLIGHTS * prior**2 + sum((value - middle) ** 2 for value in values)
+    scatter = squares / (PRIOR_FLIGHTS + len(values) - 1)
+    return math.sqrt(scatter * (1.0 + 1.0 / (independent or len(values))))

@@ -78,9 +78,9 @@ def measured_speeds(
         first = int(signal.time_s.searchsorted(heard_s, side="right"))
         time_s, rpm = signal.time_s[first:], signal.values[first:]
         if not last_rpm.size or not np.array_equal(time_s, at_s):  # most report all rotors at once
-            at_s, last_rpm, tails = time_s, _last_speeds(known, time_s), {}
+            at_s, last_rpm, tails = time_s, last_speeds(known, time_s), {}
         output, demand = _demand(outputs[rotor], at_s)
-        others = _median(last_rpm[[k for k in range(len(known)) if k != rotor]])
+        others = median_speeds(last_rpm[[k for k in range(len(known)) if k != rotor]])
         before = memory[rotor]
         verdict, last = checked_readings(
             at_s,
@@ -203,7 +203,7 @@ def _demand(output: Signal | None, time_s: Floats) -> tuple[Floats, Bools]:
     return share, (share > IDLE) & ~(time_s - idle_s < SPIN_UP)
 
 
-def _last_speeds(known: Sequence[Signal | None], time_s: Floats) -> Floats:
+def last_speeds(known: Sequence[Signal | None], time_s: Floats) -> Floats:
     """Return the last absolute speed (R, n), rpm, of each rotor at each time; NaN where none is
     known.
     """
@@ -215,7 +215,7 @@ def _last_speeds(known: Sequence[Signal | None], time_s: Floats) -> Floats:
     return last
 
 
-def _median(values: Floats) -> Floats:
+def median_speeds(values: Floats) -> Floats:
     """Return the median (n,) of the finite values over the first axis; NaN where there are none."""
     if not values.size:
         return np.full(values.shape[1], np.nan)

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import fmean
 
-from thrustmargin.models.physics.between_flights import error_of_further
 from thrustmargin.models.physics.electric_power import NORMAL
+from thrustmargin.models.scores import error_of_further
 
 FEWEST_MISSIONS = 3
 #: Standard deviations between missions before any is seen: of ln time and ln energy, and of

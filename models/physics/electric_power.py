@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from statistics import NormalDist, fmean
 
 from thrustmargin.models.errors import ModelError
-from thrustmargin.models.physics.between_flights import error_of_further
+from thrustmargin.models.scores import error_of_further
 
 #: Standard deviation of ln k between flights before any is seen. Source: five flights of two days
 #: of a heavy quad, Quiver PT1 (github.com/Arrow-air/project-quiver): 2.1 %.

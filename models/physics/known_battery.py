@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from statistics import fmean
 
-from thrustmargin.models.physics.between_flights import error_of_further
+from thrustmargin.models.scores import error_of_further
 
 #: Standard error of a resistance, as a share, from which on it is dropped: too uncertain.
 UNSURE = 0.3

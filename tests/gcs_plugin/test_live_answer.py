@@ -21,7 +21,7 @@ from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettin
 from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.live.pilot_bar import PilotBar
 from thrustmargin.gcs_plugin.live.watch.update import Update, WatchSettings
-from thrustmargin.gcs_plugin.mavproxy_worker import reading, summary
+from thrustmargin.gcs_plugin.office.stations.mavproxy_worker import reading, summary
 from thrustmargin.gcs_plugin.office.streams.collector import MonitorCollector
 from thrustmargin.gcs_plugin.view.live_view import LiveView
 from thrustmargin.models.model.advice import FlightLevel

@@ -23,8 +23,9 @@ from scipy.optimize import lsq_linear
 from scipy.spatial.transform import Rotation
 
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
-from thrustmargin.models.physics.atmosphere import G0, SEA_LEVEL_DENSITY
 from thrustmargin.models.physics.margin import ceiling, redundancy
+
+G0, SEA_LEVEL_DENSITY = 9.80665, 1.225  # m/s², kg/m³
 
 AIRFRAMES = ("agras-t20", "agras-t40")
 STEP, MOTOR_LAG, LOST_AT, FLOWN = 0.01, 0.05, 2.0, 12.0  # s

@@ -14,8 +14,8 @@ import tyro
 from rich.live import Live
 from tyro.conf import Positional, UseAppendAction
 
+from thrustmargin.gcs_plugin.commands import extras
 from thrustmargin.gcs_plugin.commands.shared.analysed import OPTIONS
-from thrustmargin.gcs_plugin.commands.shared.extras import extras
 from thrustmargin.gcs_plugin.commands.shared.inputs import (
     ANY_KNOWN,
     AS_HEARD,

@@ -266,7 +266,7 @@ MAIN_SHARE = 2 / 3  # of an effect's squared change: two of the modes of a rotor
 def find_unexplained(space: SearchSpace, answer: Posterior) -> Unexplained | None:
     """Describe the unexplained residual; None where none is probable and large enough.
 
-    It is the largest unnamed cause beyond the limits of `_exceeds_limits`, a rotor's before any
+    It is the largest unnamed cause beyond the limits of `exceeds_limits`, a rotor's before any
     other, or else a mode with too much slow noise.
     """
     search, best = answer.search, answer.best
@@ -275,7 +275,7 @@ def find_unexplained(space: SearchSpace, answer: Posterior) -> Unexplained | Non
     candidates = {
         c: square
         for c, square in probable_causes(answer).items()
-        if _exceeds_limits(square, named_square, usual, search.candidates[c].term.rotor is not None)
+        if exceeds_limits(square, named_square, usual, search.candidates[c].term.rotor is not None)
     }
     if not candidates:
         return _slow_mode(space, search, best)
@@ -340,7 +340,7 @@ def _named_change_square(answer: Posterior) -> Floats:
     return np.mean(np.nan_to_num(change) ** 2, axis=0)
 
 
-def _exceeds_limits(square: Floats, named_square: Floats, usual: Floats, of_rotor: bool) -> bool:
+def exceeds_limits(square: Floats, named_square: Floats, usual: Floats, of_rotor: bool) -> bool:
     """Return whether an unnamed cause is too large to ignore.
 
     Mean squares (R,), rpm²: `square` of its change, `named_square` of the change by catalogue
@@ -586,12 +586,12 @@ def wind_in_airspeed(
         return None
     if not flight.rotor_drag > 0.0:
         return None
-    winds = [_block_winds(track, problem, flight) for track in tracks]
+    winds = [block_winds(track, problem, flight) for track in tracks]
     if any(w.shape[0] < LEAST_BLOCKS for w in winds):
         return None
     mean = np.stack([w.mean(axis=0) for w in winds])  # (F, 2 ways, 2)
     value = mean.mean(axis=1)
-    half = np.hypot(_half_widths(winds, mean), G0 * LEVEL_ERROR / flight.rotor_drag)
+    half = np.hypot(wind_half_widths(winds, mean), G0 * LEVEL_ERROR / flight.rotor_drag)
     surely = np.hypot(*value.T) - np.hypot(*half.T)
     if not np.any(surely > model.training_domain.wind_speed[1]):
         return None
@@ -599,7 +599,7 @@ def wind_in_airspeed(
     speed = np.hypot(x.velocity_north, x.velocity_east)
     shifts = np.repeat(speed[:, None], x.airspeed_shifts.shape[1], axis=1)
     over_ground = replace(x, airspeed=speed, airspeed_shifts=shifts)
-    before, after, p = _errors_without_channels(problem, residual_rpm, trials, over_ground)
+    before, after, p = errors_without_channels(problem, residual_rpm, trials, over_ground)
     if before < (1.0 + LEAST_FALL) * after or p > OPEN_PROBABILITY / 2.0:
         return None
     return ReportedEffect(
@@ -612,7 +612,7 @@ def wind_in_airspeed(
     )
 
 
-def _block_winds(track: FlightTrack, problem: Problem, flight: ForwardFlight) -> Floats:
+def block_winds(track: FlightTrack, problem: Problem, flight: ForwardFlight) -> Floats:
     """Return winds (B, 2, 2), m/s, by block of time: reported and from drag, each north
     and east."""
     by_drag = wind_by_drag(track, problem.model.airframe, flight)
@@ -624,10 +624,10 @@ def _block_winds(track: FlightTrack, problem: Problem, flight: ForwardFlight) ->
     return np.stack([both[rows][block == b].mean(axis=0) for b in np.unique(block)])
 
 
-def _half_widths(winds: Sequence[Floats], mean: Floats) -> Floats:
+def wind_half_widths(winds: Sequence[Floats], mean: Floats) -> Floats:
     """Return 95 % half widths (F, 2), m/s, of each flight's wind, north and east.
 
-    `winds` (B, 2, 2) are those of `_block_winds` for each flight, `mean` (F, 2, 2) their means over
+    `winds` (B, 2, 2) are those of `block_winds` for each flight, `mean` (F, 2, 2) their means over
     blocks. Contains the scatter of blocks and the difference of both estimates.
     """
     scatter = np.stack(
@@ -643,7 +643,7 @@ def _half_widths(winds: Sequence[Floats], mean: Floats) -> Floats:
     return np.hypot(scatter, half_width)
 
 
-def _errors_without_channels(
+def errors_without_channels(
     problem: Problem, residual_rpm: Floats, trials: Sequence[TrialEffect], without: Channels
 ) -> tuple[float, float, float]:
     """Return the RMSE, rpm, with the channels `without`, with the problem's own, and the p-value of

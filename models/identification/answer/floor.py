@@ -48,7 +48,7 @@ def floor_rpm(
         fold = problem.flight % MOST_FOLDS
     else:
         fold = problem.block * FIFTHS // (problem.block[-1] + 1)
-    columns, modes, every = _learner_columns(parts), targets[0], np.concatenate(targets)
+    columns, modes, every = learner_columns(parts), targets[0], np.concatenate(targets)
     scored = [np.flatnonzero(fold == k) for k in np.unique(fold)]
     sums = [_products(columns[rows], every[rows]) for rows in (*scored, slice(fold.size, None))]
     gram, cross = (sum(one) for one in zip(*sums, strict=True))
@@ -70,7 +70,7 @@ def _products(columns: Floats, target: Floats) -> tuple[Floats, Floats]:
     return columns.T @ columns, columns.T @ target
 
 
-def _learner_columns(parts: Sequence[Channels]) -> Floats:
+def learner_columns(parts: Sequence[Channels]) -> Floats:
     """Return the learner's columns for the rows of all `parts`, one after the other."""
     pairs = [_row_features(x) for x in parts]
     now, lines = (np.concatenate(one) for one in zip(*pairs, strict=True))

@@ -74,14 +74,14 @@ def update_model(model: RotorModel, identified: Identification, *, date: str = "
     unnamed = [one.found for one in identified.open_causes]
     records = [record_of(f, names, date) for f in (*identified.found, *unnamed)]
     notes = [_omission_note(f, names) for f in identified.found if f.term.effect.of_its_flights]
-    interval, interval_note = _interval(model, identified)
+    interval, interval_note = updated_interval(model, identified)
     added = tuple(r for r in records if r is not None)
     return ModelUpdate(
         model=replace(
             model,
             effects=(*model.effects, *added),
             interval=interval,
-            background_rpm=_background(model, identified),
+            background_rpm=updated_background(model, identified),
         ),
         notes=(*notes, interval_note),
     )
@@ -162,7 +162,7 @@ def _omission_note(reported: ReportedEffect, names: tuple[str, ...]) -> str:
     )
 
 
-def _background(model: RotorModel, identified: Identification) -> tuple[float, ...]:
+def updated_background(model: RotorModel, identified: Identification) -> tuple[float, ...]:
     """Return the between-flight standard deviation of each mode's mean residual, rpm.
 
     An effect must exceed it. For motor outputs it is `learnt_spread`, unless the model knows no
@@ -182,7 +182,7 @@ def _background(model: RotorModel, identified: Identification) -> tuple[float, .
     return tuple(float(v) for v in np.std(means, axis=0, ddof=1))
 
 
-def _interval(model: RotorModel, identified: Identification) -> tuple[Interval | None, str]:
+def updated_interval(model: RotorModel, identified: Identification) -> tuple[Interval | None, str]:
     """Return the new model's prediction interval and a sentence about its source."""
     old = model.interval
     if model.network is None or model.training_domain is None:

@@ -94,7 +94,7 @@ def commission(
     used = [i for i, track in enumerate(tracks) if training_rows(track, inputs).any()]
     if len(used) < 3:
         raise DataError(f"{len(used)} flights with usable rows; at least 3 are needed")
-    bases = [(curve, _folds(curve, used))]
+    bases = [(curve, model_folds(curve, used))]
     if trained is not None:
         bases.insert(0, (trained.model, trained.folds))
     samples = gather(tracks, inputs)
@@ -160,7 +160,7 @@ def with_delays(shown: GoodFlights, delays: Floats) -> GoodFlights:
     return replace(shown, delay_s=mean, delay_scatter_s=scatter)
 
 
-def _folds(base: RotorModel, flights: Sequence[int]) -> tuple[Fold, ...]:
+def model_folds(base: RotorModel, flights: Sequence[int]) -> tuple[Fold, ...]:
     """Return folds of a base without training: FOLDS groups, or each flight by itself if fewer."""
     parts = np.array_split(np.array(flights), min(FOLDS, len(flights)))
     return tuple(Fold(model=base, flights=tuple(part.tolist())) for part in parts)

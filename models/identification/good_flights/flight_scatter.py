@@ -67,7 +67,7 @@ def good_flights(left_out: Sequence[HeldOutFlights]) -> GoodFlights:
         catalogues.append(catalogue)
         modes = problem.mode_amplitudes(problem.measured_rpm - problem.speeds())
         filter_ = unfiltered_whitening(modes, problem.flight, problem.of_outputs)
-        for key, of_effect in _flight_estimates(problem, filter_, catalogue).items():
+        for key, of_effect in flight_estimates(problem, filter_, catalogue).items():
             estimates.setdefault(key, []).append(of_effect)
         for name, of_effect in _slope_estimates(problem, filter_, modes).items():
             of_slopes.setdefault((name, None), []).append(of_effect)
@@ -86,8 +86,8 @@ def good_flights(left_out: Sequence[HeldOutFlights]) -> GoodFlights:
     by_mode = np.array(means)  # (F, 2, R)
     return GoodFlights(
         flights=len(means),
-        scatter=_pool_scatter(estimates),
-        slope_rpm={name: rpm for name, rpm in _pool_scatter(of_slopes).items() if rpm > 0.0},
+        scatter=pool_scatter(estimates),
+        slope_rpm={name: rpm for name, rpm in pool_scatter(of_slopes).items() if rpm > 0.0},
         mode_scatter_rpm=tuple(
             float(np.nan_to_num(scatter_between(*by_mode[:, :, k].T))) for k in range(len(names))
         ),
@@ -112,7 +112,7 @@ def mean_and_error(values: Floats, block: NDArray[np.intp], mine: NDArray[np.boo
     return np.stack([blocks.mean(axis=0), blocks.std(axis=0, ddof=1) / np.sqrt(len(blocks))])
 
 
-def _flight_estimates(
+def flight_estimates(
     problem: Problem, filter_: Whitening, catalogue: Sequence[Effect]
 ) -> dict[tuple[str, int | None], Floats]:
     """Return each flight's value and error (F, 2), by parameter
@@ -121,7 +121,7 @@ def _flight_estimates(
     for effect in catalogue:
         if effect.begins or problem.lacks(effect):
             continue
-        rest, values = _separate_effect(model, effect)
+        rest, values = separate_effect(model, effect)
         at_start = replace(problem, model=rest)
         start = np.array([values] * problem.flights)
         for rotor in range(model.airframe.rotor_count) if effect.of_one_rotor else (None,):
@@ -169,7 +169,7 @@ def _slope_estimates(problem: Problem, filter_: Whitening, residual: Floats) -> 
     return slopes
 
 
-def _separate_effect(model: RotorModel, effect: Effect) -> tuple[RotorModel, list[float]]:
+def separate_effect(model: RotorModel, effect: Effect) -> tuple[RotorModel, list[float]]:
     """Return the model without an effect, and the effect's values there; absent values if it has
     none."""
     for k, (record, placed) in enumerate(zip(model.effects, model.placed, strict=True)):
@@ -197,7 +197,7 @@ def own_estimate(sums: Floats) -> Floats:
     return np.stack([move, np.sqrt(variance)])
 
 
-def _pool_scatter(estimates: dict[tuple[str, int | None], list[Floats]]) -> dict[str, float]:
+def pool_scatter(estimates: dict[tuple[str, int | None], list[Floats]]) -> dict[str, float]:
     """Return the between-flight scatter of each parameter, root mean square over rotors."""
     scatter: dict[str, list[float]] = {}
     for (key, _), parts in estimates.items():
@@ -224,7 +224,7 @@ def confirmed_curve_rms(
     """
     if not periodic and np.ptp(channel) <= 0.0:
         return 0.0
-    columns, penalty = _harmonics(channel) if periodic else _splines(channel)
+    columns, penalty = harmonics(channel) if periodic else splines(channel)
     labels = np.unique(flight)
     grams, pulls, squares, counts, sums = [], [], [], [], []
     for label in labels:
@@ -248,7 +248,7 @@ def confirmed_curve_rms(
     return float(np.sqrt(max(0.0, (constant - best).sum()) / count)) if gain > error else 0.0
 
 
-def _splines(channel: Floats) -> tuple[Floats, Floats]:
+def splines(channel: Floats) -> tuple[Floats, Floats]:
     """Return cubic B-splines (T, P) over the range of a channel, and their penalty (P, P)."""
     inner = np.linspace(channel.min(), channel.max(), KNOTS + 1)
     step = inner[1] - inner[0]
@@ -259,7 +259,7 @@ def _splines(channel: Floats) -> tuple[Floats, Floats]:
     return columns, second.T @ second + 1e-9 * np.eye(columns.shape[1])
 
 
-def _harmonics(angle: Floats) -> tuple[Floats, Floats]:
+def harmonics(angle: Floats) -> tuple[Floats, Floats]:
     """Return a Fourier basis (T, 1 + 2 HARMONICS) of an angle, rad, and its diagonal penalty,
     order**4."""
     waves = [np.ones_like(angle)]

@@ -85,7 +85,7 @@ def with_standard_effects(
     while kept != fit.trials:  # a value may shrink once an opposing effect is dropped
         fit = fit_rows(problem, kept, known_rpm=known)
         kept = tuple(h for h in fit.trials if _is_worth_storing(h))
-    half = iter(_half_widths(fit, uncertainty))
+    half = iter(mode_half_widths(fit, uncertainty))
     records = []
     for trial in fit.trials:
         parameters = {}
@@ -128,7 +128,7 @@ def _fix_shapes(one: Candidate) -> Candidate:
     )
 
 
-def _half_widths(fit: RowFit, uncertainty: Floats) -> Floats:
+def mode_half_widths(fit: RowFit, uncertainty: Floats) -> Floats:
     """Return the half widths (P,) of a fit's values, with base model `uncertainty` (D, T, R), rpm
     in modes.
 

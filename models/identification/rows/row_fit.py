@@ -125,12 +125,12 @@ def fit_rows(
             step = bounded_step(sums, sums.sums[chosen].sum(axis=0), trials)
             size = np.array([p.scale for h in trials for p in h.candidate.parameters])
             step = np.clip(step, -FARTHEST * size, FARTHEST * size)
-            merit = _merit(trials, sums.prior, filter_.apply(remaining)[rows])
+            merit = penalised_squares(trials, sums.prior, filter_.apply(remaining)[rows])
             gained = 0.0
             for shrink in SHRINK:
                 moved = move_values(trials, shrink * step)
                 new = residual(moved)
-                value = _merit(moved, sums.prior, filter_.apply(new)[rows])
+                value = penalised_squares(moved, sums.prior, filter_.apply(new)[rows])
                 if value < merit:
                     gained, trials, remaining = merit - value, moved, new
                     break
@@ -203,7 +203,7 @@ def _row_sums(
     )
 
 
-def _merit(trials: Sequence[TrialEffect], prior: Floats, z: Floats) -> float:
+def penalised_squares(trials: Sequence[TrialEffect], prior: Floats, z: Floats) -> float:
     """Return the sum of squares of the whitened residual plus the cost of the prior."""
     return float(np.sum(z**2) + np.sum(prior * _distances_from_absent(trials) ** 2))
 

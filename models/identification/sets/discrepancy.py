@@ -179,14 +179,14 @@ def law_uncertainty(reduced: Reduced) -> Floats:
             own = np.zeros((*base.shape, forms.shape[1]))
             own[:, mode] = FORM * size * forms
             columns.append(own)
-    columns += _shape_columns(reduced, base)
-    columns += [_load_response(reduced, base)]
-    columns += _turn_response(reduced, base) if reduced.of_outputs else []
+    columns += shape_columns(reduced, base)
+    columns += [load_response(reduced, base)]
+    columns += turn_response(reduced, base) if reduced.of_outputs else []
     columns += [] if reduced.model.taught else [_rotor_columns(reduced, base)]
     return np.concatenate(columns, axis=2)
 
 
-def _shape_columns(reduced: Reduced, base: Floats) -> list[Floats]:
+def shape_columns(reduced: Reduced, base: Floats) -> list[Floats]:
     """Return the changes by inaccurate shapes (lags, derivative corrections) of the model's own
     effects."""
     columns = []
@@ -214,7 +214,7 @@ def _rotor_columns(reduced: Reduced, base: Floats) -> Floats:
     return FORM * speed[:, None, :] * directions.T
 
 
-def _load_response(reduced: Reduced, base: Floats) -> Floats:
+def load_response(reduced: Reduced, base: Floats) -> Floats:
     """Return fast collective changes (N, R, R - 1), rpm, as they would appear in each other mode.
 
     While gusts and manoeuvres load the rotors, the controller may answer in any mode by as much:
@@ -225,7 +225,7 @@ def _load_response(reduced: Reduced, base: Floats) -> Floats:
     return fast[:, None, None] * np.eye(base.shape[1])[None, :, 1:]
 
 
-def _turn_response(reduced: Reduced, base: Floats) -> list[Floats]:
+def turn_response(reduced: Reduced, base: Floats) -> list[Floats]:
     """Return columns for each rotor's output responding more than others to a turn.
 
     Outputs are commands, not measurements: a rate loop commands the same of all rotors, and not

@@ -76,8 +76,8 @@ def onset_candidates(search: Search, effect_set: EffectSet) -> list[Candidate]:
         trials = [*fitted.trials, loss.initial_effect]
         column = np.nan_to_num(derivatives(reduced, trials, len(trials) - 1)[:, :, 0])
         best: dict[str, tuple[float, int, tuple[float, ...]]] = {}
-        tries, sums = 0, _LossSums.about_set(search, fitted, column)
-        for step in _step_families(search):
+        tries, sums = 0, LossSums.about_set(search, fitted, column)
+        for step in step_families(search):
             times = step.times
             if not times.size:
                 continue
@@ -119,7 +119,7 @@ class _Step:
     later_flights: Bools  # (F,) other flights that have the loss from their beginning
 
 
-def _step_families(search: Search) -> Iterator[_Step]:
+def step_families(search: Search) -> Iterator[_Step]:
     """Yield the step families that the flights allow, by flight and kind."""
     x, flight = search.reduced.channels, search.reduced.flight
     flights = search.reduced.flights
@@ -148,7 +148,7 @@ def _grid(time_s: Floats) -> Floats:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _LossSums:
+class LossSums:
     """Sums of a loss's derivative and a set's residual by flight, with the scatter marginalised."""
 
     search: Search
@@ -157,7 +157,7 @@ class _LossSums:
     own: Sequence[Floats]  # (2, 2)
 
     @classmethod
-    def about_set(cls, search: Search, fitted: EffectSet, column: Floats) -> _LossSums:
+    def about_set(cls, search: Search, fitted: EffectSet, column: Floats) -> LossSums:
         """Compute the sums of `column` (N, R), the loss's derivative, and the residual
         of `fitted`."""
         columns = np.stack([column, np.nan_to_num(fitted.residual)], axis=2)
@@ -252,7 +252,7 @@ def argmax_centre(gains: Floats) -> tuple[int, ...]:
     return tuple(int(np.sort(places)[places.size // 2]) for places in ties.T)
 
 
-def _best_transient(sums: _LossSums, step: _Step) -> tuple[float, tuple[float, ...]]:
+def _best_transient(sums: LossSums, step: _Step) -> tuple[float, tuple[float, ...]]:
     """Return the largest gain of a loss between two times, and the times, refined about the grid's
     best."""
     near = np.arange(-GRID, GRID + FINE, FINE)
@@ -260,7 +260,7 @@ def _best_transient(sums: _LossSums, step: _Step) -> tuple[float, tuple[float, .
     return _best_interval(sums, step, np.unique(np.concatenate([near + began, near + ended])))
 
 
-def _best_interval(sums: _LossSums, step: _Step, times: Floats) -> tuple[float, tuple[float, ...]]:
+def _best_interval(sums: LossSums, step: _Step, times: Floats) -> tuple[float, tuple[float, ...]]:
     """Return the largest gain of a loss between two of `times`, and the two times.
 
     Its column is a step at the first time minus a step at the second, LEAST_AFTER seconds later or

@@ -127,14 +127,14 @@ def search_space(
         reduced.mode_amplitudes(reduced.measured_rpm) - predicted_modes(reduced, ())
     )
     anything, start_derivatives = _effect_columns(reduced, candidates)
-    sizes_of = _scatter_sizes(candidates, model.good_flights)
-    offsets, shared = _flight_offsets(reduced, residual)
+    sizes_of = scatter_sizes(candidates, model.good_flights)
+    offsets, shared = flight_offsets(reduced, residual)
     form = (anything * sizes_of)[:, :, sizes_of > 0.0]
     hats, groups = free_columns(reduced.channels, reduced.flight)
     if (
         offsets.any()
     ):  # offsets explain constant differences between flights, so no other column may
-        form = _subtract_flight_means(form, reduced.flight)
+        form = subtract_flight_means(form, reduced.flight)
         hats[:, 0] = 0.0
     slopes, of_mean = _flight_slopes(reduced)
     shared = np.concatenate([shared, of_mean, _thermometer_columns(reduced, tracks)], axis=2)
@@ -142,8 +142,8 @@ def search_space(
     scatter = np.concatenate([form, offsets, slopes, wind], axis=2)
     filter_ = _noise_filter(reduced, residual, anything, hats)
     speed = float(reduced.measured_rpm.mean())
-    wander, own = _slow_noise_columns(reduced, scatter.shape[2])
-    sizes = _free_sizes(reduced, groups, model.good_flights, speed)
+    wander, own = slow_noise_columns(reduced, scatter.shape[2])
+    sizes = free_sizes(reduced, groups, model.good_flights, speed)
     whole = np.repeat(hats[:, None, :], residual.shape[1], axis=1)
     nuisance = Nuisance(
         whitening=filter_,
@@ -164,7 +164,7 @@ def search_space(
     if model.good_flights is not None and model.good_flights.slow_rpm:
         slow = np.array(model.good_flights.slow_rpm) / usual
         size = np.where(own >= 0, np.maximum(size, slow[own]), size)
-    noise = _unexplained_noise(replace(open_, scatter=nuisance.scatter * size), residual)
+    noise = unexplained_noise(replace(open_, scatter=nuisance.scatter * size), residual)
     return SearchSpace(
         reduced=reduced,
         candidates=candidates,
@@ -203,7 +203,7 @@ def _drop_constant_shares(
     return tuple(kept)
 
 
-def _slow_noise_columns(reduced: Reduced, others: int) -> tuple[Floats, NDArray[np.intp]]:
+def slow_noise_columns(reduced: Reduced, others: int) -> tuple[Floats, NDArray[np.intp]]:
     """Return slow noise of the usual size (N, R, R W), rpm, in each mode, and the mode of each
     column.
 
@@ -219,7 +219,7 @@ def _slow_noise_columns(reduced: Reduced, others: int) -> tuple[Floats, NDArray[
     return columns, own.astype(np.intp)
 
 
-def _unexplained_noise(open_: Nuisance, residual: Floats) -> Floats:
+def unexplained_noise(open_: Nuisance, residual: Floats) -> Floats:
     """Return the factor (n, R) by which the remaining residual of each flight and mode exceeds its
     noise.
 
@@ -285,7 +285,7 @@ def _unnamed_columns(reduced: Reduced, unnamed: Sequence[Candidate]) -> Floats:
     return np.nan_to_num(np.concatenate(columns, axis=2))
 
 
-def _scatter_sizes(candidates: Sequence[Candidate], known: GoodFlights | None) -> Floats:
+def scatter_sizes(candidates: Sequence[Candidate], known: GoodFlights | None) -> Floats:
     """Return the between-flight scatter (K,) of each main value, in units of its `smallest`.
 
     From the good flights, kept within SCATTER_LIMITS of the usual, as few or short flights estimate
@@ -300,7 +300,7 @@ def _scatter_sizes(candidates: Sequence[Candidate], known: GoodFlights | None) -
     return np.array(sizes)
 
 
-def _flight_offsets(reduced: Reduced, residual: Floats) -> tuple[Floats, Floats]:
+def flight_offsets(reduced: Reduced, residual: Floats) -> tuple[Floats, Floats]:
     """Return the size (N, R, R), rpm, of each mode's offset by flight, and of an offset that all
     flights share.
 
@@ -322,7 +322,7 @@ def _flight_slopes(reduced: Reduced) -> tuple[Floats, Floats]:
     flight, and by a slope that all flights share.
 
     Sizes are those between the n good flights, whose mean is in the model and uncertain by 1/n of
-    the variance, as for `_flight_offsets`. Without them no column.
+    the variance, as for `flight_offsets`. Without them no column.
     """
     good, x = reduced.model.good_flights, reduced.channels
     columns = [np.zeros((*reduced.measured_rpm.shape, 0))]
@@ -333,7 +333,7 @@ def _flight_slopes(reduced: Reduced) -> tuple[Floats, Floats]:
             continue
         column = np.zeros((*reduced.measured_rpm.shape, 1))
         column[:, reduced.modes.names.index(mode), 0] = size * positions
-        columns.append(_subtract_flight_means(column, reduced.flight))
+        columns.append(subtract_flight_means(column, reduced.flight))
     whole = np.concatenate(columns, axis=2)
     flights = good.flights if good else 1
     return whole / np.sqrt(1.0 + 1.0 / flights), whole / np.sqrt(flights + 1.0)
@@ -353,7 +353,7 @@ def _thermometer_columns(reduced: Reduced, tracks: Sequence[FlightTrack]) -> Flo
     return (0.5 * error * base)[:, :, None]
 
 
-def _subtract_flight_means(columns: Floats, flight: NDArray[np.intp]) -> Floats:
+def subtract_flight_means(columns: Floats, flight: NDArray[np.intp]) -> Floats:
     """Return columns (N, R, K) less their mean over each flight, which the flight
     offsets contain."""
     out = np.empty_like(columns)
@@ -375,12 +375,12 @@ def _noise_filter(reduced: Reduced, residual: Floats, scatter: Floats, hats: Flo
             gram, columns.T @ residual[:, mode]
         )
     speed = float(reduced.measured_rpm.mean())
-    busy = _manoeuvre_mask(reduced)
+    busy = manoeuvre_mask(reduced)
     whitening = whitening_of(remaining, reduced.flight, reduced.follows, busy, speed)
     return replace(whitening, weight=whitening.weight * reduced.scored_modes)
 
 
-def _manoeuvre_mask(reduced: Reduced) -> Bools:
+def manoeuvre_mask(reduced: Reduced) -> Bools:
     """Return a mask (N,), True for means in a manoeuvre or directly before or after one."""
     x = reduced.channels
     with np.errstate(invalid="ignore"):
@@ -391,7 +391,7 @@ def _manoeuvre_mask(reduced: Reduced) -> Bools:
     return neighbours
 
 
-def _free_sizes(
+def free_sizes(
     reduced: Reduced, groups: Sequence[str], known: GoodFlights | None, speed: float
 ) -> Floats:
     """Return the size (R, H), rpm, of each hat of the discrepancy on a sound aircraft."""

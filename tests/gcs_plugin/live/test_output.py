@@ -10,8 +10,8 @@ import pytest
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle, write_log
 from tests.gcs_plugin.live.monitored import MODEL, recording_in
+from thrustmargin.gcs_plugin.commands import extras
 from thrustmargin.gcs_plugin.commands.flight.monitor import OUTPUTS, monitor
-from thrustmargin.gcs_plugin.commands.shared.extras import extras
 from thrustmargin.gcs_plugin.live.console import EventPrinter, status_lines
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.live.output import Output

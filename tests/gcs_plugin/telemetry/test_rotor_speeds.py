@@ -14,10 +14,10 @@ from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
     MeasuredSpeeds,
-    _last_speeds,
-    _median,
+    last_speeds,
     lifting,
     measured_speeds,
+    median_speeds,
     rejected_words,
     standing_in_flight,
 )
@@ -111,9 +111,9 @@ def test_the_median_of_the_other_rotors_is_numpys(others):
         signals.append(Signal("rotor_speed_rpm", sent("ESC"), rows[k + 1 :], last[k, k + 1 :], k))
     with warnings.catch_warnings(action="ignore"):
         expected = np.nanmedian(np.abs(last), axis=0)
-    found = _median(_last_speeds([None, *signals], rows))
+    found = median_speeds(last_speeds([None, *signals], rows))
     np.testing.assert_allclose(found, expected)
-    assert np.isnan(_median(_last_speeds([None], rows))).all()
+    assert np.isnan(median_speeds(last_speeds([None], rows))).all()
 
 
 def test_a_table_is_judged_as_a_log_is(sitl_logs, tmp_path):

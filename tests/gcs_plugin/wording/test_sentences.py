@@ -21,7 +21,7 @@ SENTENCE = re.compile(r"[A-Za-z'°]+,? [a-z']+,? [A-Za-z']+")
 #: What looks like one and is none, or is for who runs the program: a file, what it may say.
 ALLOWED = {
     "gcs_plugin/reports/margin/csv_rows.py": "names of columns, which are the file's format",
-    "gcs_plugin/mavproxy_worker.py": "lines of MAVProxy's console, in its own syntax",
+    "gcs_plugin/office/stations/mavproxy_worker.py": "lines of MAVProxy's console",
     "gcs_plugin/office/streams/collector.py": "what each metric is, which is the format's",
     "gcs_plugin/live/small_server.py": "refusals of strangers and of a port",
     "gcs_plugin/view/page/view_page.py": "where the page is, for who started it",

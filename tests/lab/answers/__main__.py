@@ -92,7 +92,7 @@ def _asked_of(tree: Path, folder: Path) -> None:
         (links / package).symlink_to(tree / package)
     found = {"PYTHONPATH": f"{links.parent}{os.pathsep}{ROOT}", ASKED_TREE: str(tree)}
     threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
-    same = {"PYTHONHASHSEED": "0", "TZ": "UTC"}
+    same = {"PYTHONHASHSEED": "0", "TZ": "UTC", "XDG_STATE_HOME": str(folder)}  # no known day
     program = [sys.executable, "-m", "tests.lab.answers", *sys.argv[1:]]
     subprocess.run(program, env={**os.environ, **found, **threads, **same}, check=True)
 

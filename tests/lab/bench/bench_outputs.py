@@ -24,9 +24,10 @@ from thrustmargin.gcs_plugin.logs import FlightLog, read_log
 from thrustmargin.gcs_plugin.reports.margin.summary import report_flight
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.inferred.prepared import fill_channels
-from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
+
+INTERVAL = 1.645  # standard errors of a 90 % interval
 
 LOGS = Path(__file__).resolve().parents[3] / "sitl_logs"
 ESCS = ("ESC_TELEMETRY_1_TO_4", "ESC_TELEMETRY_5_TO_8", "ESC")

@@ -23,9 +23,10 @@ from thrustmargin.models.model.inferred.prepared import (
     fill_channels,
     fill_channels_so_far,
 )
-from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
 from thrustmargin.models.physics.airframe import load_airframe
+
+INTERVAL = 1.645  # standard errors of a 90 % interval
 
 PIECE = 25  # rows a listener gets at once
 HEADING = (

@@ -31,7 +31,8 @@ import numpy as np
 from tests.lab.measured.tables import Columns, parquet_columns
 from tests.made_sources import sent
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.physics.atmosphere import G0
+
+G0 = 9.80665  # m/s²
 
 FOLDER = "imrc_crazyflie_rpm"
 FREE_FLIGHTS = "brushless_flights.parquet"

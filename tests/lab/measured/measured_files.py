@@ -10,7 +10,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 
-from thrustmargin.models.physics.atmosphere import G0
+G0 = 9.80665  # m/s²
+
 
 GRAM = 1e-3 * G0  # N a gf
 

@@ -19,9 +19,10 @@ from tests.lab.measured.findings import rmse
 from tests.lab.measured.thrust_check import DIAMETER
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Floats, body_axes
-from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.physics.smoothing import derivative
+
+G0 = 9.80665  # m/s²
 
 RATE_SPAN = 0.1  # s over which the turn rate is differentiated
 

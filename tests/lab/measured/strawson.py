@@ -17,8 +17,9 @@ from tests.lab.measured.findings import Finding, Number
 from tests.lab.measured.tables import csv_columns
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.modes import robust_scale
-from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.thrust import fit_thrust_curve
+
+G0 = 9.80665  # m/s²
 
 FOLDER = "strawson_static_thrust"
 FILE = "rcbenchmark1520_5in_tidy.csv"

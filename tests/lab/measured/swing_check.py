@@ -22,7 +22,8 @@ from tests.lab.measured.crazyflie import MeasuredFlight
 from tests.lab.measured.thrust_check import DIAMETER, flow
 from thrustmargin.models.effects.demand_effects import force_ned, swing
 from thrustmargin.models.flight import Floats, down_axis
-from thrustmargin.models.physics.atmosphere import G0
+
+G0 = 9.80665  # m/s²
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

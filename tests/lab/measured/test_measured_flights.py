@@ -17,7 +17,8 @@ from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.effects.demand_effects import swing
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.physics.airframe import load_airframe
-from thrustmargin.models.physics.atmosphere import G0
+
+G0 = 9.80665  # m/s²
 
 SMALL = load_airframe("crazyflie-rpm")
 

@@ -22,7 +22,8 @@ from tests.lab.measured.crazyflie import DELAYS, MeasuredFlight
 from tests.lab.measured.findings import rmse
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, Floats, down_axis
-from thrustmargin.models.physics.atmosphere import G0
+
+G0 = 9.80665  # m/s²
 
 THIRDS = 3
 HOVER_SPEED, HOVER_CLIMB = 0.3, 0.1  # m/s

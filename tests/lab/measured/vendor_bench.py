@@ -16,8 +16,9 @@ from tests.lab.measured.findings import Finding, Number
 from tests.lab.measured.tables import csv_columns
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.thrust import ThrustFit, fit_thrust_curve
+
+G0 = 9.80665  # m/s²
 
 FOLDER = "vendor_bench_tmotor_kde"
 FILE = "motor_prop_bench_tidy.csv"

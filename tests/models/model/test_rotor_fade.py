@@ -10,7 +10,7 @@ from tests.lab.undeclared.recorded import CAMPAIGN
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.fault_test import FAULT_SIZES, RotorFault
+from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_fade import RotorFade
 from thrustmargin.models.model.rotor_faults import (
@@ -23,6 +23,8 @@ from thrustmargin.models.model.rotor_faults import (
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.motor_output import output_curve
+
+FAULT_SIZES = 0.03 * 1.06 ** np.arange(52)  # by hand
 
 MODEL = physics_model(load_airframe("topxgun-f16-sitl"))
 MODES = mode_directions(MODEL)

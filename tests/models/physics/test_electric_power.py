@@ -6,7 +6,6 @@ import pytest
 
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.physics.electric_power import (
-    UNMEASURED_POWER_ERROR,
     FlightPower,
     PowerLaw,
     power_factors,
@@ -36,7 +35,7 @@ def test_one_flight_is_as_sure_as_flights_of_a_measured_aircraft_scatter():
 
 
 def test_without_a_current_the_interval_contains_30_per_cent_either_way():
-    less, more = power_factors(UNMEASURED_POWER_ERROR)
+    less, more = power_factors(0.25)
     assert less < 0.7
     assert more > 1.3
     assert more > 1.0 / 0.67  # also the formula that gave 33 % too little

@@ -18,7 +18,7 @@ from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
-from thrustmargin.gcs_plugin.mavproxy_worker import fields, reading, summary
+from thrustmargin.gcs_plugin.office.stations.mavproxy_worker import fields, reading, summary
 from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures
 from thrustmargin.gcs_plugin.view.figures.charts import Speeds, chart_images
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow

@@ -14,8 +14,8 @@ from thrustmargin.gcs_plugin.live.watch.airframe_watch import unknown_figures
 from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
-from thrustmargin.gcs_plugin.mavproxy_worker import fields as fields_of_console
-from thrustmargin.gcs_plugin.mavproxy_worker import reading, summary
+from thrustmargin.gcs_plugin.office.stations.mavproxy_worker import fields as fields_of_console
+from thrustmargin.gcs_plugin.office.stations.mavproxy_worker import reading, summary
 from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures
 from thrustmargin.gcs_plugin.view.figures.screen import FillAdvice
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow

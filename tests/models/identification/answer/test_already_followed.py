@@ -10,9 +10,9 @@ from scipy import stats
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.identification.answer import acceptance
 from thrustmargin.models.identification.answer.acceptance import (
-    _block_winds,
-    _errors_without_channels,
-    _half_widths,
+    block_winds,
+    errors_without_channels,
+    wind_half_widths,
     wind_in_airspeed,
 )
 from thrustmargin.models.identification.rows.problem import assemble
@@ -79,7 +79,7 @@ def test_four_blocks_of_straight_flight_state_a_wind(problem, windy, blocks, sta
         rows = next(
             n
             for n in range(50, track.time_s.size, 20)
-            if len(_block_winds(track.rows(slice(0, n)), problem, FLIGHT)) == blocks
+            if len(block_winds(track.rows(slice(0, n)), problem, FLIGHT)) == blocks
         )
         short.append(track.rows(slice(0, rows)))
     assert (answer(problem, short) is not None) == stated
@@ -89,8 +89,8 @@ def test_four_blocks_of_straight_flight_state_a_wind(problem, windy, blocks, sta
 
 def test_a_level_error_of_half_a_degree_is_in_the_interval(problem, windy):
     found = answer(problem, windy)
-    winds = [_block_winds(track, problem, FLIGHT) for track in windy]
-    of_winds = _half_widths(winds, np.stack([w.mean(axis=0) for w in winds]))
+    winds = [block_winds(track, problem, FLIGHT) for track in windy]
+    of_winds = wind_half_widths(winds, np.stack([w.mean(axis=0) for w in winds]))
     of_level = 9.80665 * np.radians(0.5) / FLIGHT.rotor_drag
     np.testing.assert_allclose(found.upper - found.value, np.hypot(of_winds, of_level))
     np.testing.assert_allclose(found.value - found.lower, np.hypot(of_winds, of_level))
@@ -103,7 +103,7 @@ def test_a_level_error_of_half_a_degree_is_in_the_interval(problem, windy):
 def test_without_the_airspeed_it_is_worse_by_2_percent_and_not_by_chance(
     problem, windy, monkeypatch, before, p, stated
 ):
-    monkeypatch.setattr(acceptance, "_errors_without_channels", lambda *_: (2.0 * before, 2.0, p))
+    monkeypatch.setattr(acceptance, "errors_without_channels", lambda *_: (2.0 * before, 2.0, p))
     assert (answer(problem, windy) is not None) == stated
 
 
@@ -116,7 +116,7 @@ def test_what_it_would_cost_is_with_the_speed_over_ground_at_every_shift(
         seen.append(given[3])
         return 2.0, 2.0, 1.0
 
-    monkeypatch.setattr(acceptance, "_errors_without_channels", worse)
+    monkeypatch.setattr(acceptance, "errors_without_channels", worse)
     answer(problem, windy)
     x = problem.channels
     speed = np.sqrt(x.velocity_north**2 + x.velocity_east**2)
@@ -134,13 +134,13 @@ def test_an_interval_has_the_scatter_of_blocks_and_how_the_two_ways_differ():
     scatter = stats.t(2).ppf(0.975) * np.std([2.0, 4.0, 2.0, 4.0], ddof=1) / 2.0
     between = stats.t(2).ppf(0.975) * np.sqrt((2.0**2 + 0.0) / 2) / 2
     expected = [np.hypot(scatter, between), between]
-    assert _half_widths(winds, mean)[0] == pytest.approx(expected)
+    assert wind_half_widths(winds, mean)[0] == pytest.approx(expected)
 
 
 def test_how_likely_by_chance_is_by_the_differences_of_blocks(problem):
     still = replace(problem.channels, airspeed=np.zeros_like(problem.channels.airspeed))
     residual = problem.measured_rpm - problem.speeds()
-    before, after, p = _errors_without_channels(problem, residual, (), still)
+    before, after, p = errors_without_channels(problem, residual, (), still)
     blind = problem.measured_rpm - replace(problem, channels=still).speeds()
     assert before == pytest.approx(np.sqrt(np.mean(blind**2)))
     assert after == pytest.approx(np.sqrt(np.mean(residual**2)))

@@ -16,7 +16,10 @@ from thrustmargin.models.effects.thrust_effects import (
     ROTOR_DEGRADATION_ONSET,
 )
 from thrustmargin.models.identification.answer.held_out_errors import Errors
-from thrustmargin.models.identification.answer.model_update import _background, _interval
+from thrustmargin.models.identification.answer.model_update import (
+    updated_background,
+    updated_interval,
+)
 from thrustmargin.models.identification.answer.result import (
     Excluded,
     Identification,
@@ -173,14 +176,14 @@ def test_how_much_flights_differ_is_of_their_means():
     # Means 0 to 8: their standard deviation is sqrt(60/8).
     spread = np.sqrt(60.0 / 8.0)
     old = replace(curve_model(), background_rpm=(1.0, 2.0, 3.0, 4.0))
-    found = _background(old, left_over(9))
+    found = updated_background(old, left_over(9))
     np.testing.assert_allclose(found, [0.0, spread, 2.0 * spread, 0.0], atol=1e-9)
-    assert _background(old, left_over(8)) == old.background_rpm
+    assert updated_background(old, left_over(8)) == old.background_rpm
     # By motor outputs from three flights on: about nothing, and by Student's t.
     about_zero = np.sqrt((0.0 + 1.0 + 4.0) / 3.0) * student.ppf(0.975, 3) / 1.959964
-    found = _background(old, left_over(3, of_outputs=True))
+    found = updated_background(old, left_over(3, of_outputs=True))
     np.testing.assert_allclose(found, [0, about_zero, 2 * about_zero, 0], rtol=1e-5, atol=1e-9)
-    assert _background(old, left_over(2, of_outputs=True)) == old.background_rpm
+    assert updated_background(old, left_over(2, of_outputs=True)) == old.background_rpm
 
 
 def carried(flights: int, *found: Any, outside: int = 0) -> Any:
@@ -199,7 +202,7 @@ def test_the_interval_is_calibrated_on_rows_inside_the_training():
     model = learnt_model(("0.tlog", "1.tlog", "elsewhere.tlog"))
     assert model.network is not None
     found = carried(10, outside=1)
-    interval, words = _interval(model, found)
+    interval, words = updated_interval(model, found)
     inside = found.problem.flight < 9
     x = found.problem.channels
     airspeed, tank = x.airspeed[inside], x.tank_kg[inside]
@@ -214,21 +217,23 @@ def test_the_interval_is_calibrated_on_rows_inside_the_training():
         "the interval for 90 % is calibrated anew on 9 flights; the network has learnt from 2 of "
         "them, so it may be a little narrow for others"
     )
-    again, words = _interval(replace(model, interval=replace(by_hand, coverage=0.8)), carried(5))
+    again, words = updated_interval(
+        replace(model, interval=replace(by_hand, coverage=0.8)), carried(5)
+    )
     assert again is not None
     assert again.coverage == 0.8
     assert words.startswith("the interval for 80 % is calibrated anew on 5 flights; ")
     other = learnt_model(("elsewhere.tlog",))
-    assert _interval(other, carried(9))[1] == (
+    assert updated_interval(other, carried(9))[1] == (
         "the interval for 90 % is calibrated anew on 9 flights"
     )
 
 
 def test_without_flights_enough_or_with_a_rotor_that_changed_the_interval_stays():
     model = learnt_model(())
-    interval = _interval(model, carried(9))[0]
+    interval = updated_interval(model, carried(9))[0]
     old = replace(model, interval=interval)
-    kept, words = _interval(old, carried(9, outside=1))
+    kept, words = updated_interval(old, carried(9, outside=1))
     assert kept is interval
     assert words == (
         "the interval is that of the old model: a new one for 90 % needs 9 flights inside the "
@@ -236,8 +241,8 @@ def test_without_flights_enough_or_with_a_rotor_that_changed_the_interval_stays(
     )
     worn = found_by_hand(ROTOR_DEGRADATION, [[0.1, 0.5]], rotor=0)
     sudden = found_by_hand(ROTOR_DEGRADATION_ONSET, [[0.1, 9.0, 0.5]], rotor=0)
-    kept, words = _interval(old, carried(9, worn, sudden))
+    kept, words = updated_interval(old, carried(9, worn, sudden))
     assert kept is interval
     assert words == "the interval is that of the old model: a rotor changed during these flights"
-    assert "calibrated anew" in _interval(old, carried(9, worn))[1]
-    assert _interval(curve_model(), carried(9))[0] is None
+    assert "calibrated anew" in updated_interval(old, carried(9, worn))[1]
+    assert updated_interval(curve_model(), carried(9))[0] is None

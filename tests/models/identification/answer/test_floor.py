@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.models.made_flights import curve_model, made_flights, table
-from thrustmargin.models.identification.answer.floor import _learner_columns, floor_rpm
+from thrustmargin.models.identification.answer.floor import floor_rpm, learner_columns
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.sets.discrepancy import hats
@@ -63,7 +63,7 @@ def test_it_is_ridge_regression_with_each_flight_or_fifth_left_out(flights):
     residual += 100.0 * (of.channels.load_factor - 1.0)[:, None]
     blocks = of.block_flight.size
     fold = of.flight if flights > 1 else of.block * 5 // blocks
-    columns, wanted = _learner_columns([of.channels]), of.mode_amplitudes(residual)
+    columns, wanted = learner_columns([of.channels]), of.mode_amplitudes(residual)
     rows = columns.shape[0]
     left = np.zeros((5, 4))
     for k in range(fold.max() + 1):
@@ -119,7 +119,7 @@ def test_it_is_ridge_regression_from_every_other_row_of_flights_beside():
     residual = np.random.default_rng(6).normal(size=every.measured_rpm.shape) + law_of(every)
     mine, theirs = residual[every.flight == 2], residual[every.flight < 2]
     thin = others.rows(np.arange(0, len(theirs), 2))
-    columns = _learner_columns([one.channels, thin.channels])
+    columns = learner_columns([one.channels, thin.channels])
     own, seen = columns[: len(mine)], columns[len(mine) :]
     wanted, left = one.mode_amplitudes(mine), []
     for ridge in (0.001, 0.01, 0.1, 1.0, 10.0):
@@ -150,14 +150,14 @@ def test_what_the_imu_feels_to_the_side_is_among_the_columns(problem):
     rows = np.searchsorted(track.time_s, x.time_s - 1e-6)
     np.testing.assert_allclose(x.side_load * 9.80665, track.specific_force_frd[rows, :2])
     x = x.with_changed(side_load=np.random.default_rng(1).normal(size=x.side_load.shape))
-    columns = _learner_columns([x])
+    columns = learner_columns([x])
     for one in x.side_load.T:
         even = (one - one.mean()) / one.std()
         assert np.abs(columns - even[:, None]).max(axis=0).min() < 1e-9
 
 
 def test_its_columns_are_curves_along_the_present_rates_and_waves_of_size_one(problem):
-    columns = _learner_columns([problem.channels])
+    columns = learner_columns([problem.channels])
     ahead = np.cos(problem.channels.heading)
     even = (ahead - ahead.mean()) / ahead.std()
     assert np.abs(columns - even[:, None]).max(axis=0).min() < 1e-9

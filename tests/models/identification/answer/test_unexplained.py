@@ -10,9 +10,9 @@ from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.unnamed import UNNAMED
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer.acceptance import (
-    _exceeds_limits,
     changes_mostly,
     effects_resembling,
+    exceeds_limits,
     find_unexplained,
     probable_causes,
     resembles_unexplained,
@@ -288,22 +288,22 @@ def test_beside_a_slightly_uneven_loss_its_rotor_is_named_and_nothing_else():
     """A loss of 6 % that goes by a tenth of itself with the load is steady enough."""
     steady = np.array([100.0, 30.0, 30.0, 20.0])
     sound = np.full(4, 0.01)
-    assert _exceeds_limits(0.16**2 * steady, steady, sound, of_rotor=True)
-    assert not _exceeds_limits(0.14**2 * steady, steady, sound, of_rotor=True)
+    assert exceeds_limits(0.16**2 * steady, steady, sound, of_rotor=True)
+    assert not exceeds_limits(0.14**2 * steady, steady, sound, of_rotor=True)
 
 
 @pytest.mark.parametrize(("share", "open_"), [(0.14, False), (0.16, True)])
 def test_names_may_leave_15_percent_of_what_is_explained_in_a_mode(share, open_):
     wave = np.array([0.0, 40.0, 0.0, 0.0])
     names = np.array([1000.0, 40.0 * (1.0 - share) / share, 0.0, 0.0])
-    assert _exceeds_limits(wave, names, np.full(4, 0.01), of_rotor=False) is open_
+    assert exceeds_limits(wave, names, np.full(4, 0.01), of_rotor=False) is open_
 
 
 @pytest.mark.parametrize(("times", "open_"), [(2.9, False), (3.1, True)])
 def test_what_is_left_is_three_times_what_a_sound_aircraft_leaves(times, open_):
     usual = np.array([9.0, 4.0, 1.0, 1.0])
     wave = np.array([0.0, 4.0 * times**2, 0.0, 0.0])
-    assert _exceeds_limits(wave, np.zeros(4), usual, of_rotor=False) is open_
+    assert exceeds_limits(wave, np.zeros(4), usual, of_rotor=False) is open_
 
 
 def test_beside_a_loss_that_goes_along_a_channel_no_other_name_stands():

@@ -10,8 +10,8 @@ from tests.models.made_flights import F16, curve_model, made_flights
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.identification.good_flights import commissioning, standard_effects
 from thrustmargin.models.identification.good_flights.commissioning import (
-    _folds,
     commission,
+    model_folds,
     network_is_worse,
     validated_chain,
     with_delays,
@@ -76,8 +76,8 @@ def test_motor_outputs_are_scaled_to_the_square_of_each_row(monkeypatch):
 
 
 def test_flights_are_left_out_each_by_itself_or_in_five_parts():
-    assert [f.flights for f in _folds(curve_model(), [0, 2, 3])] == [(0,), (2,), (3,)]
-    many = [f.flights for f in _folds(curve_model(), list(range(7)))]
+    assert [f.flights for f in model_folds(curve_model(), [0, 2, 3])] == [(0,), (2,), (3,)]
+    many = [f.flights for f in model_folds(curve_model(), list(range(7)))]
     assert many == [(0, 1), (2, 3), (4,), (5,), (6,)]
 
 

@@ -13,15 +13,15 @@ from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.identification.good_flights import flight_scatter
 from thrustmargin.models.identification.good_flights.flight_scatter import (
     HeldOutFlights,
-    _flight_estimates,
-    _harmonics,
-    _pool_scatter,
-    _separate_effect,
-    _splines,
     confirmed_curve_rms,
+    flight_estimates,
     good_flights,
+    harmonics,
     mean_and_error,
     own_estimate,
+    pool_scatter,
+    separate_effect,
+    splines,
 )
 from thrustmargin.models.identification.rows.noise import unfiltered_whitening
 from thrustmargin.models.identification.rows.problem import assemble
@@ -37,13 +37,13 @@ def test_an_effect_that_the_model_has_is_estimated_anew_about_its_value():
     mass = record("extra_mass", "mass", 2.2, "kg")
     gauge = record("tank_scale", "gain", 1.0, "1")
     model = replace(curve_model(), effects=(gauge, mass))
-    rest, values = _separate_effect(model, BY_KEY["extra_mass"])
+    rest, values = separate_effect(model, BY_KEY["extra_mass"])
     assert values == [2.2]
     assert rest.effects == (gauge,)
-    assert _separate_effect(model, BY_KEY["cg_offset"]) == (model, [0.0, 0.0])
+    assert separate_effect(model, BY_KEY["cg_offset"]) == (model, [0.0, 0.0])
     problem = assemble(model, [made_flight(1, hidden_mass=2.0), made_flight(2, hidden_mass=3.0)])
     modes = problem.mode_amplitudes(problem.measured_rpm - problem.speeds())
-    own = _flight_estimates(
+    own = flight_estimates(
         problem, unfiltered_whitening(modes, problem.flight), [BY_KEY["extra_mass"]]
     )["extra_mass.mass", None]
     assert own[:, 0] == pytest.approx([2.0, 3.0], abs=0.06)
@@ -95,7 +95,7 @@ def test_a_small_curve_has_its_size_too():
 
 
 def test_harmonics_are_held_by_the_fourth_power_of_their_number():
-    columns, penalty = _harmonics(np.array([0.0, np.pi / 2.0, np.pi]))
+    columns, penalty = harmonics(np.array([0.0, np.pi / 2.0, np.pi]))
     np.testing.assert_allclose(np.diag(penalty), [0, 1, 1, 16, 16, 81, 81], atol=1e-8)
     assert np.count_nonzero(penalty - np.diag(np.diag(penalty))) == 0
     np.testing.assert_allclose(columns[:, 1], [1, 0, -1], atol=1e-12)  # cos
@@ -104,7 +104,7 @@ def test_harmonics_are_held_by_the_fourth_power_of_their_number():
 
 def test_splines_have_a_piece_more_at_each_end_and_a_straight_line_costs_nothing():
     channel = np.array([2.0, 3.0, 5.5, 7.0, 10.0])
-    columns, penalty = _splines(channel)
+    columns, penalty = splines(channel)
     assert columns.shape == (5, 11)  # 8 pieces of a cubic
     np.testing.assert_allclose(columns.sum(axis=1), 1.0)
     np.testing.assert_allclose(columns @ np.arange(-1.0, 10.0), channel - 2.0, atol=1e-8)
@@ -122,7 +122,7 @@ def test_a_curve_explains_what_fits_without_each_flight_say_of_it(monkeypatch, w
     flight = np.repeat([0, 1, 2, 3], [80, 50, 60, 70])
     channel = rng.uniform(1.0, 4.0, flight.size)
     values = 20.0 + 5.0 * np.sin(2.0 * channel) + rng.normal(size=flight.size)
-    columns, penalty = _splines(channel)
+    columns, penalty = splines(channel)
     root = np.linalg.cholesky(weight * flight.size * penalty).T
     explained = 0.0
     for one in range(4):
@@ -142,8 +142,8 @@ def test_the_scatter_of_rotors_is_that_of_one_of_them_and_blind_flights_are_no_f
         ("loss", 0): [np.array(alike)],
         ("loss", 1): [apart[:1], apart[1:]],
     }
-    assert _pool_scatter(estimates) == pytest.approx({"loss": 1.0}, rel=1e-6)  # with 0 of the other
-    assert _pool_scatter({("loss", 0): [np.array([alike[0], *blind])]}) == {}
+    assert pool_scatter(estimates) == pytest.approx({"loss": 1.0}, rel=1e-6)  # with 0 of the other
+    assert pool_scatter({("loss", 0): [np.array([alike[0], *blind])]}) == {}
 
 
 def test_flights_are_the_same_in_one_part_or_in_two():

@@ -157,7 +157,9 @@ def test_what_the_base_may_be_off_by_is_the_root_of_its_summed_squares(monkeypat
 def test_an_interval_has_the_fits_own_width_what_can_be_read_and_what_the_law_is_good_to(
     monkeypatch,
 ):
-    monkeypatch.setattr(module, "_half_widths", lambda fit, _: np.full(fit.columns.shape[2], 0.001))
+    monkeypatch.setattr(
+        module, "mode_half_widths", lambda fit, _: np.full(fit.columns.shape[2], 0.001)
+    )
     monkeypatch.setattr(module, "STANDARD", ("air_density", "cg_offset"))
     tracks = [with_weight_forward(t, 0.02) for t in made_flights(3)]
     model = with_standard_effects(curve_model(), tracks)

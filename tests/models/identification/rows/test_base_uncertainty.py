@@ -11,7 +11,7 @@ from tests.models.model.test_model_by_hand import flight as hand_flight
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.effects.demand_effects import EXTRA_MASS
-from thrustmargin.models.identification.good_flights.standard_effects import _half_widths
+from thrustmargin.models.identification.good_flights.standard_effects import mode_half_widths
 from thrustmargin.models.identification.rows.candidates import Term, candidate
 from thrustmargin.models.identification.rows.noise import base_uncertainty_rpm
 from thrustmargin.models.identification.rows.problem import assemble
@@ -32,7 +32,7 @@ def mass_found(model):
     problem = assemble(model, [made_flight(k, hidden_mass=3.0) for k in (1, 2, 3)])
     one = candidate(Term(effect=EXTRA_MASS), 3)
     fit = fit_rows(problem, [one.initial_effect])
-    half = _half_widths(fit, problem.mode_amplitudes(doubt_of(problem)))
+    half = mode_half_widths(fit, problem.mode_amplitudes(doubt_of(problem)))
     return fit.trials[0].values[0, 0], half[0], problem
 
 

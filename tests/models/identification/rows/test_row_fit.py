@@ -23,12 +23,12 @@ from thrustmargin.models.identification.rows.noise import Whitening, unfiltered_
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.row_fit import (
     RowSums,
-    _merit,
     block_sums,
     bounded_step,
     fit_rows,
     half_widths,
     held_out_costs_with,
+    penalised_squares,
 )
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
@@ -280,7 +280,9 @@ def test_a_value_rests_where_nothing_shows_it_by_a_ten_thousandth_of_the_rows():
 def test_the_merit_of_values_is_what_they_leave_and_how_far_they_are_from_nothing():
     mass = candidate(Term(effect=BY_KEY["extra_mass"]), 1)
     trials = [TrialEffect(candidate=mass, values=np.array([[-3.0]]))]
-    assert _merit(trials, np.array([0.5]), np.array([1.0, 2.0])) == pytest.approx(5.0 + 0.5 * 9.0)
+    assert penalised_squares(trials, np.array([0.5]), np.array([1.0, 2.0])) == pytest.approx(
+        5.0 + 0.5 * 9.0
+    )
 
 
 def test_fits_compare_by_the_filter_of_one_of_them():

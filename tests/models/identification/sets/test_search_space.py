@@ -15,15 +15,15 @@ from thrustmargin.models.effects import BY_KEY, effects_for
 from thrustmargin.models.identification.rows.candidates import derivatives, predicted_modes
 from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.identification.sets.discrepancy import (
-    _turn_response,
     flight_running_mean,
     form_columns,
     law_uncertainty,
+    turn_response,
 )
 from thrustmargin.models.identification.sets.search_space import (
-    _unexplained_noise,
     main_values,
     search_space,
+    unexplained_noise,
 )
 from thrustmargin.models.model.thermometer import Thermometer
 from thrustmargin.models.network.records import GoodFlights
@@ -43,7 +43,7 @@ def test_more_than_noise_is_what_a_dense_model_leaves_of_each_flight_and_mode():
     y[ROWS:, 0] *= 0.3
     residual = np.concatenate([np.zeros((2, MODES)), y])
     noise = np.linalg.solve(dense(nuisance, 16.0), y.ravel()).reshape(y.shape)
-    found = _unexplained_noise(nuisance, residual)
+    found = unexplained_noise(nuisance, residual)
     sizes = []
     for rows in nuisance.flights:
         for mode in range(MODES):
@@ -180,7 +180,7 @@ def test_an_output_may_answer_a_turn_by_a_third_more_or_less_than_the_others():
         speeds=lambda _items, without: 2000.0 - turning * (without == 1),
         mode_amplitudes=lambda speeds: speeds @ turn,
     )
-    columns = _turn_response(reduced, np.full((2, 4), 2000.0) @ turn)
+    columns = turn_response(reduced, np.full((2, 4), 2000.0) @ turn)
     assert len(columns) == 4
     for rotor, column in enumerate(columns):
         expected = np.zeros((2, 4))

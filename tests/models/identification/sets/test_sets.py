@@ -12,20 +12,20 @@ from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.candidates import derivatives, predicted_modes
 from thrustmargin.models.identification.rows.reduced import reduce_flights
 from thrustmargin.models.identification.sets.discrepancy import (
-    _load_response,
     free_columns,
     hats,
+    load_response,
     wander_columns,
 )
 from thrustmargin.models.identification.sets.onsets import (
-    _LossSums,
-    _step_families,
+    LossSums,
     onset_candidates,
+    step_families,
 )
 from thrustmargin.models.identification.sets.search_space import (
-    _flight_offsets,
-    _subtract_flight_means,
+    flight_offsets,
     search_space,
+    subtract_flight_means,
 )
 from thrustmargin.models.identification.sets.set_search import Search
 from thrustmargin.models.network.records import GoodFlights
@@ -196,11 +196,11 @@ def test_how_flights_differ_as_a_whole_stands_once_and_as_good_flights_showed():
     space = search_space(known, flights, effects_for(F16, table(SOME)))
     assert not space.hats[:, [g == "constant" for g in space.groups]].any()
     rows = np.zeros_like(space.reduced.measured_rpm)
-    standing, shared = _flight_offsets(space.reduced, rows)
+    standing, shared = flight_offsets(space.reduced, rows)
     each, all_ = standing[0].diagonal(), shared[0].diagonal()
     assert each**2 + all_**2 == pytest.approx(np.square(known.background_rpm))
     assert (each / all_) ** 2 == pytest.approx(3.0)  # the mean of three is known to a third
-    columns = _subtract_flight_means(np.arange(12.0).reshape(6, 2, 1), np.array([0, 0, 0, 1, 1, 1]))
+    columns = subtract_flight_means(np.arange(12.0).reshape(6, 2, 1), np.array([0, 0, 0, 1, 1, 1]))
     assert columns[:, 0, 0] == pytest.approx([-2.0, 0.0, 2.0, -2.0, 0.0, 2.0])
 
 
@@ -210,13 +210,13 @@ def test_what_gusts_make_a_controller_do_is_no_sign_of_how_rotors_share_the_thru
     gusts = np.where(np.arange(rows) % 2, 30.0, -30.0)
     base = np.zeros((rows, modes))
     base[:, 0] = 7000.0 - np.linspace(0.0, 400.0, rows) + gusts
-    columns = _load_response(space.reduced, base)
+    columns = load_response(space.reduced, base)
     assert columns.shape == (rows, modes, modes - 1)
     assert not columns[:, 0].any()  # load lifts the collective, and that is known
     inside = slice(30, 60)  # of the first flight, where the running mean is whole
     assert columns[inside, 2, 1] == pytest.approx(gusts[inside], abs=3.0)
     base[:, 0] -= gusts
-    assert np.abs(_load_response(space.reduced, base)[inside]).max() < 3.0
+    assert np.abs(load_response(space.reduced, base)[inside]).max() < 3.0
     answer = space.nuisance.whitening.apply(columns)
     made = replace(
         space.nuisance,
@@ -285,8 +285,8 @@ def test_a_loss_from_a_moment_on_is_summed_as_if_over_all_flights(kind):
     search = Search(space.reduced, space.nuisance, space.candidates)
     nothing = search.fit(frozenset(), ())
     column = derivatives(space.reduced, [search.start[0]], 0)[:, :, 0]
-    step = [s for s in _step_families(search) if s.kind == kind][-2 if kind == "since" else -1]
-    gram = _LossSums.about_set(search, nothing, column).gram(step, step.times)
+    step = [s for s in step_families(search) if s.kind == kind][-2 if kind == "since" else -1]
+    gram = LossSums.about_set(search, nothing, column).gram(step, step.times)
     x, flight = space.reduced.channels, space.reduced.flight
     later = x.time_s[:, None] >= step.times
     if step.flight is not None:

@@ -19,22 +19,22 @@ from thrustmargin.models.effects.thrust_effects import (
 )
 from thrustmargin.models.identification.rows.candidates import Term, candidate
 from thrustmargin.models.identification.sets.discrepancy import (
-    _shape_columns,
     flight_running_mean,
     form_columns,
     free_columns,
     hats,
+    shape_columns,
     slow_wander,
     wander_columns,
 )
 from thrustmargin.models.identification.sets.evidence import prior_of
 from thrustmargin.models.identification.sets.onsets import drop_rotor_effects
 from thrustmargin.models.identification.sets.search_space import (
-    _flight_offsets,
-    _free_sizes,
-    _manoeuvre_mask,
-    _scatter_sizes,
-    _slow_noise_columns,
+    flight_offsets,
+    free_sizes,
+    manoeuvre_mask,
+    scatter_sizes,
+    slow_noise_columns,
 )
 from thrustmargin.models.identification.sets.set_search import Search
 from thrustmargin.models.network.records import GoodFlights
@@ -57,17 +57,17 @@ def test_scatter_is_what_good_flights_showed_within_a_half_and_ten_times_of_what
     usual = MASS.parameters[0].smallest
     for shown, size in ((0.1, 0.5), (0.6, 0.6), (9.0, 9.0), (20.0, 10.0)):
         known = GoodFlights(flights=5, scatter={"extra_mass.mass": shown * usual})
-        assert _scatter_sizes([MASS], known) == pytest.approx([size])
-    assert _scatter_sizes([MASS], None) == pytest.approx([1.0])
+        assert scatter_sizes([MASS], known) == pytest.approx([size])
+    assert scatter_sizes([MASS], None) == pytest.approx([1.0])
     # A sound propeller does not change from flight to flight.
     learnt = GoodFlights(flights=5, scatter={"rotor_degradation.loss": 1.0})
-    assert not _scatter_sizes([LOSS], learnt).any()
+    assert not scatter_sizes([LOSS], learnt).any()
 
 
 def test_a_curve_is_a_thousandth_of_the_speed_or_twice_what_good_flights_showed():
     reduced: Any = SimpleNamespace(modes=SimpleNamespace(names=("collective", "roll")))
     known = GoodFlights(flights=5, curve_rpm={"collective.airspeed": 3.0, "roll.airspeed": 0.1})
-    found = _free_sizes(reduced, ("airspeed", "heading"), known, 2000.0)
+    found = free_sizes(reduced, ("airspeed", "heading"), known, 2000.0)
     # At its ends a curve is twice its RMS; no less than 0.05 % of 2000 rpm; else 0.1 %.
     np.testing.assert_allclose(found, [[6.0, 2.0], [1.0, 2.0]])
 
@@ -78,14 +78,14 @@ def test_how_flights_differ_as_a_whole(of_outputs):
     flight = np.repeat(np.arange(4), 2)
     residual = np.repeat([1.0, 2.0, 3.0, 6.0], 2)[:, None] * np.ones(4)
     reduced: Any = SimpleNamespace(model=model, of_outputs=of_outputs, flight=flight)
-    each, shared = _flight_offsets(reduced, residual)
+    each, shared = flight_offsets(reduced, residual)
     # Of outputs, without sound flights, a thousand times the largest: none may be named.
     size = 6000.0 if of_outputs else 0.0
     np.testing.assert_allclose(each, np.tile(size * np.eye(4), (8, 1, 1)), rtol=1e-6)
     assert not shared.any()
     known = replace(model, background_rpm=(4.0,) * 4, good_flights=GoodFlights(flights=3))
     reduced.model, reduced.of_outputs = known, False
-    each, shared = _flight_offsets(reduced, residual)
+    each, shared = flight_offsets(reduced, residual)
     # Of three flights: a new one differs by 4/sqrt(1 + 1/3), their mean is known to 4/sqrt(4).
     np.testing.assert_allclose(each[0], 4.0 / np.sqrt(4.0 / 3.0) * np.eye(4))
     np.testing.assert_allclose(shared[0], 2.0 * np.eye(4))
@@ -100,7 +100,7 @@ def test_a_mean_is_busy_in_a_turn_or_under_a_load_and_beside_one():
     follows[[0, 9]] = False  # what comes after a pause is beside nothing
     x = SimpleNamespace(yaw_rate=turn, load_factor=load)
     reduced: Any = SimpleNamespace(channels=x, follows=follows)
-    assert np.flatnonzero(_manoeuvre_mask(reduced)).tolist() == [1, 2, 3, 7, 8, 9, 10, 11]
+    assert np.flatnonzero(manoeuvre_mask(reduced)).tolist() == [1, 2, 3, 7, 8, 9, 10, 11]
 
 
 def test_slow_noise_has_a_knot_in_every_25_seconds():
@@ -265,7 +265,7 @@ def test_the_slow_noise_of_each_mode_is_counted_after_what_is_drawn_before_it():
         measured_rpm=np.full((60, 2), 2000.0),
         model=curve_model(),
     )
-    columns, own = _slow_noise_columns(reduced, 3)
+    columns, own = slow_noise_columns(reduced, 3)
     hats_of_time = wander_columns(
         time_s, reduced.flight, 25.0 * froude_time_scale(reduced.model.airframe)
     )
@@ -291,7 +291,7 @@ def test_a_shape_may_be_off_toward_the_middle_of_its_bounds():
     base = np.full((3, 2), 5.0)
     step = 0.5 * DETAIL.scale
     ends = (0.5 - step, -0.5 + step)
-    for k, (column, b) in enumerate(zip(_shape_columns(reduced, base), ends, strict=True)):
+    for k, (column, b) in enumerate(zip(shape_columns(reduced, base), ends, strict=True)):
         assert column.shape == (3, 2, 1)
         np.testing.assert_allclose(column, 2.0 * (1000.0 * k + 100.0 + 10.0 * b) - 5.0)
 

@@ -27,7 +27,7 @@ from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.mavlink.frame import frame_of
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
-from thrustmargin.gcs_plugin.mavproxy_worker import (
+from thrustmargin.gcs_plugin.office.stations.mavproxy_worker import (
     MarginOptions,
     MarginWorker,
     NewestFigures,
@@ -42,7 +42,7 @@ from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
 MODULE = "thrustmargin.gcs_plugin.mavproxy_module"
-PEERS = Path(__file__).parent / "peers"
+PEERS = Path(__file__).parents[2] / "peers"
 INSTALLED = importlib.util.find_spec("MAVProxy") is not None
 if not INSTALLED and os.environ.get("THRUSTMARGIN_REQUIRE_MAVPROXY"):
     pytest.fail("THRUSTMARGIN_REQUIRE_MAVPROXY is set and the extra [mavproxy] is not installed")
