@@ -36,7 +36,7 @@ _OF_CONTROL = (
 _NO_REPORT = (EventKind.ARMED, EventKind.DISARMED, EventKind.RESOLVED, EventKind.PARAMETER)
 
 
-class Beside(StrEnum):
+class Corroboration(StrEnum):
     """How the log stands beside a report."""
 
     AGREES = "agrees"  # the same motor by speeds
@@ -62,7 +62,7 @@ class VehicleStatement:
     text: str  # as it was sent
     times_s: tuple[float, ...]  # s from the first row, in order
     named: tuple[int, ...]  # motors that it names
-    beside: Beside
+    beside: Corroboration
     found: tuple[int, ...] = ()  # motors that the log shows
     value: float = math.nan  # output of the named motor, or share of the yaw authority
 
@@ -115,11 +115,11 @@ def _statement(
     if first.kind in _OF_MOTORS and first.subject.isdigit():
         motor = int(first.subject) - 1
         named = (motor,) if 0 <= motor < track.rotor_count else ()
-    beside, found, value = Beside.NOTHING, (), math.nan
+    beside, found, value = Corroboration.NOTHING, (), math.nan
     if first.kind in _OF_MOTORS or first.kind is EventKind.IMBALANCE:
         beside, found, value = _of_motors(first.time_s, named, track, faults)
     elif first.kind in _OF_CONTROL:
-        beside = Beside.CONTROL_LOST if losses else Beside.CONTROL_KEPT
+        beside = Corroboration.CONTROL_LOST if losses else Corroboration.CONTROL_KEPT
     elif first.kind is EventKind.YAW_IMBALANCE:
         beside, value = _of_yaw(first.time_s, track, yaw_reserve)
     return VehicleStatement(
@@ -136,7 +136,7 @@ def _statement(
 
 def _of_motors(
     time_s: float, named: tuple[int, ...], track: FlightTrack, faults: Sequence[FaultEpisode]
-) -> tuple[Beside, tuple[int, ...], float]:
+) -> tuple[Corroboration, tuple[int, ...], float]:
     """Return how the log stands beside a report on motors, the motors it shows, and the output of
     the named one."""
     seen = motor_evidence(track, time_s)
@@ -144,18 +144,18 @@ def _of_motors(
     found = _found(time_s, seen, faults)
     if found and named:
         same = set(named) & set(found)
-        return (Beside.AGREES if same else Beside.OTHER_MOTOR), found, value
+        return (Corroboration.AGREES if same else Corroboration.OTHER_MOTOR), found, value
     if found:
-        return Beside.MOTOR_FOUND, found, value
+        return Corroboration.MOTOR_FOUND, found, value
     if seen.exchanged:
-        return Beside.EXCHANGED, seen.exchanged, value
+        return Corroboration.EXCHANGED, seen.exchanged, value
     if not seen.compared:
-        return Beside.NOT_COMPARED, (), value
+        return Corroboration.NOT_COMPARED, (), value
     if seen.all_hard:
-        return Beside.ALL_HARD, (), value
+        return Corroboration.ALL_HARD, (), value
     if named and seen.highest == named[0]:
-        return Beside.HARDEST, (), value
-    return Beside.FOLLOWS, (), value
+        return Corroboration.HARDEST, (), value
+    return Corroboration.FOLLOWS, (), value
 
 
 def _found(time_s: float, seen: MotorEvidence, faults: Sequence[FaultEpisode]) -> tuple[int, ...]:
@@ -171,10 +171,12 @@ def _found(time_s: float, seen: MotorEvidence, faults: Sequence[FaultEpisode]) -
     return seen.slow if len(seen.slow) == 1 else ()
 
 
-def _of_yaw(time_s: float, track: FlightTrack, yaw_reserve: Floats | None) -> tuple[Beside, float]:
+def _of_yaw(
+    time_s: float, track: FlightTrack, yaw_reserve: Floats | None
+) -> tuple[Corroboration, float]:
     """Return the mean share of the yaw authority that was left about a report."""
     if yaw_reserve is None:
-        return Beside.NOT_COMPARED, math.nan
+        return Corroboration.NOT_COMPARED, math.nan
     near = np.abs(track.time_s - time_s) <= YAW_S
     value = known_mean(yaw_reserve[near & track.flying])
-    return (Beside.YAW if math.isfinite(value) else Beside.NOT_COMPARED), value
+    return (Corroboration.YAW if math.isfinite(value) else Corroboration.NOT_COMPARED), value

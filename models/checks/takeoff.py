@@ -51,6 +51,10 @@ LEAST_POWER, MOST_POWER = 0.5, 1.5
 #: s over which speeds and outputs are means, and s for which they must disagree: an automatic
 #: take-off spools up within 1 s.
 MEAN_S, LASTS_S = 0.3, 0.3
+#: Readings in which they must: two of 2 Hz may both meet a wobble of the autopilot at its height.
+READINGS = 3
+#: s by which the speed of a large rotor lags its output, at most.
+LAG_S = 0.5
 #: Ratios of speed to that of the others, beyond the interval by outputs: a rotor without propeller
 #: turns 1.3 to 1.6 times as fast; a sound one at spool-up lags by up to a third.
 SLOW, FAST = 0.6, 1.25
@@ -265,10 +269,12 @@ def run_ups(track: FlightTrack, *, from_rest: bool = True) -> Iterator[slice]:
 
 
 def motors_on(track: FlightTrack) -> Bools:
-    """Flag rows (T,) in which a motor is driven or turns; unknown ones are as the row before."""
+    """Flag rows (T,) in which a motor is driven or two turn; unknown ones are as the row before."""
     speeds, outputs = np.abs(track.measured("rotor_speed_rpm")), track.throttle
     with np.errstate(invalid="ignore"):
-        on: Bools = np.any(outputs > DRIVEN, axis=1) | np.any(speeds >= TURNING, axis=1)
+        # A single rotor may be turned by hand, or by its sensor's noise.
+        turning = np.sum(speeds >= TURNING, axis=1) >= 2
+        on: Bools = np.any(outputs > DRIVEN, axis=1) | turning
     known = np.isfinite(outputs).any(axis=1) | np.isfinite(speeds).any(axis=1)
     last = np.maximum.accumulate(np.where(known, np.arange(known.size), -1))
     return np.where(last >= 0, on[np.maximum(last, 0)], False)
@@ -430,13 +436,14 @@ def _at_common_output(
             ratio, asked = speeds[:, motor] / others, outputs[:, motor] / theirs
         known = driven & np.isfinite(ratio * asked) & (others >= TURNING)
         ratios.append((known_median(ratio[known]), known_median(asked[known])))
-        low = np.minimum(asked**LEAST_POWER, asked**MOST_POWER)
-        high = np.maximum(asked**LEAST_POWER, asked**MOST_POWER)
+        # A speed lags its output: any ratio of outputs of the last LAG_S may be the one it follows.
+        low = -_most_before(time_s, -np.minimum(asked**LEAST_POWER, asked**MOST_POWER))
+        high = _most_before(time_s, np.maximum(asked**LEAST_POWER, asked**MOST_POWER))
         for kind, wrong in (
             (TakeoffKind.SLOW, known & (ratio < SLOW * low)),
             (TakeoffKind.FAST, known & (ratio > FAST * high)),
         ):
-            row = _first_lasting(time_s, wrong, LASTS_S)
+            row = _first_lasting(time_s, wrong, LASTS_S, READINGS)
             if row is None:
                 continue
             finding = TakeoffFinding(
@@ -498,6 +505,17 @@ def _mean_before(time_s: Floats, values: Floats) -> Floats:
     return np.where(whole, (total[rows] - total[first]) / count, np.nan)
 
 
+def _most_before(time_s: Floats, values: Floats) -> Floats:
+    """Return the largest known value (T,) of the LAG_S up to each row; NaN where none is known."""
+    most = values.copy()
+    for step in range(1, time_s.size):
+        near = time_s[step:] - time_s[:-step] <= LAG_S + 1e-6
+        if not near.any():
+            break
+        most[step:] = np.fmax(most[step:], np.where(near, values[:-step], np.nan))
+    return most
+
+
 def _median_of_known(values: Floats) -> Floats:
     """Return the median (T,) of the known columns of (T, R); NaN with fewer than two known."""
     ordered = np.sort(values, axis=1)  # NaN at the end
@@ -506,15 +524,17 @@ def _median_of_known(values: Floats) -> Floats:
     return np.where(count >= 2, middle, np.nan)
 
 
-def _first_lasting(time_s: Floats, wrong: Bools, seconds: float) -> int | None:
-    """Return the first row at which `wrong` (T,) has been true for `seconds`; None without one."""
-    since = math.nan
+def _first_lasting(time_s: Floats, wrong: Bools, seconds: float, readings: int = 2) -> int | None:
+    """Return the first row at which `wrong` (T,) has been true for `seconds` and so many readings;
+    None without one."""
+    since, count = math.nan, 0
     for row in range(time_s.size):
         if not wrong[row]:
-            since = math.nan
-        elif math.isnan(since):
-            since = float(time_s[row])
-        elif time_s[row] - since >= seconds - 1e-6:
+            since, count = math.nan, 0
+            continue
+        since = float(time_s[row]) if count == 0 else since
+        count += 1
+        if count >= readings and time_s[row] - since >= seconds - 1e-6:
             return row
     return None
 

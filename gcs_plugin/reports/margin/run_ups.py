@@ -11,6 +11,7 @@ from thrustmargin.gcs_plugin.reports.margin.data import JsonObject
 from thrustmargin.gcs_plugin.wording.takeoff_words import check_line, finding_words
 from thrustmargin.models.checks.takeoff import TakeoffCheck, TakeoffFinding, takeoff_checks
 from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.hover_arms import arms_beside_model
 from thrustmargin.models.model.rotor_model import identified_airframe
 from thrustmargin.models.physics.smoothing import known_least, known_median, moving_mean
 
@@ -22,19 +23,26 @@ def takeoff_rows(analysis: FlightAnalysis) -> tuple[JsonObject, ...]:
     """Return the check of each run-up in order of time; motors count from 1."""
     airframe = None if analysis.withheld else identified_airframe(analysis.model)
     places = () if analysis.withheld else analysis.places
-    return tuple(_row(one, places) for one in takeoff_checks(analysis.track, airframe))
+    return tuple(_row(analysis, one, places) for one in takeoff_checks(analysis.track, airframe))
 
 
-def _row(check: TakeoffCheck, places: Sequence[str]) -> JsonObject:
-    """Return one run-up under the names of TakeoffCheck, with its words."""
+def _row(analysis: FlightAnalysis, check: TakeoffCheck, places: Sequence[str]) -> JsonObject:
+    """Return one run-up under the names of TakeoffCheck, with its words.
+
+    Each motor has its speed in the first seconds of hover over that of the aircraft's model.
+    """
     plain = {f.name: getattr(check, f.name) for f in fields(check)}
+    arms = arms_beside_model(analysis, check.lift_s)
     motors = [
         {
             "motor": number,
             "name": places[number - 1] if places else "",
             **{f.name: getattr(motor, f.name) for f in fields(motor)},
+            "over_model": arm.ratio,
+            "over_model_low": arm.low,
+            "over_model_high": arm.high,
         }
-        for number, motor in enumerate(check.motors, 1)
+        for number, (motor, arm) in enumerate(zip(check.motors, arms, strict=True), 1)
     ]
     found = [_finding(one, places) for one in check.findings]
     return plain | {"words": check_line(check), "motors": motors, "findings": found}

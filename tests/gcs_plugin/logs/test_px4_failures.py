@@ -1,4 +1,4 @@
-"""What PX4 reports of failures, from a log written by the format's definition."""
+"""What PX4 and ESCs report of failures, from logs written by the formats' definitions."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.gcs_plugin.live.live_vehicle import log_frames, write_log
+from tests.gcs_plugin.live.test_live_is_the_file import with_esc_reports
 from tests.gcs_plugin.logs.log_files import UlogWriter
+from tests.gcs_plugin.logs.tlog_files import FLIGHT
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.px4_failures import px4_failure_events
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import EventKind
@@ -75,3 +78,11 @@ def test_without_a_mask_the_flag_is_the_report():
     (event,) = px4_failure_events({"failure_detector_status": [topic]})
     assert (event.kind, event.subject, event.time_s) == (EventKind.MOTOR_FAILURE, "", 2.0)
     assert px4_failure_events({}) == ()
+
+
+def test_failure_flags_of_escs_in_a_telemetry_log_are_reports_by_motor(tmp_path: Path):
+    frames = with_esc_reports(log_frames(FLIGHT)[:9000])
+    log = read_log(write_log(tmp_path / "flight.tlog", frames), vehicle=1)
+    failed = [event for event in log.events if event.kind is EventKind.ESC_FAILURE]
+    assert [(event.subject, event.text) for event in failed] == [("3", "failure flags 0x10")]
+    assert 0.3 < failed[0].time_s / log.track.time_s[-1] < 0.6
