@@ -45,7 +45,7 @@ FEWEST_TEMPERATURES = 100  # readings of one arm
 NAN = math.nan
 
 
-class Quantity(StrEnum):
+class ArmQuantity(StrEnum):
     """One kind of figure of an arm; the module has their definitions."""
 
     THRUST = "thrust"
@@ -63,7 +63,7 @@ class Quantity(StrEnum):
 class ArmFigure:
     """One quantity of the R arms in one flight, with its standard errors; NaN unknown."""
 
-    quantity: Quantity
+    quantity: ArmQuantity
     value: tuple[float, ...]  # (R,)
     error: tuple[float, ...]  # (R,)
     #: Size of the figure that is a share of 1: U/I for a resistance, ohm, and U for an offset, V.
@@ -80,7 +80,7 @@ class ArmFigures:
     #: Whether power is by the ESCs' own voltages; else by the battery's, which a lead's loss is in.
     own_voltage: bool = True
 
-    def of(self, quantity: Quantity) -> ArmFigure | None:
+    def of(self, quantity: ArmQuantity) -> ArmFigure | None:
         """Return the figure of a quantity; None where the flight does not show it."""
         return next((one for one in self.figures if one.quantity is quantity), None)
 
@@ -117,14 +117,14 @@ def arm_figures(readings: ArmReadings, *, flight: str, day: int) -> ArmFigures:
         shaken = blocks.mean(one.vibration) / (blocks.mean(speed) / 1000.0) ** 2
     typical = float(np.nanmedian(speed[one.usable])) if one.usable.any() else NAN
     found = [
-        _middle(Quantity.THRUST, blocks.mean(one.thrust_excess)),
-        _middle(Quantity.POWER, watts),
-        _middle(Quantity.OUTPUT, blocks.mean(one.output_excess)),
+        _middle(ArmQuantity.THRUST, blocks.mean(one.thrust_excess)),
+        _middle(ArmQuantity.POWER, watts),
+        _middle(ArmQuantity.OUTPUT, blocks.mean(one.output_excess)),
         *_leads(one),
-        _heat(Quantity.ESC_HEAT, one, one.esc_temperature),
-        _heat(Quantity.MOTOR_HEAT, one, one.motor_temperature),
-        _middle(Quantity.VIBRATION, shaken, unit=9.80665 / (typical / 1000.0) ** 2),
-        _middle(Quantity.JUMPS, blocks.jitter(speed)),
+        _heat(ArmQuantity.ESC_HEAT, one, one.esc_temperature),
+        _heat(ArmQuantity.MOTOR_HEAT, one, one.motor_temperature),
+        _middle(ArmQuantity.VIBRATION, shaken, unit=9.80665 / (typical / 1000.0) ** 2),
+        _middle(ArmQuantity.JUMPS, blocks.jitter(speed)),
     ]
     kept = tuple(figure for figure in found if figure is not None)
     return ArmFigures(flight=flight, day=day, figures=kept, own_voltage=own)
@@ -168,7 +168,7 @@ class _Blocks:
         return scatter
 
 
-def _middle(quantity: Quantity, blocks: Floats, *, unit: float = 1.0) -> ArmFigure | None:
+def _middle(quantity: ArmQuantity, blocks: Floats, *, unit: float = 1.0) -> ArmFigure | None:
     """Return the medians of blocks (B, R) with their errors; None without a known arm."""
     known = np.isfinite(blocks)
     enough = known.sum(axis=0) >= FEWEST_BLOCKS
@@ -228,18 +228,18 @@ def _leads(one: ArmReadings) -> list[ArmFigure | None]:
     load = float(np.nanmedian(one.esc_current[one.usable]))
     return [
         ArmFigure(
-            quantity=Quantity.RESISTANCE,
+            quantity=ArmQuantity.RESISTANCE,
             value=_plain(ohm),
             error=_plain(ohm_error),
             unit=level / load,
         ),
         ArmFigure(
-            quantity=Quantity.OFFSET, value=_plain(volts), error=_plain(volts_error), unit=level
+            quantity=ArmQuantity.OFFSET, value=_plain(volts), error=_plain(volts_error), unit=level
         ),
     ]
 
 
-def _heat(quantity: Quantity, one: ArmReadings, kelvin: Floats) -> ArmFigure | None:
+def _heat(quantity: ArmQuantity, one: ArmReadings, kelvin: Floats) -> ArmFigure | None:
     """Return ln of the K per A² s by which each arm grows warm, of temperatures (T, R).
 
     First-order law: T' = g I² - (T - T_0)/tau, so T = T_0 + g h, with h the response of a lag of

@@ -2,9 +2,9 @@
 
 The departures y of a quantity from what a sound aircraft has are normal with covariance S, in
 which the arms' common part is open. A cause of size s at arm i moves its mean by s r e_i and widens
-it by (s d)² e_i e_i', with the ratio r and its deviation d of `causes.PATTERNS`. The scale of S is
-known from few flights, so it is averaged over (Student's t). Sizes are averaged over a log-uniform
-grid. The probability of "sound" is that of none of them, with the prior FAULTY.
+it by (s d)² e_i e_i', with the ratio r and its deviation d of `arm_causes.PATTERNS`. The scale of S
+is known from few flights, so it is averaged over (Student's t). Sizes are averaged over a
+log-uniform grid. The probability of "sound" is that of none of them, with the prior FAULTY.
 
 A second arm or cause is sought after the first with the figures left out that the first moves at
 its arm. What the thrust search has reported of an arm is given: one of the causes that it leaves.
@@ -20,9 +20,9 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.models.checks.arms.causes import PATTERNS, Cause
-from thrustmargin.models.checks.arms.figures import ArmFigures, Quantity
-from thrustmargin.models.checks.arms.law import TOGETHER, ArmLaw, Departure, departures
+from thrustmargin.models.checks.arms.arm_causes import PATTERNS, Cause
+from thrustmargin.models.checks.arms.arm_figures import ArmFigures, ArmQuantity
+from thrustmargin.models.checks.arms.arm_law import TOGETHER, ArmLaw, Departure, departures
 from thrustmargin.models.flight import Floats
 
 #: Prior probability that something is wrong with an arm in a flight: about one flight in fifty.
@@ -42,7 +42,7 @@ class PossibleCause:
 
     cause: Cause
     probability: float
-    size: float  # share; see `causes`
+    size: float  # share; see `arm_causes`
     lower: float  # 95 % interval
     upper: float
 
@@ -56,7 +56,7 @@ class ArmFinding:
     probability: float  # that something is wrong with this arm
     causes: tuple[PossibleCause, ...]
     #: What speaks for it: each quantity that departs, as a share, in standard deviations.
-    shown: tuple[tuple[Quantity, float, float], ...]
+    shown: tuple[tuple[ArmQuantity, float, float], ...]
 
     @property
     def cause(self) -> Cause | None:
@@ -74,7 +74,7 @@ class ArmAnswer:
     """What the arms' figures of one flight or of some together show."""
 
     findings: tuple[ArmFinding, ...]
-    quantities: tuple[Quantity, ...]  # that were compared
+    quantities: tuple[ArmQuantity, ...]  # that were compared
     flights: int  # earlier flights that they were compared with
     days: int
 
@@ -88,8 +88,8 @@ def arm_answer(
 ) -> ArmAnswer:
     """Return what is wrong with which arms in some flights, by their figures and earlier ones.
 
-    `modes` (R, R) are the layout's modes (`law.departures`). `given` are the arms, from 0, that the
-    thrust search reports, with the causes that it leaves possible: one of them is there for
+    `modes` (R, R) are the layout's modes (`arm_law.departures`). `given` are the arms, from 0, that
+    the thrust search reports, with the causes that it leaves possible: one of them is there for
     certain.
     """
     left = list(departures(flights, law, modes))
@@ -127,7 +127,7 @@ def _without(left: Sequence[Departure], found: ArmFinding, *, own_voltage: bool)
     return kept
 
 
-def _moves(cause: Cause, quantity: Quantity, *, own_voltage: bool) -> bool:
+def _moves(cause: Cause, quantity: ArmQuantity, *, own_voltage: bool) -> bool:
     """Return whether a cause can move a quantity of its arm."""
     moved = PATTERNS[cause].of(quantity, own_voltage=own_voltage)
     return moved.ratio != 0.0 or moved.spread != 0.0
@@ -151,7 +151,7 @@ class _Evidence:
         cut = np.ix_(known, known)
         scales = one.freedom / _chi_squares(one.freedom)
         # What moves all arms together is open, but not where modes are known one by one.
-        open_part = 0.0 if one.quantity is Quantity.THRUST else TOGETHER**2
+        open_part = 0.0 if one.quantity is ArmQuantity.THRUST else TOGETHER**2
         stack = scales[:, None, None] * one.covariance[cut] + one.own[cut] + open_part
         inverse = np.linalg.inv(stack)
         weighted = inverse @ y
@@ -241,7 +241,9 @@ def _shown(one: Departure, arm: int) -> tuple[float, float]:
     """Return an arm's departure from the others', as a share, and in standard deviations."""
     others = np.delete(one.departure, arm)
     others = others[np.isfinite(others)]
-    usual = float(np.mean(others)) if others.size and one.quantity is not Quantity.THRUST else 0.0
+    usual = (
+        float(np.mean(others)) if others.size and one.quantity is not ArmQuantity.THRUST else 0.0
+    )
     apart = float(one.departure[arm]) - usual
     error = math.sqrt((one.covariance + one.own)[arm, arm] * (1.0 + 1.0 / max(others.size, 1)))
     return apart, apart / error
