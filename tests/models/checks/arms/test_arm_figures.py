@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from thrustmargin.models.checks.arms.arm_figures import ArmReadings, ArmQuantity, arm_figures
+from thrustmargin.models.checks.arms.arm_figures import ArmQuantity, ArmReadings, arm_figures
 
 TIME_S = np.arange(0.0, 200.0, 0.2)
 FLYING = TIME_S >= 20.0
