@@ -284,7 +284,7 @@ def heat(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     left_s = np.fmin(esc_s, motor_s)
 
     def text(row: int, k: int) -> str:
-        of_motor = not esc_s[row, k] <= motor_s[row, k]
+        of_motor = bool(np.isnan(esc_s[row, k]) or motor_s[row, k] < esc_s[row, k])
         kelvin = (track.motor_temperature if of_motor else track.esc_temperature)[row, k]
         limit = MOTOR_LIMIT if of_motor else ESC_LIMIT
         return words.heat_words(k + 1, float(kelvin), limit, float(left_s[row, k]), motor=of_motor)
