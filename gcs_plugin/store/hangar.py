@@ -25,8 +25,8 @@ from typing import Any, TypeVar
 
 from thrustmargin.gcs_plugin.store.aircraft_marks import Marks, Recognition, recognise
 from thrustmargin.mission.forecast.experience import Experience, FlownMission, experience
-from thrustmargin.models.checks.arms.figures import ArmFigures
-from thrustmargin.models.checks.arms.law import ArmLaw
+from thrustmargin.models.checks.arms.arm_figures import ArmFigures
+from thrustmargin.models.checks.arms.arm_law import ArmLaw
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.json_values import from_json_values, to_json_values
 from thrustmargin.models.model.mode_walk import (

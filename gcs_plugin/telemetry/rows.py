@@ -191,7 +191,7 @@ def flight_rows(
             channels[channel] = _columns(channel, found, clock_s, options.sampling)
             reported[channel] = [signal for signal in found if signal is not None]
             sources[channel] = motors.esc_source(found)
-    shaken = [None] if live else vibration_per_rev(signals, measured.signals)
+    shaken = [] if live else vibration_per_rev(signals, measured.signals)
     if found := [signal for signal in shaken if signal is not None]:
         channels["vibration_per_rev"] = _columns("vibration_per_rev", shaken, clock_s, "linear")
         reported["vibration_per_rev"], sources["vibration_per_rev"] = found, found[0].source

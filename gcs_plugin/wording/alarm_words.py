@@ -161,6 +161,7 @@ MISSING = {
     "voltage": "no voltage",
     "attitude": "no attitude",
     "esc": "no ESC report",
+    "heat": "no ESC readings",
 }
 GENTLY = "fly gently"
 #: Actions of alarms in flight; MARGIN_DO sends the index in this list.
@@ -168,9 +169,13 @@ ASKED = ("", "see messages", GENTLY, "slow down", LAND.words, "CONTROL LOST")
 _ASKS = {
     **dict.fromkeys(("margin", "predicted margin", "margin ahead"), 2),
     "saturation": 3,
-    **dict.fromkeys(("stopped", "rotor", "motor", "esc", "battery", "misfit"), 4),
+    **dict.fromkeys(("stopped", "rotor", "motor", "esc", "heat", "lead", "battery", "misfit"), 4),
     "control": 5,
 }
+#: Of an arm's heat, while it stands and once its number is of the past.
+_HEAT_OF = {False: "ESC {rotor}", True: "Motor {rotor}"}
+HEAT_WAS_NEAR = "Arm {rotor} was near its temperature limit"
+LEAD_WAS_HOT = "Lead {rotor} lost power: feel its lugs"
 #: Kinds of margin that are compared with the limit.
 MEASURED_MARGIN, PREDICTED_MARGIN, MARGIN_AHEAD = (
     "Thrust margin",
@@ -284,6 +289,37 @@ def battery_words(cell: float, sag: float, lost: float) -> str:
 def battery_past(cell: float) -> str:
     """Return the text of the battery alarm after it is over: the voltage is higher or unknown."""
     return say("Battery was below {cell} V/cell", cell=f"{cell:.1f}")
+
+
+def heat_words(rotor: int, kelvin: float, limit: float, seconds: float, *, motor: bool) -> str:
+    """Return `ESC 3 at 98 °C, 105 °C in 40 s: land` of an arm, from 1.
+
+    `kelvin` and `limit` are temperatures, K; `seconds` until the limit, 0 beyond it. `motor`: of
+    the motor, not the ESC.
+    """
+    part = say(_HEAT_OF[motor], rotor=rotor)
+    degrees = {"now": f"{kelvin - 273.15:.0f}", "limit": f"{limit - 273.15:.0f}"}
+    if seconds <= 0.0:
+        return say("{part} at {now} °C, limit {limit} °C: land", part=part, **degrees)
+    words = "{part} at {now} °C, {limit} °C in {seconds} s: land"
+    return say(words, part=part, seconds=f"{seconds:.0f}", **degrees)
+
+
+def heat_past(rotor: int) -> str:
+    """Return the words of a heat alarm of an arm, from 1, whose number is of the past."""
+    return say(HEAT_WAS_NEAR, rotor=rotor)
+
+
+def lead_words(rotor: int, watts: float) -> str:
+    """Return `Lead 3 loses 14 W, hot lug or plug: land` of an arm, from 1."""
+    return say(
+        "Lead {rotor} loses {watts} W, hot lug or plug: land", rotor=rotor, watts=f"{watts:.0f}"
+    )
+
+
+def lead_past(rotor: int) -> str:
+    """Return the words of a lead's alarm, of an arm from 1, whose number is of the past."""
+    return say(LEAD_WAS_HOT, rotor=rotor)
 
 
 def esc_words(rotor: int, place: str, flags: int) -> str:

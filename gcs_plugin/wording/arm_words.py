@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from thrustmargin.gcs_plugin.wording.actions import Action, at_desk, hands_on
 from thrustmargin.gcs_plugin.wording.language import percent, percent_within, say
-from thrustmargin.models.checks.arms.causes import Cause
-from thrustmargin.models.checks.arms.posterior import ArmAnswer, ArmFinding, PossibleCause
+from thrustmargin.models.checks.arms.arm_causes import Cause
+from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer, ArmFinding, PossibleCause
 
 #: The part, as one of several that it may be.
 PARTS: Mapping[Cause, str] = {

@@ -20,7 +20,7 @@ from thrustmargin.models.model.fill_limits import NextFill
 #: In the air, by the name of the alarm; {which} is the rotor, motor or ESC with its place.
 _IN_THE_AIR: Mapping[str, str] = {
     "control": "CONTROL LOST",
-    **dict.fromkeys(("stopped", "rotor", "motor", "esc"), "LAND: {which}"),
+    **dict.fromkeys(("stopped", "rotor", "motor", "esc", "heat", "lead"), "LAND: {which}"),
     "battery": "LAND: battery",
     "misfit": "LAND: it does not fly as its airframe says",
     "saturation": "SLOW DOWN: {which}",
@@ -33,7 +33,12 @@ _THEN: Mapping[Kind, str] = {
     "motor": "alarm then: {which}, {amount} slow for its output",
     "stopped": "alarm then: {which} stands still",
 }
-_PART: Mapping[str, str] = {"motor": "motor {numbers}", "esc": "ESC {numbers}"}
+_PART: Mapping[str, str] = {
+    "motor": "motor {numbers}",
+    "esc": "ESC {numbers}",
+    "heat": "heat of arm {numbers}",
+    "lead": "lead {numbers}",
+}
 
 
 def in_the_air(name: str, rotors: Sequence[int], place: str = "") -> str:

@@ -23,7 +23,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from thrustmargin.models.checks.arms.posterior import ArmAnswer
+from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer
 from thrustmargin.models.checks.loss_of_control import (
     LossOfControl,
     before_loss,

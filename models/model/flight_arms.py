@@ -7,10 +7,10 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from thrustmargin.models.checks.arms.causes import Cause
-from thrustmargin.models.checks.arms.figures import ArmFigures, ArmReadings, arm_figures
-from thrustmargin.models.checks.arms.law import ArmLaw
-from thrustmargin.models.checks.arms.posterior import ArmAnswer, arm_answer
+from thrustmargin.models.checks.arms.arm_causes import Cause
+from thrustmargin.models.checks.arms.arm_figures import ArmFigures, ArmReadings, arm_figures
+from thrustmargin.models.checks.arms.arm_law import ArmLaw
+from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer, arm_answer
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.fault_test import RotorFault

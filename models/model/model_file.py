@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from thrustmargin.models.checks.arms.law import ArmLaw
+from thrustmargin.models.checks.arms.arm_law import ArmLaw
 from thrustmargin.models.effects.compose import EffectRecord
 from thrustmargin.models.errors import AirframeError, ModelError
 from thrustmargin.models.json_values import from_json_values, to_json_values

@@ -28,7 +28,7 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.models.checks.arms.law import ArmLaw
+from thrustmargin.models.checks.arms.arm_law import ArmLaw
 from thrustmargin.models.effects.base import Effect, FlightState, Placed, look_of
 from thrustmargin.models.effects.channels import Channels, channels_of
 from thrustmargin.models.effects.compose import (

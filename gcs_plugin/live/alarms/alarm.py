@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from thrustmargin.gcs_plugin.live.rows.tank_balance import TankBalance
 from thrustmargin.gcs_plugin.wording import alarm_words as words
 from thrustmargin.gcs_plugin.wording.language import in_spoken
+from thrustmargin.models.checks.arms.arm_watch import ArmHeat
 from thrustmargin.models.checks.takeoff import TakeoffCheck
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
@@ -38,6 +39,8 @@ GRAVEST_FIRST = (
         "telemetry",
         "shared id",
         "esc",
+        "heat",
+        "lead",
         "battery",
         "saturation",
     ),
@@ -79,6 +82,7 @@ class Missing(StrEnum):
     VOLTAGE = "voltage"
     ATTITUDE = "attitude"
     ESC = "esc"
+    HEAT = "heat"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,6 +96,10 @@ class AlarmSettings:
     saturation: float = 0.97
     silence: float = 3.0
     cell_voltage: float = 3.0  # V under load, below which a lithium cell collapses
+    heat_ahead: float = 60.0  # s before a temperature passes its limit: enough to land
+    #: W that a lead loses more than the others': a lug of 20 cm² in the rotors' wash (50 W/m²K)
+    #: grows 100 K warm of it.
+    lead_watts: float = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,6 +218,7 @@ class RowsNow:
     faults: Sequence[dict[Kind, tuple[RotorFault, ...]]] = ()
     balances: Sequence[TankBalance | None] = ()  # (N,) about one a second
     stopped: Bools | None = None  # (N, R) rotors that were found to stand still by that row
+    heat: ArmHeat | None = None  # (N, R) of the arms by that row
     #: (T, R) s for which messages came without a rotor's speed; NaN: none was ever reported
     unheard_s: Floats | None = None
     from_outputs: bool = False  # all rotor speeds are made from motor outputs

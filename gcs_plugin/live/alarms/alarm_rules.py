@@ -41,6 +41,7 @@ from thrustmargin.gcs_plugin.wording import alarm_words as words
 from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
 from thrustmargin.gcs_plugin.wording.takeoff_words import takeoff_alarm
 from thrustmargin.gcs_plugin.wording.thrust_left import below, clear
+from thrustmargin.models.checks.arms.arm_watch import ESC_LIMIT, MOTOR_LIMIT
 from thrustmargin.models.checks.loss_of_control import signs_so_far
 from thrustmargin.models.checks.takeoff import TakeoffFinding
 from thrustmargin.models.flight import Bools, Floats
@@ -300,6 +301,45 @@ def esc(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
     )
 
 
+def heat(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
+    """Check when the ESC or motor of each arm, whichever is first, passes its temperature limit."""
+    track = now.analysis.track.rows(now.rows)
+    unknown = np.full(track.esc_temperature.shape, np.nan)
+    esc_s, motor_s = (unknown, unknown) if now.heat is None else (now.heat.esc_s, now.heat.motor_s)
+    left_s = np.fmin(esc_s, motor_s)
+
+    def text(row: int, k: int) -> str:
+        of_motor = bool(np.isnan(esc_s[row, k]) or motor_s[row, k] < esc_s[row, k])
+        kelvin = (track.motor_temperature if of_motor else track.esc_temperature)[row, k]
+        limit = MOTOR_LIMIT if of_motor else ESC_LIMIT
+        return words.heat_words(k + 1, float(kelvin), limit, float(left_s[row, k]), motor=of_motor)
+
+    return AlarmChecks(
+        left_s < s.heat_ahead,
+        left_s > 2.0 * s.heat_ahead,
+        ~np.isnan(left_s),
+        severity=lambda row, k: CRITICAL if left_s[row, k] <= 0.0 else WARNING,
+        text=text,
+        rotor=left_s.shape[1],
+        past=lambda k: words.heat_past(k + 1),
+    )
+
+
+def lead(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
+    """Check whether a lead loses more power than the others', which heats its lugs."""
+    rows = now.analysis.track.esc_voltage[now.rows]
+    watts = np.full(rows.shape, np.nan) if now.heat is None else now.heat.lead_watts
+    return AlarmChecks(
+        watts > s.lead_watts,
+        watts < 0.5 * s.lead_watts,
+        np.isfinite(watts),
+        severity=lambda *_: WARNING,
+        text=lambda row, k: words.lead_words(k + 1, float(watts[row, k])),
+        rotor=watts.shape[1],
+        past=lambda k: words.lead_past(k + 1),
+    )
+
+
 def airframe(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
     claim = now.analysis.claim
     unsure = claim.basis == "given"
@@ -404,6 +444,9 @@ OF_ROWS = (
     AlarmRule("take-off", 0.0, 0.0, takeoff, Missing.SPEEDS, on_ground="checked"),
     AlarmRule("stopped", 0.0, 3.0, stopped, Missing.SPEEDS, on_ground="kept"),
     AlarmRule("esc", 0.0, 3.0, esc, Missing.ESC, on_ground="checked"),
+    AlarmRule("heat", 3.0, 10.0, heat, Missing.HEAT),
+    # Over a climb or a gust a battery and its wires sag: a hot lug lasts.
+    AlarmRule("lead", 5.0, 10.0, lead, Missing.HEAT, lull=LULL),
     ROTOR_SPEEDS,
     AlarmRule("margin", LASTS, 3.0, margin, Missing.SPEEDS, lull=LULL, of_airframe=True),
     AlarmRule(

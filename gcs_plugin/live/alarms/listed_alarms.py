@@ -35,6 +35,7 @@ from thrustmargin.gcs_plugin.live.alarms.alarm_rules import (
 from thrustmargin.gcs_plugin.live.rows.tank_balance import BalanceWatch, TankBalance
 from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
 from thrustmargin.gcs_plugin.wording.language import Sentence, say
+from thrustmargin.models.checks.arms.arm_watch import ArmWatch
 from thrustmargin.models.checks.loss_of_control import StoppedWatch
 from thrustmargin.models.checks.takeoff import TakeoffCheck, TakeoffWatch
 from thrustmargin.models.flight import Bools, Floats
@@ -68,6 +69,7 @@ class Alarms:
         self._weighed_s = float("-inf")
         self._balance, self._stopped = BalanceWatch(), StoppedWatch()
         self._takeoff = TakeoffWatch()
+        self._arms = ArmWatch()
         self._rest_voltage = float("nan")
         self._conditions: dict[Key, _Condition] = {}
         self._cleared: dict[Key, tuple[Alarm, float]] = {}  # and when
@@ -128,6 +130,7 @@ class Alarms:
             faults=faults,
             balances=balances,
             stopped=self._stopped.add(analysis.track.rows(new)),
+            heat=self._arms.add(analysis.track.rows(new)),
             unheard_s=unheard_s,
             from_outputs=from_outputs,
             takeoff=self._takeoff.add(

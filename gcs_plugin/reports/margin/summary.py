@@ -35,7 +35,7 @@ from thrustmargin.gcs_plugin.wording.report_words import (
     prediction_checked,
 )
 from thrustmargin.mission.field import sprayed_field
-from thrustmargin.models.checks.arms.answer_json import answer_json
+from thrustmargin.models.checks.arms.arm_json import answer_json
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advice, Advised, FlightLevel

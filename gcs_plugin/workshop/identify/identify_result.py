@@ -17,8 +17,8 @@ from thrustmargin.gcs_plugin.wording.language import chance, number, say, shown_
 from thrustmargin.gcs_plugin.workshop.identify import identify_words as answers
 from thrustmargin.gcs_plugin.workshop.identify.asked_words import requested_actions
 from thrustmargin.gcs_plugin.workshop.identify.identify_words import answer
-from thrustmargin.models.checks.arms.answer_json import answer_json
-from thrustmargin.models.checks.arms.posterior import ArmAnswer
+from thrustmargin.models.checks.arms.arm_json import answer_json
+from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer
 from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer import held_out_errors

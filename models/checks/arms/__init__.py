@@ -1,9 +1,10 @@
 """Distinguish propeller, motor, ESC, lead and sensor of each arm by what the arm reports.
 
-figures.py    one flight to figures of each arm: thrust, power, output, lead, heat, vibration
-law.py        what each figure is on a sound aircraft, by earlier flights, and the departure from it
-causes.py     what can be wrong with an arm, and what it does to the figures
-posterior.py  one posterior over arms, causes and sizes
+arm_figures.py    one flight to figures of each arm: thrust, power, output, lead, heat, vibration
+arm_law.py        what each figure is on a sound aircraft, and how far a flight is from it
+arm_causes.py     what can be wrong with an arm, and what it does to the figures
+arm_posterior.py  one posterior over arms, causes and sizes
+arm_watch.py      in a flight: parts that pass their temperature's limit, leads that lose power
 
-The caller makes `figures.ArmReadings` of a flight and calls `posterior.arm_answer`.
+The caller makes `arm_figures.ArmReadings` of a flight and calls `arm_posterior.arm_answer`.
 """

@@ -11,8 +11,8 @@ from thrustmargin.gcs_plugin.wording.arm_words import (
     arm_sentences,
 )
 from thrustmargin.gcs_plugin.wording.language import speaking
-from thrustmargin.models.checks.arms.causes import PATTERNS, Cause
-from thrustmargin.models.checks.arms.posterior import ArmAnswer, ArmFinding, PossibleCause
+from thrustmargin.models.checks.arms.arm_causes import PATTERNS, Cause
+from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer, ArmFinding, PossibleCause
 
 
 def possible(cause, probability=1.0, size=0.06):

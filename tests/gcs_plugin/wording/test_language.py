@@ -197,6 +197,10 @@ def alarms() -> list[str]:
         alarm_words.at_limit(3, "rear right"),
         alarm_words.battery_words(2.91, 0.45, 0.32),
         *(alarm_words.esc_words(4, "rear right", flags) for flags in (*alarm_words.FAILURES, 128)),
+        *(alarm_words.heat_words(12, 423.0, 423.15, s, motor=m) for s in (0, 60) for m in (0, 1)),
+        alarm_words.heat_past(12),
+        alarm_words.lead_words(12, 140.0),
+        alarm_words.lead_past(12),
         alarm_words.thrust_against_gauge(-3.4),
         alarm_words.speeds_missing([1, 2, 3]),
         *(alarm_words.change_words("", name, None, "speeds") for name in GRAVEST_FIRST),
@@ -205,7 +209,7 @@ def alarms() -> list[str]:
 
 
 LOSS = LossOfControl(kind=LossKind.SPUN, time_s=61.0, value=7.0)
-OF_ROTORS = ("rotor", "motor", "esc", "saturation")
+OF_ROTORS = ("rotor", "motor", "esc", "heat", "lead", "saturation")
 CONTROL = (LossKind.NOT_AS_ASKED, LossKind.TURNED_OVER, LossKind.SPUN, LossKind.FELL)
 
 

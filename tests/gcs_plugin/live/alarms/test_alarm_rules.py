@@ -19,6 +19,7 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import (
 )
 from thrustmargin.gcs_plugin.live.alarms.alarm_rules import RULES
 from thrustmargin.gcs_plugin.live.rows.tank_balance import BalanceWatch, DeliveryMeter
+from thrustmargin.models.checks.arms.arm_watch import ArmHeat
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 
 #: As the code has them, written down by hand: a change there is to be seen here.
@@ -33,7 +34,7 @@ USUAL = AlarmSettings()
 def test_the_times_are_those_of_the_table_that_users_read():
     lulls = {r.name: r.lull for r in RULES if r.lull}
     assert lulls == dict.fromkeys(
-        ("margin", "margin ahead", "saturation", "predicted margin"), 20.0
+        ("lead", "margin", "margin ahead", "saturation", "predicted margin"), 20.0
     )
     assert {r.name: (r.hold, r.release, r.on_ground) for r in RULES} == {
         "control": (0.0, 3.0, "kept"),
@@ -46,6 +47,8 @@ def test_the_times_are_those_of_the_table_that_users_read():
         "predicted margin": (7.5, 3.0, "cleared"),
         "margin ahead": (3.0, 3.0, "cleared"),
         "esc": (0.0, 3.0, "checked"),
+        "heat": (3.0, 10.0, "cleared"),
+        "lead": (5.0, 10.0, "cleared"),
         "rotor": (0.0, 0.0, "kept"),
         "motor": (0.0, 0.0, "kept"),
         "stopped": (0.0, 3.0, "kept"),
@@ -111,6 +114,54 @@ def said(rule: Any, analysis: FlightAnalysis, settings=USUAL, **now: Any):
 def test_a_margin_is_low_below_the_limit_and_clear_above_it_by_three_hundredths(use, on, off):
     ((raised, cleared, _, _),) = said(rules.margin, using(use))
     assert (raised, cleared) == (on, off)
+
+
+@pytest.mark.parametrize(
+    ("esc_s", "motor_s", "on", "off", "severity"),
+    [
+        (59.0, NAN, True, False, WARNING),
+        (61.0, NAN, False, False, WARNING),
+        (121.0, NAN, False, True, WARNING),
+        (0.0, 300.0, True, False, CRITICAL),
+        (NAN, 20.0, True, False, WARNING),
+        (np.inf, np.inf, False, True, WARNING),
+        (NAN, NAN, False, False, WARNING),
+    ],
+)
+def test_a_part_is_hot_a_minute_before_its_limit(esc_s, motor_s, on, off, severity):
+    nothing = np.full((1, 4), NAN)
+    two = nothing.copy(), nothing.copy()
+    two[0][0, 2], two[1][0, 2] = esc_s, motor_s
+    heat = ArmHeat(esc_s=two[0], motor_s=two[1], lead_watts=nothing)
+    shown = said(rules.heat, using([0.3] * 4), heat=heat)
+    assert shown[2] == (on, off, severity, 3)
+    assert not any(other[0] or other[1] for k, other in enumerate(shown) if k != 2)
+
+
+def test_the_words_of_heat_are_of_the_part_that_is_first():
+    nothing = np.full((1, 4), NAN)
+    analysis = using([0.3] * 4)
+    warm = np.array([[300.0, 363.15, 300.0, 300.0]])
+    track = replace(analysis.track, esc_temperature=warm, motor_temperature=warm + 40.0)
+    analysis = replace(analysis, track=track)
+    for esc_s, motor_s, words in (
+        (40.0, 50.0, "ESC 2 at 90 °C, 105 °C in 40 s: land"),
+        (40.0, 20.0, "Motor 2 at 130 °C, 150 °C in 20 s: land"),
+        (0.0, NAN, "ESC 2 at 90 °C, limit 105 °C: land"),
+    ):
+        two = nothing.copy(), nothing.copy()
+        two[0][0, 1], two[1][0, 1] = esc_s, motor_s
+        heat = ArmHeat(esc_s=two[0], motor_s=two[1], lead_watts=nothing)
+        found = rules.heat(USUAL, RowsNow(analysis=analysis, rows=slice(None), heat=heat))
+        assert found.text(0, 1) == words
+
+
+def test_a_lead_that_loses_ten_watts_more_than_the_others_is_hot():
+    nothing = np.full((1, 4), NAN)
+    for watts, on, off in ((10.1, True, False), (9.9, False, False), (4.9, False, True)):
+        heat = ArmHeat(esc_s=nothing, motor_s=nothing, lead_watts=np.full((1, 4), watts))
+        assert said(rules.lead, using([0.3] * 4), heat=heat)[3] == (on, off, WARNING, 4)
+    assert said(rules.lead, using([0.3] * 4))[0][:2] == (False, False)
 
 
 @pytest.mark.parametrize(

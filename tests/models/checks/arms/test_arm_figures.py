@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from thrustmargin.models.checks.arms.figures import ArmReadings, Quantity, arm_figures
+from thrustmargin.models.checks.arms.arm_figures import ArmQuantity, ArmReadings, arm_figures
 
 TIME_S = np.arange(0.0, 200.0, 0.2)
 FLYING = TIME_S >= 20.0
@@ -38,11 +38,11 @@ def values(quantity, **given):
 
 def test_power_is_over_the_cube_of_speed_and_the_density():
     expected = np.log(50.0 * 20.0 / 2000.0**3)
-    assert values(Quantity.POWER) == pytest.approx([expected] * 4, abs=0.01)
-    thin = values(Quantity.POWER, density_ratio=np.full(TIME_S.size, 0.8))
+    assert values(ArmQuantity.POWER) == pytest.approx([expected] * 4, abs=0.01)
+    thin = values(ArmQuantity.POWER, density_ratio=np.full(TIME_S.size, 0.8))
     assert thin == pytest.approx([expected - np.log(0.8)] * 4, abs=0.01)
     speed = np.full((TIME_S.size, 4), 2000.0) * [1.0, 1.1, 1.0, 1.0]
-    assert values(Quantity.POWER, speed_rpm=speed)[1] == pytest.approx(
+    assert values(ArmQuantity.POWER, speed_rpm=speed)[1] == pytest.approx(
         expected - 3.0 * np.log(1.1), abs=0.01
     )
 
@@ -50,13 +50,13 @@ def test_power_is_over_the_cube_of_speed_and_the_density():
 def test_resistance_and_offset_of_a_lead_come_apart_by_the_rest_on_the_ground():
     amps = np.nan_to_num(readings().esc_current)
     drop = amps * [0.004, 0.004, 0.02, 0.004] + [0.5, 0.0, 0.0, 0.0]
-    assert values(Quantity.RESISTANCE, esc_voltage=50.0 - drop) == pytest.approx(
+    assert values(ArmQuantity.RESISTANCE, esc_voltage=50.0 - drop) == pytest.approx(
         [0.004, 0.004, 0.02, 0.004], abs=2e-4
     )
-    assert values(Quantity.OFFSET, esc_voltage=50.0 - drop) == pytest.approx(
+    assert values(ArmQuantity.OFFSET, esc_voltage=50.0 - drop) == pytest.approx(
         [0.5, 0.0, 0.0, 0.0], abs=5e-3
     )
-    assert values(Quantity.RESISTANCE, voltage=np.full(TIME_S.size, np.nan)) is None
+    assert values(ArmQuantity.RESISTANCE, voltage=np.full(TIME_S.size, np.nan)) is None
 
 
 def test_heat_is_the_gain_of_a_first_order_law():
@@ -66,16 +66,16 @@ def test_heat_is_the_gain_of_a_first_order_law():
     for row in range(1, TIME_S.size):
         warm = hot[row - 1] - 290.0
         hot[row] = hot[row - 1] + 0.2 * (gains * square[row - 1] - warm / 120.0)
-    found = values(Quantity.ESC_HEAT, esc_temperature=hot)
+    found = values(ArmQuantity.ESC_HEAT, esc_temperature=hot)
     assert np.diff(found) == pytest.approx([0.0, np.log(2.0), -np.log(2.0)], abs=0.05)
     assert found[0] == pytest.approx(np.log(2e-4), abs=0.1)
     cold = np.full((TIME_S.size, 4), 290.0)
-    assert values(Quantity.ESC_HEAT, esc_temperature=cold) is None
+    assert values(ArmQuantity.ESC_HEAT, esc_temperature=cold) is None
 
 
 def test_vibration_is_over_the_square_of_speed():
     shaken = np.full((TIME_S.size, 4), 2.0)
-    assert values(Quantity.VIBRATION, vibration=shaken) == pytest.approx([0.5] * 4)
+    assert values(ArmQuantity.VIBRATION, vibration=shaken) == pytest.approx([0.5] * 4)
 
 
 def test_jumps_are_the_scatter_of_the_speed_and_not_its_change():
@@ -83,12 +83,12 @@ def test_jumps_are_the_scatter_of_the_speed_and_not_its_change():
     noise = np.array([0.002, 0.002, 0.02, 0.002])
     speed = 2000.0 * (1.0 + noise * rng.standard_normal((TIME_S.size, 4)))
     speed *= (1.0 + 0.1 * np.sin(0.05 * TIME_S))[:, None]
-    assert values(Quantity.JUMPS, speed_rpm=speed) == pytest.approx(noise, rel=0.15)
+    assert values(ArmQuantity.JUMPS, speed_rpm=speed) == pytest.approx(noise, rel=0.15)
 
 
 def test_what_a_flight_does_not_report_is_left_out():
     found = arm_figures(readings(esc_current=UNKNOWN), flight="one", day=3)
-    assert {one.quantity for one in found.figures} == {Quantity.JUMPS}
+    assert {one.quantity for one in found.figures} == {ArmQuantity.JUMPS}
     assert (found.flight, found.day, found.own_voltage) == ("one", 3, True)
     assert not arm_figures(readings(esc_voltage=UNKNOWN), flight="one", day=3).own_voltage
     ground = readings(usable=np.zeros(TIME_S.size, dtype=bool))

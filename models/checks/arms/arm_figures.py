@@ -21,11 +21,11 @@ the scatter of the blocks shows, so a turn or a gust moves it little.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from scipy.signal import lfilter
 
 from thrustmargin.models.flight import Bools, Floats
 
@@ -41,10 +41,11 @@ HEAT_TIMES = (30.0, 60.0, 120.0, 240.0, 480.0, 960.0)
 #: K that the sensors resolve; less of a rise is no measurement.
 HEAT_STEP = 1.0
 LEAST_RISE = 3.0  # K
+FEWEST_TEMPERATURES = 100  # readings of one arm
 NAN = math.nan
 
 
-class Quantity(StrEnum):
+class ArmQuantity(StrEnum):
     """One kind of figure of an arm; the module has their definitions."""
 
     THRUST = "thrust"
@@ -62,7 +63,7 @@ class Quantity(StrEnum):
 class ArmFigure:
     """One quantity of the R arms in one flight, with its standard errors; NaN unknown."""
 
-    quantity: Quantity
+    quantity: ArmQuantity
     value: tuple[float, ...]  # (R,)
     error: tuple[float, ...]  # (R,)
     #: Size of the figure that is a share of 1: U/I for a resistance, ohm, and U for an offset, V.
@@ -79,7 +80,7 @@ class ArmFigures:
     #: Whether power is by the ESCs' own voltages; else by the battery's, which a lead's loss is in.
     own_voltage: bool = True
 
-    def of(self, quantity: Quantity) -> ArmFigure | None:
+    def of(self, quantity: ArmQuantity) -> ArmFigure | None:
         """Return the figure of a quantity; None where the flight does not show it."""
         return next((one for one in self.figures if one.quantity is quantity), None)
 
@@ -116,14 +117,14 @@ def arm_figures(readings: ArmReadings, *, flight: str, day: int) -> ArmFigures:
         shaken = blocks.mean(one.vibration) / (blocks.mean(speed) / 1000.0) ** 2
     typical = float(np.nanmedian(speed[one.usable])) if one.usable.any() else NAN
     found = [
-        _middle(Quantity.THRUST, blocks.mean(one.thrust_excess)),
-        _middle(Quantity.POWER, watts),
-        _middle(Quantity.OUTPUT, blocks.mean(one.output_excess)),
+        _middle(ArmQuantity.THRUST, blocks.mean(one.thrust_excess)),
+        _middle(ArmQuantity.POWER, watts),
+        _middle(ArmQuantity.OUTPUT, blocks.mean(one.output_excess)),
         *_leads(one),
-        _heat(Quantity.ESC_HEAT, one, one.esc_temperature),
-        _heat(Quantity.MOTOR_HEAT, one, one.motor_temperature),
-        _middle(Quantity.VIBRATION, shaken, unit=9.80665 / (typical / 1000.0) ** 2),
-        _middle(Quantity.JUMPS, blocks.jitter(speed)),
+        _heat(ArmQuantity.ESC_HEAT, one, one.esc_temperature),
+        _heat(ArmQuantity.MOTOR_HEAT, one, one.motor_temperature),
+        _middle(ArmQuantity.VIBRATION, shaken, unit=9.80665 / (typical / 1000.0) ** 2),
+        _middle(ArmQuantity.JUMPS, blocks.jitter(speed)),
     ]
     kept = tuple(figure for figure in found if figure is not None)
     return ArmFigures(flight=flight, day=day, figures=kept, own_voltage=own)
@@ -167,7 +168,7 @@ class _Blocks:
         return scatter
 
 
-def _middle(quantity: Quantity, blocks: Floats, *, unit: float = 1.0) -> ArmFigure | None:
+def _middle(quantity: ArmQuantity, blocks: Floats, *, unit: float = 1.0) -> ArmFigure | None:
     """Return the medians of blocks (B, R) with their errors; None without a known arm."""
     known = np.isfinite(blocks)
     enough = known.sum(axis=0) >= FEWEST_BLOCKS
@@ -227,57 +228,70 @@ def _leads(one: ArmReadings) -> list[ArmFigure | None]:
     load = float(np.nanmedian(one.esc_current[one.usable]))
     return [
         ArmFigure(
-            quantity=Quantity.RESISTANCE,
+            quantity=ArmQuantity.RESISTANCE,
             value=_plain(ohm),
             error=_plain(ohm_error),
             unit=level / load,
         ),
         ArmFigure(
-            quantity=Quantity.OFFSET, value=_plain(volts), error=_plain(volts_error), unit=level
+            quantity=ArmQuantity.OFFSET, value=_plain(volts), error=_plain(volts_error), unit=level
         ),
     ]
 
 
-def _heat(quantity: Quantity, one: ArmReadings, kelvin: Floats) -> ArmFigure | None:
+def _heat(quantity: ArmQuantity, one: ArmReadings, kelvin: Floats) -> ArmFigure | None:
     """Return ln of the K per A² s by which each arm grows warm, of temperatures (T, R).
 
     First-order law: T' = g I² - (T - T_0)/tau, so T = T_0 + g h, with h the response of a lag of
     tau to I². One tau of HEAT_TIMES serves all arms. None where no arm rises by LEAST_RISE.
     """
-    rotors = kelvin.shape[1]
-    square = np.nan_to_num(one.esc_current) ** 2
-    grid = np.arange(one.time_s[0], one.time_s[-1] + 1.0) if one.time_s.size else np.zeros(1)
-    if grid.size < 2:
-        return None
-    even = np.stack([np.interp(grid, one.time_s, column) for column in square.T], axis=1)
     known = np.isfinite(kelvin)
-    arms = [arm for arm in range(rotors) if known[:, arm].sum() > 100]
-    if not arms or not np.isfinite(one.esc_current).any():
+    arms = np.flatnonzero(known.sum(axis=0) > FEWEST_TEMPERATURES)
+    if not arms.size or not np.isfinite(one.esc_current).any():
         return None
     least, best = math.inf, None
-    for tau in HEAT_TIMES:
-        fall = math.exp(-1.0 / tau)
-        lagged = lfilter([0.0, tau * (1.0 - fall)], [1.0, -fall], even, axis=0)
-        response = np.stack([np.interp(one.time_s, grid, column) for column in lagged.T], axis=1)
-        gain, error, squares = np.full((3, rotors), np.nan)
+    for response in _responses(one.time_s, np.nan_to_num(one.esc_current) ** 2):
+        gain, error = np.full((2, kelvin.shape[1]), np.nan)
+        squares = 0.0
         for arm in arms:
             rows = known[:, arm]
-            design = np.column_stack([np.ones(rows.sum()), response[rows, arm]])
-            if np.ptp(design[:, 1]) <= 0.0:
+            warm, heated = kelvin[rows, arm], response[rows, arm]
+            if float(np.ptp(heated)) <= 0.0:
                 continue
+            design = np.column_stack([np.ones(warm.size), heated])
             inverse = np.linalg.inv(design.T @ design)
-            solved = inverse @ design.T @ kelvin[rows, arm]
-            left = kelvin[rows, arm] - design @ solved
-            # Whole degrees: as many independent readings as steps, not as rows.
-            steps = max(np.ptp(kelvin[rows, arm]) / HEAT_STEP, 1.0)
-            squares[arm] = float(left @ left) / rows.sum()
-            spread = (squares[arm] + HEAT_STEP**2 / 12.0) * rows.sum() / steps
-            if solved[1] > 0.0 and np.ptp(kelvin[rows, arm]) >= LEAST_RISE:
+            solved = inverse @ design.T @ warm
+            left = float(np.mean((warm - design @ solved) ** 2))
+            squares += left
+            rise = float(np.ptp(warm))
+            if solved[1] > 0.0 and rise >= LEAST_RISE:
+                # Whole degrees: as many independent readings as steps, not as rows.
+                steps = max(rise / HEAT_STEP, 1.0)
+                spread = (left + HEAT_STEP**2 / 12.0) * warm.size / steps
                 gain[arm] = math.log(solved[1])
                 error[arm] = math.sqrt(spread * inverse[1, 1]) / solved[1]
-        total = float(np.nansum(squares))
-        if np.isfinite(gain).any() and total < least:
-            least, best = total, (gain, error)
+        if np.isfinite(gain).any() and squares < least:
+            least, best = squares, (gain, error)
     if best is None:
         return None
     return ArmFigure(quantity=quantity, value=_plain(best[0]), error=_plain(best[1]))
+
+
+def _responses(time_s: Floats, square: Floats) -> Iterator[Floats]:
+    """Yield the response (T, R) of a first-order lag to `square` (T, R) for each of HEAT_TIMES.
+
+    On steps of 1 s, which are short against every time constant. Nothing for less than 2 s.
+    """
+    grid = np.arange(time_s[0], time_s[-1] + 1.0) if time_s.size else np.zeros(0)
+    if grid.size < 2:
+        return
+    even = np.stack([np.interp(grid, time_s, column) for column in np.moveaxis(square, 1, 0)])
+    tau = np.array(HEAT_TIMES)[:, None]
+    fall = np.exp(-1.0 / tau)
+    gain = tau * (1.0 - fall)
+    lagged = np.zeros((grid.size, len(HEAT_TIMES), square.shape[1]))
+    for row in range(1, grid.size):
+        lagged[row] = lagged[row - 1] * fall + gain * even[:, row - 1]
+    for of_tau in np.moveaxis(lagged, 1, 0):
+        columns = np.moveaxis(of_tau, 1, 0)
+        yield np.stack([np.interp(time_s, grid, column) for column in columns], axis=1)

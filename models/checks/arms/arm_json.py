@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from thrustmargin.models.checks.arms.posterior import ArmAnswer
+from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer
 
 
 def answer_json(answer: ArmAnswer | None) -> dict[str, Any] | None:
     """Return an answer as a dict of JSON values; None without one.
 
-    Sizes are shares, as `causes` has them; `ci95` are the ends of their 95 % intervals.
+    Sizes are shares, as `arm_causes` has them; `ci95` are the ends of their 95 % intervals.
     """
     if answer is None:
         return None

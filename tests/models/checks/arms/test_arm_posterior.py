@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from tests.models.checks.arms.arm_plant import CAUSES, F16, Bad, arm_flight
-from thrustmargin.models.checks.arms.causes import Cause
-from thrustmargin.models.checks.arms.figures import ArmFigure, ArmFigures, Quantity
-from thrustmargin.models.checks.arms.law import ArmLaw, departures
-from thrustmargin.models.checks.arms.posterior import arm_answer
+from thrustmargin.models.checks.arms.arm_causes import Cause
+from thrustmargin.models.checks.arms.arm_figures import ArmFigure, ArmFigures, ArmQuantity
+from thrustmargin.models.checks.arms.arm_law import ArmLaw, departures
+from thrustmargin.models.checks.arms.arm_posterior import arm_answer
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.flight_arms import (
@@ -70,7 +70,7 @@ def test_without_readings_of_the_escs_a_bad_motor_is_not_blamed_on_anything_else
     bad = arm_flight(73, 30, Bad(cause="motor", size=0.12), aircraft=3)
     found = answer(without(bad, *OF_ESC, "vibration_per_rev"))
     assert found.findings == ()
-    assert Quantity.POWER not in found.quantities
+    assert ArmQuantity.POWER not in found.quantities
 
 
 def test_the_thrust_search_is_never_contradicted():
@@ -105,7 +105,7 @@ def test_several_flights_show_what_one_does_not():
     assert flights_arm_answer(KNOWN, []) is None
 
 
-def figures(flight, day, value, quantity=Quantity.POWER, unit=1.0):
+def figures(flight, day, value, quantity=ArmQuantity.POWER, unit=1.0):
     error = (0.001,) * len(value)
     one = ArmFigure(quantity=quantity, value=tuple(value), error=error, unit=unit)
     return ArmFigures(flight=flight, day=day, figures=(one,))
@@ -121,7 +121,7 @@ def test_what_all_arms_do_together_is_no_evidence():
 def test_a_flight_is_not_compared_with_itself_and_few_flights_show_nothing():
     flights = tuple(figures(str(k), k, [0.0] * 4) for k in range(3))
     law = ArmLaw(flights=flights)
-    assert arm_answer([figures("new", 9, [0.3, 0, 0, 0])], law).quantities == (Quantity.POWER,)
+    assert arm_answer([figures("new", 9, [0.3, 0, 0, 0])], law).quantities == (ArmQuantity.POWER,)
     assert arm_answer([figures("1", 1, [0.3, 0, 0, 0])], law).quantities == ()
     assert arm_answer([figures("new", 9, [0.3, 0, 0, 0])], None).quantities == ()
 
@@ -143,7 +143,7 @@ def test_the_scatter_between_days_is_the_yardstick():
 
 
 def test_an_instrument_s_offset_needs_no_earlier_flight():
-    low = figures("new", 0, [0.9, 0.0, 0.02, -0.03], Quantity.OFFSET, unit=50.0)
+    low = figures("new", 0, [0.9, 0.0, 0.02, -0.03], ArmQuantity.OFFSET, unit=50.0)
     (found,) = arm_answer([low], None).findings
     assert (found.arm, found.cause) == (0, Cause.VOLTAGE_READING)
     assert found.causes[0].size == pytest.approx(0.018, rel=0.3)

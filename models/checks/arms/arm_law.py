@@ -16,7 +16,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.models.checks.arms.figures import ArmFigures, Quantity
+from thrustmargin.models.checks.arms.arm_figures import ArmFigures, ArmQuantity
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.between_flights import PRIOR_FLIGHTS
@@ -29,24 +29,24 @@ LEAST_FLIGHTS = 3
 #: offset: one step, 0.1 V, of what most ESCs report, at 50 V. Thrust: a third of the trims of
 #: `rotor_faults`. Heat: a reading of whole degrees in a rise of 7 K. Vibration: a hundredth of g,
 #: the noise of a mounted IMU. Jumps: 0.3 % of speed, the noise of an ESC's speed.
-USUAL_SCATTER: Mapping[Quantity, float] = MappingProxyType(
+USUAL_SCATTER: Mapping[ArmQuantity, float] = MappingProxyType(
     {
-        Quantity.THRUST: 0.03,
-        Quantity.POWER: POWER_SCATTER,
-        Quantity.OUTPUT: 0.015,
-        Quantity.RESISTANCE: 0.002,
-        Quantity.OFFSET: 0.002,
-        Quantity.ESC_HEAT: 0.15,
-        Quantity.MOTOR_HEAT: 0.15,
-        Quantity.VIBRATION: 0.01,
-        Quantity.JUMPS: 0.003,
+        ArmQuantity.THRUST: 0.03,
+        ArmQuantity.POWER: POWER_SCATTER,
+        ArmQuantity.OUTPUT: 0.015,
+        ArmQuantity.RESISTANCE: 0.002,
+        ArmQuantity.OFFSET: 0.002,
+        ArmQuantity.ESC_HEAT: 0.15,
+        ArmQuantity.MOTOR_HEAT: 0.15,
+        ArmQuantity.VIBRATION: 0.01,
+        ArmQuantity.JUMPS: 0.003,
     }
 )
 #: Standard deviation, as a share, of what moves all arms of a flight together.
 TOGETHER = 0.3
 #: Of a sound instrument the offset is zero, whatever earlier flights had. Its scatter is a step of
 #: the reading, which is known as well as if ABSOLUTE_FREEDOM values had shown it.
-ABSOLUTE = frozenset({Quantity.OFFSET})
+ABSOLUTE = frozenset({ArmQuantity.OFFSET})
 ABSOLUTE_FREEDOM = 30.0
 
 
@@ -78,7 +78,7 @@ class Departure:
     what moves all arms together; `freedom` is the number of flights that its scale is known from.
     """
 
-    quantity: Quantity
+    quantity: ArmQuantity
     departure: Floats
     covariance: Floats
     own: Floats  # (R, R) the part of it that this flight's own blocks show
@@ -97,14 +97,14 @@ def departures(
     named = {one.flight for one in flights}
     earlier = [] if law is None else [one for one in law.flights if one.flight not in named]
     found = []
-    for quantity in Quantity:
+    for quantity in ArmQuantity:
         new, old = _Group.of(flights, quantity), _Group.of(earlier, quantity)
         if new is None:
             continue
         if quantity in ABSOLUTE:
             found.append(_absolute(new))
         elif old is not None and len(old.values) >= LEAST_FLIGHTS:
-            used = modes if quantity is Quantity.THRUST else None
+            used = modes if quantity is ArmQuantity.THRUST else None
             found.append(_departure(new, old, used))
     return tuple(found)
 
@@ -113,7 +113,7 @@ def departures(
 class _Group:
     """One quantity of F flights on D days."""
 
-    quantity: Quantity
+    quantity: ArmQuantity
     unit: float  # median of the flights' units
     values: Floats  # (F, R)
     squared_errors: Floats  # (F, R) as shares; 0 where unknown
@@ -121,7 +121,7 @@ class _Group:
     by_day: Floats  # (D, R) mean of each day's flights
 
     @classmethod
-    def of(cls, flights: Sequence[ArmFigures], quantity: Quantity) -> _Group | None:
+    def of(cls, flights: Sequence[ArmFigures], quantity: ArmQuantity) -> _Group | None:
         """Return the group; None where no flight shows the quantity."""
         seen = [(one.day, found) for one in flights if (found := one.of(quantity)) is not None]
         if not seen:

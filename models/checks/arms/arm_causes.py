@@ -24,9 +24,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
 
-from thrustmargin.models.checks.arms.figures import Quantity
+from thrustmargin.models.checks.arms.arm_figures import ArmQuantity
 
-Q = Quantity
+Q = ArmQuantity
 
 
 class Cause(StrEnum):
@@ -61,10 +61,10 @@ class Moved:
 class Pattern:
     """What one cause does to the figures of its arm."""
 
-    moved: Mapping[Quantity, Moved]
+    moved: Mapping[ArmQuantity, Moved]
     both_ways: bool = False  # its size may be negative: a larger propeller, a reading that is low
 
-    def of(self, quantity: Quantity, *, own_voltage: bool) -> Moved:
+    def of(self, quantity: ArmQuantity, *, own_voltage: bool) -> Moved:
         """Return what happens to a figure; nothing where it is not listed.
 
         Where power is by the battery's voltage (not `own_voltage`), a lead's loss is in it, and the

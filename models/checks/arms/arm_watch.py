@@ -1,0 +1,97 @@
+"""Follow the heat of each arm in a flight in progress: when a part passes its limit, and which lead
+is losing power.
+
+A temperature that rises by r K/s reaches a limit in (limit - T)/r s; by the first-order law of heat
+it rises more slowly later, so this is the earliest time. A lead or lug with more resistance than
+the others' brings its ESC less voltage, dU, at a current I, and is heated by I dU. Voltages are
+compared with the other ESCs', less the difference that they had before take-off, which is of
+instruments.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from thrustmargin.models.flight import FlightTrack, Floats
+
+#: K at which the makers of heavy power systems raise an alarm: 105 °C of an ESC, 150 °C of a motor
+#: (Hobbywing H15MD). Others reduce the power from 110 °C on (T-Motor).
+ESC_LIMIT, MOTOR_LIMIT = 273.15 + 105.0, 273.15 + 150.0
+LOOK_S = 30.0  # of readings from which a rise is measured
+LEAST_LOOK_S = 10.0
+LEAST_RISE = 2.0  # K in LOOK_S: readings are whole degrees
+FEWEST_ARMS = 3  # of which one can be distinguished from the others
+REST_READINGS = 5  # before take-off, from which the instruments' differences are known
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ArmHeat:
+    """The heat of R arms at N rows; NaN unknown."""
+
+    esc_s: Floats  # (N, R) s until the ESC is at ESC_LIMIT; 0 beyond it, infinite while not rising
+    motor_s: Floats  # (N, R) the same of the motor at MOTOR_LIMIT
+    lead_watts: Floats  # (N, R) lost in the lead, more than in the others'
+
+
+class ArmWatch:
+    """The heat of one vehicle's arms, row by row."""
+
+    def __init__(self) -> None:
+        """Start without readings."""
+        self._readings: dict[tuple[str, int], list[tuple[float, float]]] = {}
+        self._rest: list[Floats] = []  # (R,) ESC voltages at rest less their median
+
+    def add(self, track: FlightTrack) -> ArmHeat:
+        """Add the N new rows of a track, in order, and return the heat at each of them."""
+        rows, rotors = track.esc_temperature.shape
+        esc, motor = np.full((2, rows, rotors), np.nan)
+        for row in range(rows):
+            time_s = float(track.time_s[row])
+            for arm in range(rotors):
+                kelvin = float(track.esc_temperature[row, arm])
+                esc[row, arm] = self._seconds("esc", arm, time_s, kelvin, ESC_LIMIT)
+                kelvin = float(track.motor_temperature[row, arm])
+                motor[row, arm] = self._seconds("motor", arm, time_s, kelvin, MOTOR_LIMIT)
+        watts = self._lead_watts(track)
+        return ArmHeat(esc_s=esc, motor_s=motor, lead_watts=watts)
+
+    def _seconds(self, part: str, arm: int, time_s: float, kelvin: float, limit: float) -> float:
+        """Return the s until a temperature is at its limit; NaN where it is unknown."""
+        if not math.isfinite(kelvin):
+            return math.nan
+        kept = self._readings.setdefault((part, arm), [])
+        if kept and time_s <= kept[-1][0]:  # another flight, or a restart
+            kept.clear()
+        kept.append((time_s, kelvin))
+        while time_s - kept[0][0] > LOOK_S:
+            kept.pop(0)
+        if kelvin >= limit:
+            return 0.0
+        long = time_s - kept[0][0]
+        if long < LEAST_LOOK_S or kelvin - min(value for _, value in kept) < LEAST_RISE:
+            return math.inf
+        when, values = np.array(kept).T
+        when = when - when.mean()
+        rise = float(when @ values / (when @ when))
+        return (limit - kelvin) / rise if rise > 0.0 else math.inf
+
+    def _lead_watts(self, track: FlightTrack) -> Floats:
+        """Return the W (N, R) lost in each lead beyond the others'; NaN where unknown."""
+        volts, rotors = track.esc_voltage, track.rotor_count
+        watts = np.full(volts.shape, np.nan)
+        known = np.isfinite(volts).all(axis=1)
+        if rotors < FEWEST_ARMS or not known.any():
+            return watts
+        resting = volts[known & ~track.flying]
+        resting = resting - np.median(resting, axis=1, keepdims=True)
+        self._rest = [*self._rest, *resting][-REST_READINGS:]
+        if len(self._rest) == REST_READINGS:
+            aloft = known & track.flying
+            true = volts[aloft] - np.median(self._rest, axis=0)
+            others = [[k for k in range(rotors) if k != arm] for arm in range(rotors)]
+            lost = np.median(true[:, others], axis=2) - true
+            watts[aloft] = lost * track.esc_current[aloft]
+        return watts
