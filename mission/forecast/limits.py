@@ -41,6 +41,7 @@ class FlightLimits:
     yaw_loop: YawLoop  # by which the yaw follows its target
     nose_ahead: bool  # the nose follows the way flown
     nose_home: bool  # also on the return
+    turns_back: bool  # over home it turns as it was before take-off, and lands then
     sprays_by_speed: bool  # the pump's flow follows the speed over ground
     spray_speed: float = 0.0  # m/s below which the pump rests
     assumed: tuple[str, ...] = ()  # parameters that were not known
@@ -149,6 +150,7 @@ def _ardupilot(parameters: Mapping[str, float]) -> FlightLimits:
         yaw_loop=loop,
         nose_ahead=behaviour in (1.0, 2.0, 3.0),
         nose_home=behaviour in (1.0, 3.0),
+        turns_back=behaviour in (1.0, 3.0),
         sprays_by_speed=parameters.get("SPRAY_ENABLE", 1.0) > 0.0,
         assumed=assumed,
     )
@@ -172,6 +174,7 @@ def _px4(parameters: Mapping[str, float]) -> FlightLimits:
         yaw_loop=loop,
         nose_ahead=behaviour in (0.0, 3.0),
         nose_home=behaviour in (0.0, 3.0),
+        turns_back=False,
         sprays_by_speed=False,
         assumed=assumed,
     )

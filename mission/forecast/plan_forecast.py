@@ -271,7 +271,8 @@ def forecast(
     day = stated.day(craft.nominal_voltage, home[2])
     altitude = day.field_height
     plan = replace(plan, home=(*home[:2], altitude))
-    legs = plan_legs(plan, steps, limits, terrain=terrain)
+    nose = math.radians(stated.nose_deg)
+    legs = plan_legs(plan, steps, limits, terrain=terrain, start_yaw=nose)
     given, assumed = conditions(stated, day, model)
     assumed: dict[Assumption, tuple[str, ...]] = {**switched, **assumed}
     by_rate = known_pump(known, craft)
@@ -284,7 +285,6 @@ def forecast(
         assumed["pump rate"] = (f"{craft.pump_max_flow_l_min:g}",)
     origin = Origin(latitude_deg=home[0], longitude_deg=home[1], altitude=altitude)
 
-    nose = math.radians(stated.nose_deg)
     if not math.isfinite(nose) and limits.nose_ahead:
         assumed["nose ahead"] = ()
     timed = timed_legs(legs)

@@ -81,8 +81,10 @@ def course(legs: Sequence[WayLeg], limits: FlightLimits, *, start_yaw: float = m
     active = np.maximum(active, 0)
     ordered = np.array([np.nan if t.leg.heading is None else t.leg.heading for t in timed])[active]
     held = np.array([t.leg.holds_nose for t in timed], dtype=np.bool_)[active]
-    first = next((x.vector for x in legs if not x.vertical), legs[0].vector)
-    start = start_yaw if math.isfinite(start_yaw) else float(np.arctan2(first[1], first[0]))
+    start = first_yaw(legs, start_yaw)
+    for number, flown in enumerate(timed):
+        if flown.leg.nose_back:
+            ordered[(active == number) & (time_s >= flown.end_s)] = start
     target_yaw, off = heading(time_s, velocity, gained, ordered, limits, start, held=held)
     yaw = followed_yaw(time_s, target_yaw, limits.yaw_loop)
     return Course(
@@ -96,6 +98,35 @@ def course(legs: Sequence[WayLeg], limits: FlightLimits, *, start_yaw: float = m
         active=active,
         spans=_spans(timed, time_s, active, off + target_yaw - yaw),
     )
+
+
+def first_yaw(legs: Sequence[WayLeg], start_yaw: float) -> float:
+    """Return the heading before take-off, rad: `start_yaw`, or of the first level leg if NaN."""
+    if math.isfinite(start_yaw):
+        return start_yaw
+    return _course_of(next((leg for leg in legs if not leg.vertical), legs[0]))
+
+
+def _course_of(leg: WayLeg) -> float:
+    """Return the direction of a leg over ground, rad from north."""
+    return math.atan2(leg.vector[1], leg.vector[0])
+
+
+ALIGNED = math.radians(2.0)  # off the heading before take-off, with which a return lands
+LONGEST_TURN_S = 60.0
+
+
+@lru_cache(maxsize=256)
+def _aligned_s(turn: float, limits: FlightLimits) -> float:
+    """Return how long, s, a hovering nose takes to turn by `turn` rad to within ALIGNED, after
+    RETURN_WAIT_S at the earliest, as in ArduPilot's RTL.
+    """
+    time_s = np.arange(0.0, LONGEST_TURN_S, STEP)
+    still = np.zeros((time_s.size, 3))
+    aim, _ = heading(time_s, still, still, np.full(time_s.size, turn), limits, 0.0)
+    off = np.abs(followed_yaw(time_s, aim, limits.yaw_loop) - turn)
+    late = np.flatnonzero((off <= ALIGNED) & (time_s >= RETURN_WAIT_S))
+    return float(time_s[late[0]]) if late.size else LONGEST_TURN_S
 
 
 def _spans(
@@ -228,6 +259,7 @@ class _Way:
 
     limits: FlightLimits
     at: Floats
+    start_yaw: float
     legs: list[WayLeg] = field(default_factory=list)
 
     def to(self, step: Step, place: Floats, **options: float | bool | None) -> None:
@@ -264,6 +296,22 @@ class _Way:
                 self.legs[-1], jerk=jerk, snap=self.limits.snap * jerk / self.limits.jerk
             )
 
+    def home(self, step: Step, height: float) -> None:
+        """Append the way to home at `height`, m, and the wait over it.
+
+        A nose that turns back over home does so in the wait, which lasts until it has.
+        """
+        limits, before = self.limits, len(self.legs)
+        there = np.array([0.0, 0.0, -height])
+        self.to(step, there, speed=step.speed, stops=True, holds_nose=not limits.nose_home)
+        wait_s = RETURN_WAIT_S
+        if limits.turns_back and len(self.legs) > before:
+            leg = self.legs[-1]
+            back = first_yaw(self.legs, self.start_yaw) - _course_of(leg)
+            wait_s = max(wait_s, _aligned_s(round(math.remainder(back, math.tau), 2), limits))
+            self.legs[-1] = replace(leg, nose_back=True)
+        self.wait(wait_s)
+
     def land(self, step: Step) -> None:
         """Append the descent to the ground, which slows down once and is ended by the ground."""
         limits = self.limits
@@ -284,15 +332,16 @@ def plan_legs(
     *,
     start: Floats | None = None,
     terrain: Terrain | None = None,
+    start_yaw: float = math.nan,
 ) -> tuple[WayLeg, ...]:
     """Return the straight legs that a vehicle flies for `steps`, from `start` (3,) m NED about
-    home, or from home.
+    home, or from home. `start_yaw` is as in `course`.
 
     Between two places with heights above the ground the legs follow `terrain`. Without terrain such
     a height counts as above home. Raise PlanError if the plan flies nowhere, farther than such an
     aircraft can, or over ground that `terrain` does not cover.
     """
-    way = _Way(limits, np.zeros(3) if start is None else start)
+    way = _Way(limits, np.zeros(3) if start is None else start, start_yaw)
     flown = steps.steps
     places = _places(plan, flown, terrain)
     above: int | None = None  # frame of the place before
@@ -311,9 +360,7 @@ def plan_legs(
             distance = float(np.hypot(*way.at[:2]))
             up = max(-way.at[2], min(limits.return_height, CONE * distance))
             way.lift(step, up)
-            home = np.array([0.0, 0.0, -up])
-            way.to(step, home, speed=speed, stops=True, holds_nose=not limits.nose_home)
-            way.wait(RETURN_WAIT_S)
+            way.home(step, up)
             way.land(step)
         elif step.kind == "wait":
             way.wait(step.wait_s)
@@ -435,6 +482,7 @@ class WayLeg:
     pump: bool = False
     heading: float | None = None  # rad that the plan orders
     holds_nose: bool = False  # the nose does not follow this leg
+    nose_back: bool = False  # while it waits at its end the nose turns as it was before take-off
     touches_down: bool = False  # at its end it is still moving: the ground stops it
 
     @cached_property

@@ -50,11 +50,11 @@ def flown_mission(
         return None
     px4 = plan.firmware == FIRMWARE_PX4
     limits = flight_limits(parameters, px4=px4, model=model)
-    legs = plan_legs(plan, plan_steps(plan, pump_output(parameters)), limits)
+    nose, steps = yaw_before(analysis.track), plan_steps(plan, pump_output(parameters))
+    legs = plan_legs(plan, steps, limits, start_yaw=nose)
     # Of a plan for many batteries only the part is forecast that one flight can have flown.
     longest_s = LONGER * float(way.time_s[-1] - way.time_s[0]) + LATE_S
     count = max(sum(timed.end_s <= longest_s for timed in timed_legs(legs)), 1)
-    nose = yaw_before(analysis.track)
     way_planned = course(legs[:count], limits, start_yaw=nose)
     to_fly = PlanToFly(course=way_planned, model=model, home=plan.home, start_yaw=nose)
     given = conditions_before_take_off(

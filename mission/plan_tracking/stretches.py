@@ -69,7 +69,8 @@ class PlanToFly:
         px4 = plan.firmware == FIRMWARE_PX4
         limits = flight_limits(parameters, px4=px4, model=model)
         steps = plan_steps(plan, pump_output(parameters))
-        legs = plan_legs(plan, pumped_by_airframe(plan, steps, model.airframe), limits)
+        pumped = pumped_by_airframe(plan, steps, model.airframe)
+        legs = plan_legs(plan, pumped, limits, start_yaw=start_yaw)
         way = course(legs, limits, start_yaw=start_yaw)
         return cls(course=way, model=model, home=plan.home, start_yaw=start_yaw)
 

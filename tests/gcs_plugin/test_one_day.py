@@ -126,6 +126,7 @@ def test_forecast_and_fill_of_one_day_name_it_alike_and_agree(analysis, path, tm
     assert (rest["value"], rest["source"]) == (58.8, "log")
     assert ohm["source"] == "log"
     assert "home is given without" not in text
+    assert "the nose points along" not in text  # the log has its heading before take-off
     day = complete_day(
         51.8,
         day_before_take_off(analysis),

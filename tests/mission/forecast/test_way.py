@@ -119,12 +119,30 @@ def test_a_landing_slows_down_once_and_meets_the_ground_moving():
     assert took == pytest.approx(20.0 / 1.5 + 10.0 / 0.5 + 1.5, abs=1.0)
 
 
+OUT = ((22, (0.0, 0.0, 30.0)), (16, spot(SECOND, 11.0, 30.0)), (20,))
+
+
 @pytest.mark.parametrize(("behaviour", "turned"), [(1.0, 180.0), (2.0, 0.0)])
 def test_on_the_return_the_nose_stays_or_turns_as_the_vehicle_is_set(behaviour, turned):
-    legs, limits = legs_of(
-        (22, (0.0, 0.0, 30.0)), (16, spot(SECOND, 11.0, 30.0)), (20,), WP_YAW_BEHAVIOR=behaviour
-    )
-    assert abs(np.degrees(course(legs, limits).yaw[-1])) == pytest.approx(turned, abs=1.0)
+    legs, limits = legs_of(*OUT, WP_YAW_BEHAVIOR=behaviour)
+    made = course(legs, limits)
+    back = next(timed for timed in made.legs if timed.leg.nose_back or timed.leg.holds_nose)
+    yaw = np.degrees(np.interp(back.end_s - 1.0, made.time_s, made.yaw))
+    assert abs(yaw) == pytest.approx(turned, abs=1.0)
+
+
+def test_over_home_the_nose_turns_as_before_take_off_and_then_it_lands():
+    """From south to east with 10 °/s: 9 s, longer than the 5 s that it waits anyway."""
+    slow = {"WP_YAW_BEHAVIOR": 1.0, "ATC_RATE_Y_MAX": 10.0}
+    limits = flight_limits({"RTL_ALT_M": 30.0, **slow})
+    plan, nose = plan_of(*OUT), np.radians(90.0)
+    legs = plan_legs(plan, plan_steps(plan), limits, start_yaw=nose)
+    waits = [leg.wait_s for leg in legs if leg.wait_s]
+    assert waits == [pytest.approx(9.3, abs=0.7)]
+    yaw = np.degrees(course(legs, limits, start_yaw=nose).yaw)
+    assert np.remainder(yaw[-1], 360.0) == pytest.approx(90.0, abs=2.0)
+    held, _ = legs_of(*OUT, WP_YAW_BEHAVIOR=2.0)
+    assert [leg.wait_s for leg in held if leg.wait_s] == [5.0]
 
 
 def test_the_first_turn_is_from_the_heading_before_take_off():

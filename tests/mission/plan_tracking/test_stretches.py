@@ -24,6 +24,7 @@ from thrustmargin.mission.plan_tracking.stretches import (
     flown_way,
     stretch_ends,
     worst_smoothed,
+    yaw_before,
 )
 from thrustmargin.mission.steps import plan_steps
 from thrustmargin.models.flight import Origin
@@ -195,3 +196,28 @@ def test_the_worst_rotor_is_that_of_means_over_half_a_second():
     use[5, 1] = 1.0
     found = worst_smoothed(0.1 * np.arange(11.0), use)
     assert found == pytest.approx([0.0] * 3 + [0.2] * 5 + [0.0] * 3)
+
+
+def test_a_peak_of_the_forecast_is_a_mean_of_half_a_second_like_the_flown_one():
+    """One row of ten a second at twice the thrust adds a fifth of itself to such a mean."""
+    made = flown_by(TRUE)
+    forecast = forecast_of(made)
+    span = made.course.spans[3]
+    row = (span.first + span.last) // 2
+    use = forecast.utilisation_predicted.copy()
+    level = float(np.max(use[row]))
+    use[row] *= 2.0
+    spiked = beside(made, replace(forecast, utilisation_predicted=use), flight())
+    pair = spiked.stretches[3].utilisation_peak
+    assert pair.forecast == pytest.approx(1.2 * level, rel=0.05)
+
+
+def test_the_heading_before_take_off_is_the_first_that_is_known_off_the_ground():
+    made = flown_by(TRUE).track
+    attitude = made.attitude.copy()
+    attitude[:, 2] = np.linspace(0.5, 2.0, made.time_s.size)
+    attitude[:40, 2] = np.nan
+    flying = made.time_s > 2.0
+    track = replace(made, attitude=attitude, flying=flying)
+    assert yaw_before(track) == pytest.approx(attitude[40, 2])
+    assert np.isnan(yaw_before(replace(track, flying=np.zeros_like(flying))))
