@@ -75,7 +75,7 @@ def test_of_several_flights_paper_has_what_was_decided_and_one_figure_each():
     assert len(pages) <= 6  # the table of all, and five flights
     said = words(" ".join(page.extract_text() for page in pages))
     assert said.count(words("Thrust left over time")) == 5
-    assert said.count(words("Nothing; up to")) == 5
+    assert said.count(words("Nothing; you may fill up to")) == 5
     assert said.count("tankwhilespraying") == 5
     assert words("Where each channel came from") not in said
 
