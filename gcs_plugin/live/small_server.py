@@ -45,7 +45,7 @@ class SmallServer:
         try:
             self._server = _Server(address, _handler(answer, for_all=for_all))
         except (OSError, OverflowError) as error:
-            why = error.strerror if isinstance(error, OSError) else "ports are 0 to 65535"
+            why = error.strerror if isinstance(error, OSError) else "give a port from 0 to 65535"
             raise LinkError(
                 f"{option} {address[1]} cannot be opened ({why}); close the program that uses it "
                 "or give another port"

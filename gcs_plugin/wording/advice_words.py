@@ -426,7 +426,7 @@ def one_rotor_out(advice: Advice) -> str:
     if lost.redundancy_min_low < 1.0 <= lost.redundancy_min_high:
         low, high = number(lost.redundancy_min_low, "", 2), number(lost.redundancy_min_high, "", 2)
         held += f", {low} to {high}"
-        words = "cannot tell: the weight is within the error of what could be held ({held})"
+        words = "cannot tell whether the others would have carried it ({held}; 1 just carries it)"
         return say(words, held=held)
     part, whole = _load_known_in_part(advice), duration(advice.airborne_s)
     known = say("; of {all} the load is unknown for the rest", all=whole) if part else ""
@@ -434,14 +434,17 @@ def one_rotor_out(advice: Advice) -> str:
         long, of = duration(lost.not_survivable_s), duration(lost.known_s) if part else whole
         words = (
             "would have brought it down for {long} of {all} "
-            "(at worst {held} the weight can be held)"
+            "(at worst the others carry {held} its weight)"
         )
         return say(words, long=long, all=of, held=held) + known
-    words = "the weight can be held all flight, {spins} ({held} or more)"
+    words = "the others could have carried it all flight, {spins} (at least {held} its weight)"
     if part:
-        words = "the weight can be held for {long}, {spins} ({held} or more)"
+        words = "the others could have carried it for {long}, {spins} (at least {held} its weight)"
     elif not advice.complete:
-        words = "the weight can be held for as long as the log goes, {spins} ({held} or more)"
+        words = (
+            "the others could have carried it as long as the log goes, {spins} "
+            "(at least {held} its weight)"
+        )
     return say(words, long=duration(lost.known_s), spins=say(alarm_words.SPINS), held=held) + known
 
 

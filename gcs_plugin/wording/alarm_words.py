@@ -366,7 +366,7 @@ def alarm_line(text: str, missing: str, times: int, seconds: float) -> str:
         text = say("{alarm} ({times} times in {long})", alarm=text, times=times, long=long)
     if not missing:
         return text
-    return say("cannot be confirmed, {why}: {alarm}", why=say(MISSING[missing]), alarm=text)
+    return say("{alarm} (last known: {why})", why=say(MISSING[missing]), alarm=text)
 
 
 def event_line(kind: str, line: str) -> str:

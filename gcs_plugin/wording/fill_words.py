@@ -89,7 +89,11 @@ def fill_advice(fill: NextFill, limit: float, *, was_within: bool = False) -> st
         return f"{say(words, day=day, limit=_range(fill))}{settled}"
     if level is FillLevel.NO_FILL:
         return say("Do not fill{day}: even empty {empty}", day=day, empty=empty)
-    first = "Up to {amount}{day}: {more}" if was_within else "Fill at most {amount}{day}: {more}"
+    first = (
+        "You may fill up to {amount}{day}: {more}"
+        if was_within
+        else "Fill at most {amount}{day}: {more}"
+    )
     return say(first, amount=amount(fill.kg, fill.liquid_density), day=day, more=more)
 
 
@@ -100,12 +104,14 @@ def with_day(day: Day) -> str:
 
 
 def how_sure(fill: NextFill) -> str:
-    """Return `limit at 9.8 kg (9.1 to 10.5); 12.1 kg with a fresh battery`; empty if neither adds
-    anything."""
+    """Return `the limit is most likely at 9.8 kg (9.1 to 10.5); at most 12.1 kg with a full
+    battery`; empty if neither adds anything."""
     if not math.isfinite(fill.kg) or fill.kg <= 0.0 or fill.nothing_fits is not None:
         return ""
     parts = (
-        [say("limit at {limit}", limit=_range(fill))] if fill.high_kg - fill.low_kg >= 0.05 else []
+        [say("the limit is most likely at {limit}", limit=_range(fill))]
+        if fill.high_kg - fill.low_kg >= 0.05
+        else []
     )
     if parts and fill.ceiling_guessed:
         parts.append(say(CLIMB))

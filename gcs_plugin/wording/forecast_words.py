@@ -43,7 +43,8 @@ CONDITIONS: Mapping[Caveat, str] = {
 ASSUMED: Mapping[str, str] = {
     "aircraft": "the aircraft is {0}: give --airframe",
     "unlike": "the aircraft is {0}; its last flight speaks against that: {1}",
-    "limits": "defaults of the autopilot for {0}: give its parameters with --parameters",
+    "limits": "{0} not reported, so the autopilot's default is taken: give its parameters with "
+    "--parameters",
     "full battery": "battery full, {0} V at rest: give --voltage",
     "earlier battery": "battery at {0} V at rest, usual before its earlier flights: give --voltage",
     "no capacity": "battery held at {0} V, its capacity is not known: give --capacity",

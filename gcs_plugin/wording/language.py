@@ -129,7 +129,7 @@ class Verbatim(str):
 
 def sentence(capitals: str) -> str:
     """Return a line of capitals in small letters if the language is English; else return it
-    unchanged."""
+    unchanged, because small letters would hide what is a noun."""
     if spoken() == LANGUAGES[0]:
         return capitals.lower()
     return capitals

@@ -161,17 +161,19 @@ def moment_left(moment: Moment) -> str:
 
 
 def worst_words(moment: Moment) -> str:
-    """Return where the worst moment is and how sure its thrust left: `Worst: rotor 1, front right,
-    at 2:58: thrust left 34 % (29 to 39), measured`."""
+    """Return where the worst moment is, below its thrust left, and how sure that is: `Worst: rotor
+    1, front right, at 2:58: 34 % (29 to 39), from motor outputs`; without the interval of what is
+    measured."""
     place = place_words(moment.rotor_name)
     rotor = say("rotor {rotor}", rotor=moment.rotor) + (f", {place}" if place else "")
-    return say(
-        "Worst: {rotor}, at {clock}: thrust left {left}, {basis}",
-        rotor=rotor,
-        clock=language.clock(moment.time_s),
-        left=moment_left(moment),
-        basis=say(moment.basis),
-    )
+    known = {
+        "rotor": rotor,
+        "clock": language.clock(moment.time_s),
+        "basis": say(moment.basis),
+    }
+    if moment.capacity_use_high - moment.capacity_use_low < 1e-9:
+        return say("Worst: {rotor}, at {clock}, {basis}", **known)
+    return say("Worst: {rotor}, at {clock}: {left}, {basis}", left=moment_left(moment), **known)
 
 
 def moment_words(moment: Moment) -> str:

@@ -91,12 +91,15 @@ def prediction_checked(check: MarginCheck, *, trained_on: bool) -> str:
 
 #: Words of a table of fills.
 NOTHING_KEPT_BACK = (
-    "Turns, climbs and gusts take more; nothing is kept back for the moment of a failure."
+    "Turns, climbs, gusts and the moment in which a rotor fails take more thrust than this keeps."
 )
 NO_AIRSPEED_LEARNT = (
     "Wind and speed are not in this: the model has no flights to learn drag from (train makes one)."
 )
-NO_MAKERS_LIMIT = "The airframe file has no max_takeoff_mass: the maker's limit is not in this."
+NO_MAKERS_LIMIT = (
+    "The maker's largest take-off mass is not known (max_takeoff_mass in the airframe file), so it "
+    "does not limit this fill."
+)
 
 
 def other_kind(learnt: str, here: str) -> str:

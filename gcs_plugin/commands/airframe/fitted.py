@@ -242,7 +242,7 @@ def hover_sentences(fit: HoverFit) -> tuple[str, ...]:
     split = fit.yaw_split
     stands = split.low > 0.0 or split.high < 0.0
     sentences = [
-        f"thrust of each rotor over its share, in hover: {trims}; as if the weight hung {place}"
+        f"thrust of each rotor over its share, in hover: {trims}; by that the weight is {place}"
     ]
     if stands:
         more = "counter-clockwise" if split.value > 0 else "clockwise"

@@ -62,8 +62,8 @@ def inspect(
 ) -> int:
     """Show what a log holds: every channel, the message it came from, its rate, gaps and range.
 
-    Says whether the file is damaged, whether motor 1 is really motor 1 (the body must answer to
-    the rotors as the airframe file says), and whether the rotor speeds are of the rotor or
+    Says whether the file is damaged, whether each motor is where the airframe file has it (by how
+    the aircraft turned when its motors changed), and whether the rotor speeds are of the rotor or
     electrical. Look at this first when a flight looks odd.
 
     Example: thrustmargin inspect demo --airframe topxgun-f16-sitl

@@ -111,7 +111,7 @@ def check_speed(speed: float) -> None:
 def check_port(port: int | None, option: str = "--port") -> None:
     """Raise UsageError unless `port` is 0 to 65535 or None."""
     if port is not None and not 0 <= port <= 65535:
-        raise UsageError(f"{option} {port} is none; ports are 0 to 65535")
+        raise UsageError(f"{option} {port} is no port: give a number from 0 to 65535")
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,8 @@ from thrustmargin.gcs_plugin.reports.shared.page_shell import (
     software_version,
 )
 from thrustmargin.gcs_plugin.wording.language import known as finite
-from thrustmargin.gcs_plugin.wording.language import number, percent, say
+from thrustmargin.gcs_plugin.wording.language import number, say
+from thrustmargin.gcs_plugin.wording.thrust_left import left_words
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.season.season_changes import Trend
 
@@ -36,7 +37,7 @@ COLOURS = {
 }
 MOST_LISTED = 20
 WIDE, HIGH = 520.0, 96.0  # size of a small chart, in its own units
-HEADS = ("aircraft", "look", "flights", "hours", "worst margin", "to act on", "why", "do")
+HEADS = ("aircraft", "look", "flights", "hours", "least thrust left", "to act on", "why", "do")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -132,7 +133,7 @@ def cells(one: seasons.AircraftSeason) -> tuple[str, ...]:
         say(one.level),
         str(len(one.flights)),
         number(one.hours, "", 1),
-        percent(worst["worst_margin"]) if worst else say("none measured"),
+        left_words(worst["worst_margin"]) if worst else say("none measured"),
         str(len(one.above_limit)),
         top.sentence if top else one.no_changes or say(words.HEALTHY),
         top.action if top else "",
@@ -148,6 +149,7 @@ def html_text(fleet: FleetSeason, *, alone: bool = False) -> str:
         "heads": HEADS,
         "colours": COLOURS,
         "cells": cells,
+        "left": left_words,
         "day": words.day,
         "chart": chart,
         "title": lambda trend: words.value_words(trend.name).title,

@@ -16,6 +16,7 @@ from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.actions import Action
 from thrustmargin.gcs_plugin.wording.effect_sentences import WORDS
 from thrustmargin.gcs_plugin.wording.language import known, number, say, shown_unit, within
+from thrustmargin.gcs_plugin.wording.thrust_left import left_words
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.identification.season.change_points import SeasonEntry
 from thrustmargin.models.identification.season.flight_sums import LOSS_NAME
@@ -287,8 +288,8 @@ def _count_words(verdict: str, count: int, recent: int) -> str:
 
 def _least_margin_words(flight: Mapping[str, Any]) -> str:
     """Return a flight's smallest margin and its rotor."""
-    words = "least thrust margin {margin}, rotor {rotor}"
-    margin = number(100.0 * flight["worst_margin"], "%", 0)
+    words = "least thrust left {margin}, rotor {rotor}"
+    margin = left_words(flight["worst_margin"])
     return say(words, margin=margin, rotor=flight["worst_rotor"])
 
 

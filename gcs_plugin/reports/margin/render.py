@@ -21,6 +21,7 @@ from thrustmargin.gcs_plugin.wording import alarm_words as faults
 from thrustmargin.gcs_plugin.wording import palette
 from thrustmargin.gcs_plugin.wording.advice_words import SEVERAL
 from thrustmargin.gcs_plugin.wording.fill_words import amount
+from thrustmargin.gcs_plugin.wording.glance_words import glance
 from thrustmargin.gcs_plugin.wording.margin_verdict import (
     estimate,
     moment_left,
@@ -183,6 +184,7 @@ def _page(report: Report, written: Written | None, drawn: Mapping[str, Markup]) 
         "descended": faults.DESCENDED,
         "maximum_fill": faults.MAXIMUM_FILL,
         "fill": amount,
+        "glance": glance,
         "left": left_of_use,
         "least_left": least_words,
         "moment_left": moment_left,

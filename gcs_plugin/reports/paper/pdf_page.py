@@ -1,7 +1,8 @@
 """A report's page as PDF on A4, made from its HTML: the same words and figures, no browser.
 
-Known are the elements that the report's template uses; asides (folded on the page) stay out. All
-text of logs arrives as characters, never as markup, and fonts are embedded.
+Known are the elements that the report's template uses; asides (folded on the page) and figures for
+the screen alone stay out. All text of logs arrives as characters, never as markup, and fonts are
+embedded.
 """
 
 from __future__ import annotations
@@ -88,7 +89,7 @@ class _Paper:
     def block(self, node: HtmlElement) -> None:
         """Lay out one element and what is in it."""
         classes = node.classes
-        hidden = {"aside", "bar", "strip", *(("more",) if self._brief else ())}
+        hidden = {"aside", "bar", "strip", "screen", *(("more",) if self._brief else ())}
         if node.tag in SILENT or hidden & set(classes):
             return
         if node.tag == "section" and "flight" in classes:

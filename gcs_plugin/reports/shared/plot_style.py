@@ -267,7 +267,8 @@ def in_tank(time_s: Floats, tank_kg: Floats, spraying: Floats, name: str) -> lis
 def over_time(panels: Sequence[Panel], *, end_s: float) -> Figure:
     """Panels from top to bottom over one axis of log time; from an hour on it shows hours."""
     whole = sum(panel.height_px for panel in panels) + GAP_PX * (len(panels) - 1)
-    margin = {"l": 80, "r": 84, "t": 60, "b": 50}
+    # Above a title of the first panel there is room for two lines of legend, as on a phone.
+    margin = {"l": 80, "r": 84, "t": 92 if panels[0].title else 60, "b": 50}
     height = whole + margin["t"] + margin["b"]
     made = Figure({"template": STYLE, "margin": margin, "height": height, "shapes": []})
     shown = {"type": "date", "tickformat": "%H:%M:%S" if end_s >= 3600.0 else "%M:%S"}

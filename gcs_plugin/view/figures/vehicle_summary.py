@@ -17,7 +17,7 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import (
 from thrustmargin.gcs_plugin.live.link_vehicles import OLD
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.glance_words import before_take_off, in_the_air
-from thrustmargin.gcs_plugin.wording.language import in_spoken
+from thrustmargin.gcs_plugin.wording.language import in_spoken, sentence
 from thrustmargin.gcs_plugin.wording.takeoff_words import check_line
 from thrustmargin.models.model.advice import FlightLevel
 
@@ -204,7 +204,7 @@ def _found(answer: FlightAnswer, level: Level, rest: Sequence[str]) -> tuple[str
     """Return the line of what a flight showed: the action in short, the finding and the action in
     full, then the rest."""
     headline = answer.glance or answer.headline
-    finding = answer.headline if answer.glance else ""
+    finding = _sentence(sentence(answer.headline)) if answer.glance else ""
     do = _sentence(answer.action or answer.why)
     return headline, " · ".join(filter(None, (finding, do, *rest))), level
 

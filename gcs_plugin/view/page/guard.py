@@ -176,7 +176,7 @@ def open_port(host: str, port: int) -> socket.socket:
             )
         raise LinkError(reason) from error
     except OverflowError as error:
-        raise LinkError(f"--port {port} is none; ports are 0 to 65535") from error
+        raise LinkError(f"--port {port} is no port: give a number from 0 to 65535") from error
 
 
 class PageAddition(Protocol):

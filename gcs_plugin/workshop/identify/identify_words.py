@@ -443,7 +443,8 @@ def error_words(found: Identification, margin: MarginChange) -> str:
         error = f"{number(found.before.rmse_rpm, '', 0)} -> {error}"
     moved = f"; {margin_words(margin, found.model.airframe.rotor_names)}" if changed else ""
     words = say(
-        "Rotor speed error (RMSE) {error} on {flights}, at best {floor} with these channels",
+        "Rotor speed error (RMSE) {error} on {flights}; the best that these channels allow is "
+        "about {floor}",
         error=error,
         flights=error_rows_words(found),
         floor=number(found.floor_rpm, "rpm", 0),
@@ -465,7 +466,7 @@ def error_rows_words(found: Identification) -> str:
     if found.problem.flights > 1:
         words = "{count} flights, each predicted without itself"
         return say(words, count=found.problem.flights)
-    return say("one flight, each fifth predicted without itself")
+    return say("one flight in five parts, each predicted from the other four")
 
 
 def margin_words(change: MarginChange, names: tuple[str, ...]) -> str:

@@ -277,10 +277,10 @@ def test_a_rotor_found_bad_is_the_first_line_and_has_its_mark(opened):
     view.seek(25.0)
     until(page, lambda: "alarm then: rotor 2 rear left" in page.inner_text("#tm-headline"))
     assert page.get_attribute("#tm-head", "data-level") == "red"
-    assert "ABOVE THE 50" in page.inner_text("#tm-because")
+    assert "BELOW THE 50" in page.inner_text("#tm-because")
     until(page, lambda: page.get_by_text("!", exact=True).count() == 1)
     view.seek(10.0)
-    until(page, lambda: "ABOVE" in page.inner_text("#tm-headline"))
+    until(page, lambda: "BELOW" in page.inner_text("#tm-headline"))
     view._faults, view._fault_times = [], np.empty(0)
 
 

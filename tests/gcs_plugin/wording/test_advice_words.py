@@ -91,7 +91,7 @@ def test_a_flight_below_the_limit_is_not_told_nothing_and_to_fill_nothing():
     none = replace(FILL, kg=0.0, limit_kg=-1.0, low_kg=-2.0, high_kg=-0.5, reason="utilisation")
     within = replace(ADVICE, levels=(FlightLevel.UNDER,), fill=none)
     assert action(within).startswith("disarmed on the ground, check the airspeed sensor; do not ")
-    assert action(replace(within, fill=FILL)).startswith("nothing; up to 8.6 kg")
+    assert action(replace(within, fill=FILL)).startswith("nothing; you may fill up to 8.6 kg")
 
 
 def test_the_first_line_of_each_level():
@@ -197,14 +197,15 @@ def test_what_to_do_follows_the_same_order():
     assert action(replace(ADVICE, in_progress=True)) == action(ADVICE)
     assert action(ADVICE).startswith("fill at most 8.6 kg (8.6 L)")
     within = replace(ADVICE, levels=(FlightLevel.UNDER,))
-    assert action(within).startswith("nothing; up to 8.6 kg (8.6 L)")
+    assert action(within).startswith("nothing; you may fill up to 8.6 kg (8.6 L)")
     unordered = action(with_fault(rotor_names=()))
     assert "of rotors 1, 2, 3 and 4 were looked at" in unordered
     assert "motor test" not in unordered  # all of them are looked at first
     which = action(replace(within, rotor_names=()))
     assert which.startswith("with the battery off, take the propellers off; then find by a motor")
     assert which.endswith(
-        "for the load: up to 8.6 kg (8.6 L): with more it would descend after losing a rotor"
+        "for the load: you may fill up to 8.6 kg (8.6 L): with more it would descend after "
+        "losing a rotor"
     )
     empty = action(replace(ADVICE, levels=(FlightLevel.BATTERY, FlightLevel.OVER)))
     assert empty.startswith("with the battery off, take the battery out and test it")
@@ -228,10 +229,10 @@ def test_the_facts_say_how_much_and_how_long():
     assert said == {
         "steady flight": "thrust left down to 46 %, below 50 % for 2 min 42 s of 3 min 20 s",
         "turns and gusts": "thrust left down to 26 %, below 50 % 5 times for 7.0 s at most",
-        "one rotor lost": "would have brought it down for 3 min of 3 min 20 s (at worst 0.92 × the "
-        "weight can be held)",
-        "fill, how sure": "limit at 9.7 kg (8.6 to 10.8); at most 12.0 kg (12.0 L) with the "
-        "battery as at the start",
+        "one rotor lost": "would have brought it down for 3 min of 3 min 20 s (at worst the "
+        "others carry 0.92 × its weight)",
+        "fill, how sure": "the limit is most likely at 9.7 kg (8.6 to 10.8); at most 12.0 kg "
+        "(12.0 L) with the battery as at the start",
     }
     unsure = replace(USE, lasting_above_limit_s=0.0, lasting_low=0.45, lasting_high=0.53)
     near = replace(ADVICE, use=replace(unsure, lasting_most=0.49, passing=0, surely_above=NO))
@@ -247,20 +248,23 @@ def test_the_facts_say_how_much_and_how_long():
     assert "turns and gusts" not in dict(facts(replace(near, use=replace(near.use, step_s=1.0))))
     doubt = RotorLost(redundancy_min=1.03, redundancy_min_low=0.96, redundancy_min_high=1.1)
     assert dict(facts(replace(ADVICE, rotor_lost=doubt)))["one rotor lost"] == (
-        "cannot tell: the weight is within the error of what could be held (1.03 ×, 0.96 to 1.10)"
+        "cannot tell whether the others would have carried it (1.03 ×, 0.96 to 1.10; 1 just "
+        "carries it)"
     )
     safe = RotorLost(redundancy_min=1.1, redundancy_min_low=1.1, redundancy_min_high=1.1)
     assert dict(facts(replace(ADVICE, rotor_lost=safe)))["one rotor lost"] == (
-        "the weight can be held all flight, without yaw control, it will spin (1.10 × or more)"
+        "the others could have carried it all flight, without yaw control, it will spin (at least "
+        "1.10 × its weight)"
     )
     seen = replace(ADVICE, rotor_lost=replace(safe, known_s=14.0))
     assert dict(facts(seen))["one rotor lost"] == (
-        "the weight can be held for 14 s, without yaw control, it will spin (1.10 × or more); "
+        "the others could have carried it for 14 s, without yaw control, it will spin (at least "
+        "1.10 × its weight); "
         "of 3 min 20 s the load is unknown for the rest"
     )
     for unseen in ({"begun_before": True}, {"paused_s": 60.0}, {"unseen_from_s": 9.0}):
         words = dict(facts(replace(ADVICE, rotor_lost=safe, **unseen)))["one rotor lost"]
-        assert words.startswith("the weight can be held for as long as the log goes, ")
+        assert words.startswith("the others could have carried it as long as the log goes, ")
     assert (
         "tank level is unknown"
         in dict(facts(replace(ADVICE, rotor_lost=RotorLost())))["one rotor lost"]

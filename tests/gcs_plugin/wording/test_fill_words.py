@@ -30,7 +30,8 @@ def test_a_fill_is_rounded_down_in_kilograms_and_litres():
 def test_how_sure_it_is_stands_beside_it():
     known = fill(8.68, limit_kg=9.87, low_kg=8.68, high_kg=10.84, fresh_kg=12.05)
     assert how_sure(known) == (
-        "limit at 9.8 kg (8.6 to 10.9); at most 12.0 kg (12.0 L) with the battery as at the start"
+        "the limit is most likely at 9.8 kg (8.6 to 10.9); at most 12.0 kg (12.0 L) with the "
+        "battery as at the start"
     )
     assert how_sure(fill(9.8)) == ""
     assert how_sure(fill(NAN)) == ""
@@ -56,7 +57,10 @@ def test_each_reason_has_its_sentence():
     )
     assert fill_advice(NextFill(), 0.5).endswith("mass and rotors of the aircraft are not known")
     within = fill_advice(fill(9.8), 0.5, was_within=True)
-    assert within == "Up to 9.8 kg (9.8 L): with more it would descend after losing a rotor"
+    assert (
+        within
+        == "You may fill up to 9.8 kg (9.8 L): with more it would descend after losing a rotor"
+    )
 
 
 def test_the_day_stands_behind_the_amount_and_behind_none():

@@ -418,7 +418,9 @@ def test_a_bad_rotor_stays_listed_without_a_verdict_speeds_or_link_and_is_confir
     ]
     shown = sorted(alarms.listed.values(), key=lambda alarm: alarm.order)
     assert [alarm.name for alarm in shown] == ["rotor", "telemetry"]
-    assert shown[0].line.startswith("cannot be confirmed, telemetry lost: Rotor 3 front left 1")
+    assert re.fullmatch(
+        "Rotor 3 front left 1.*: land \\(last known: telemetry lost\\)", shown[0].line
+    )
 
 
 def test_reports_that_give_no_row_leave_nothing_confirmed():

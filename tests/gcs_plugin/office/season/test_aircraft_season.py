@@ -257,7 +257,7 @@ def test_flights_above_the_limit_and_without_verdict_are_reasons():
     found = aircraft_season("a", rows, [])
     assert found.level == LOAD
     assert (
-        "3 of the last 10 flights; least thrust margin 20 %, rotor 4, climbing"
+        "3 of the last 10 flights; least thrust left 20 %, rotor 4, climbing"
         in found.findings[0].sentence
     )
     assert found.no_changes.startswith("no flight has sums")

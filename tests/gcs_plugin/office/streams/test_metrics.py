@@ -326,7 +326,7 @@ def test_a_port_in_use_is_an_error_that_names_the_option():
             MetricsServer(Nothing(), int(port))  # type: ignore[arg-type]
     finally:
         served.close()
-    with pytest.raises(LinkError, match="ports are 0 to 65535"):
+    with pytest.raises(LinkError, match="a port from 0 to 65535"):
         MetricsServer(Nothing(), 70_000)  # type: ignore[arg-type]
 
 

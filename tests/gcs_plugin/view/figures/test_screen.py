@@ -117,7 +117,7 @@ BAD = FlightAnswer(
 )
 SAYS = (
     "DO NOT FLY: rotor 4",
-    "ROTOR 4: 12 % LESS THRUST · Do not fly it before rotor 4 was looked at",
+    "Rotor 4: 12 % less thrust · Do not fly it before rotor 4 was looked at",
     "red",
 )
 LANDED_US = 1_700_000_000_000_000

@@ -241,7 +241,7 @@ def test_a_token_is_made_or_read_and_must_be_long_enough(tmp_path):
     [
         ("203.0.113.7", 0, "no address of this computer"),
         ("no-such-host.invalid", 0, "is not known"),
-        ("127.0.0.1", 70_000, "ports are 0 to 65535"),
+        ("127.0.0.1", 70_000, "a number from 0 to 65535"),
     ],
 )
 def test_a_wrong_host_or_port_has_its_own_reason(host, port, says):

@@ -90,7 +90,7 @@ def test_part_amount_and_action_come_first_then_the_error(worn):
     )
     before, after = worn.before.rmse_rpm, worn.after.rmse_rpm
     assert second.startswith(f"Rotor speed error (RMSE) {before:.0f} -> {after:.0f} rpm (")
-    assert "on 3 flights, each predicted without itself, at best " in second
+    assert "on 3 flights, each predicted without itself; the best that " in second
     assert "margin of the worst rotor falls from " in second
 
 
@@ -404,7 +404,7 @@ def test_one_flight_says_what_cannot_be_claimed(worn):
         catalogue=table(["rotor_degradation"]),
     )
     lines = said(alone)
-    assert "one flight, each fifth predicted without itself" in lines[1]
+    assert "one flight in five parts, each predicted from the other four" in lines[1]
     assert "cannot be claimed" in lines[-1]
     assert "--held-out" in lines[-1]
     assert few_flights_words(worn) == ()
