@@ -12,6 +12,7 @@ from thrustmargin.gcs_plugin.logs.findings import Finding, Severity, names_wrong
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.telemetry.first_contact import first_contact
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
+from thrustmargin.gcs_plugin.wording.actions import Urgency, urgency_of
 from thrustmargin.gcs_plugin.wording.advice_words import (
     action,
     fault_found,
@@ -53,22 +54,34 @@ def answer_log(log: FlightLog, analysis: FlightAnalysis, limit: float) -> LogAns
     )
 
 
+#: How soon a flight asks for something -> the severity of its finding.
+_SEVERITIES = {
+    Urgency.STOP: Severity.GRAVE,
+    Urgency.BEFORE_NEXT: Severity.WARNING,
+    Urgency.NOTHING: Severity.OK,
+}
+
+
 def verdict_findings(advice: Advice) -> tuple[Finding, ...]:
-    """Return what the report of a flight finds at fault, for `inspect`: bad rotors, an ESC that
-    misreads, a model that the speeds contradict.
+    """Return what the report of a flight says, for `inspect`: its first line and what to do, bad
+    rotors, an ESC that misreads, a model that the speeds contradict.
     """
     found = [
         Finding("rotors", Severity.GRAVE, fault_found(advice, episode)) for episode in advice.faults
     ]
-    if advice.faults:
-        found.append(Finding("what to do", Severity.GRAVE, action(advice)))
     if advice.misread is not None:
         found.append(Finding("ESC speed", Severity.WARNING, misread_words(advice.misread)))
     if Caveat.MODEL in advice.caveats:
         found.append(Finding("model", Severity.WARNING, misfit_words(advice)))
-    if not found and not advice.withheld and Caveat.ROTORS_NOT_SOUGHT not in advice.caveats:
-        found.append(Finding("rotors", Severity.OK, headline(advice)))
-    return tuple(found)
+    urgency = urgency_of(advice.level, left_open=bool(advice.caveats))
+    if urgency is Urgency.NOTHING and not found:
+        return (Finding("rotors", Severity.OK, headline(advice)),)
+    if urgency is None or advice.withheld:
+        return tuple(found)
+    severity = _SEVERITIES[urgency]
+    if not advice.faults:
+        found.append(Finding("flight", severity, headline(advice)))
+    return (*found, Finding("what to do", severity, action(advice)))
 
 
 def first_contact_of(log: FlightLog, claim: AirframeClaim) -> FirstContact | None:

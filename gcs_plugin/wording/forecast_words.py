@@ -6,11 +6,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from thrustmargin.gcs_plugin.wording.advice_words import damage_words
+from thrustmargin.gcs_plugin.wording import actions
+from thrustmargin.gcs_plugin.wording.advice_words import damage_words, suspects
 from thrustmargin.gcs_plugin.wording.day_words import day_line
 from thrustmargin.gcs_plugin.wording.fill_words import UNSOUND, amount, with_day
 from thrustmargin.gcs_plugin.wording.language import (
     area,
+    clock,
     duration,
     joined,
     number,
@@ -23,12 +25,16 @@ from thrustmargin.gcs_plugin.wording.plan_words import fault_words, not_understo
 from thrustmargin.mission.forecast.fill_along import Weakest
 from thrustmargin.mission.forecast.legs import Sortie
 from thrustmargin.mission.forecast.plan_forecast import PlanForecast
-from thrustmargin.models.model.advice import FlightLevel
+from thrustmargin.models.model.advice import LEAST_FLIGHT_S, FlightLevel
+from thrustmargin.models.model.clearance import Clearance, Condition
+from thrustmargin.models.model.fault_test import LEAST
 from thrustmargin.models.model.model_misfit import Caveat
 from thrustmargin.models.physics.electric_power import power_factors
 
 NO_VERDICT = "NO VERDICT: the model predicts nothing for this aircraft in these conditions"
 UNLIKE = "NO VERDICT: the flight in this log does not fit the airframe"
+NO_FLIGHT_SEEN = "NO VERDICT: the log shows no flight of this aircraft"
+NOT_RECOGNISED = "NO VERDICT: the flight in this log is not recognised as one of this aircraft"
 CONTRADICTED = "NO VERDICT: in the flight of this log rotor speeds and model contradict each other"
 #: Conditions of a good verdict that the last flight did not settle.
 CONDITIONS: Mapping[Caveat, str] = {
@@ -38,6 +44,7 @@ CONDITIONS: Mapping[Caveat, str] = {
     Caveat.BAROMETER: "THE AIR IS KNOWN (THE BAROMETER WAS LEFT OUT)",
     Caveat.ROTORS_NOT_SOUGHT: "ALL ROTORS ARE SOUND (THE LOG DOES NOT SHOW IT)",
     Caveat.ROTORS_BY_OUTPUTS: "NO ROTOR IS WEAK FROM THE START (OUTPUTS DO NOT SHOW IT)",
+    Caveat.LOAD: "THE MASS IS AS THRUST SHOWED (WEIGH IT)",
 }
 #: Unknown value -> the words about its assumption; {0} is the assumed value.
 ASSUMED: Mapping[str, str] = {
@@ -95,7 +102,10 @@ LEAST_SHARE = 0.005  # of utilisation, worth a word
 
 
 def verdict(made: PlanForecast) -> str:
-    """Return the first line: whether it may take off with this fill, and the reason."""
+    """Return the first line: whether it may take off with this fill, and the reason.
+
+    It begins with the condition where one is open, because the line may be read no further.
+    """
     advice = made.advised.advice
     use, limit = advice.use, percent(advice.limit)
     by_battery = made.battery_unsure and advice.level is FlightLevel.UNDER
@@ -108,13 +118,13 @@ def verdict(made: PlanForecast) -> str:
             fill += say(" AND {kg} kg THAT NOBODY REPORTED", kg=hidden[0])
     lasting = percent_within(use.lasting_most, use.lasting_low, use.lasting_high)
     no = f"{say('DO NOT TAKE OFF{fill}', fill=fill)}: "
+    if made.grounded:
+        return no + grounding_words(made.clearance)
     if made.too_heavy:
         return no + say("over the maker's maximum take-off mass")
     level = made.level
     if level is FlightLevel.UNKNOWN:
-        if "unlike" in made.assumed:
-            return say(UNLIKE)
-        return say(CONTRADICTED if Caveat.MODEL in made.caveats else NO_VERDICT)
+        return say(_no_verdict(made))
     if level is FlightLevel.BATTERY:
         return no + say("the battery does not last")
     if level is FlightLevel.NO_THRUST and not use.spent_s > 0.0:
@@ -130,12 +140,78 @@ def verdict(made: PlanForecast) -> str:
     if level is FlightLevel.OVER:
         return no + say("lasting use of thrust {lasting}, above the {limit} limit", **known)
     why = say("lasting use of thrust {lasting}, limit {limit}", **known)
-    if level is FlightLevel.NEAR:
+    if level is FlightLevel.DAMAGED:
+        return no + damage_words(advice)
+    only, far = _only_if(made), _as_far(made)
+    if made.planned_level is FlightLevel.NEAR:
         why = say("the battery may not last") if by_battery else why
-        return f"{say('TOO CLOSE TO TELL{fill}', fill=fill)}{_as_far(made)}: {why}"
-    if level is FlightLevel.UNDER:
-        return f"{say('MAY TAKE OFF{fill}', fill=fill)}{_as_far(made)}: {why}"
-    return no + damage_words(advice)
+        if only:
+            far = say(", IF {conditions}", conditions=only) + far
+        return f"{say('TOO CLOSE TO TELL{fill}', fill=fill)}{far}: {why}"
+    if only:
+        words = say("TAKE OFF{fill} ONLY IF {conditions}", fill=fill, conditions=only)
+        return f"{words}{far}: {why}"
+    return f"{say('MAY TAKE OFF{fill}', fill=fill)}{far}: {why}"
+
+
+def _no_verdict(made: PlanForecast) -> str:
+    """Return why there is no verdict: by the flight before, else by the plan."""
+    before = made.clearance.flight
+    if made.clearance.level is not FlightLevel.UNKNOWN or before is None:
+        return NO_VERDICT
+    if before.withheld and before.airborne_s < LEAST_FLIGHT_S:
+        return NO_FLIGHT_SEEN
+    if before.withheld:
+        return NOT_RECOGNISED if made.clearance.unrecognised else UNLIKE
+    return CONTRADICTED
+
+
+def grounding_words(before: Clearance) -> str:
+    """Return what forbids the take-off: what was found in a flight of the log, or noted of one."""
+    flight, level = before.flight, before.level
+    if flight is None:
+        rotors = ""
+        if level is FlightLevel.DAMAGED and before.rotors:
+            rotors = f": {actions.rotors_words(before.rotors)}"
+        was = say(GROUNDED[level or FlightLevel.UNKNOWN], log=before.log_name)
+        return f"{was}{rotors}"
+    if level is FlightLevel.DAMAGED:
+        return damage_words(flight)
+    if level is FlightLevel.LOST:
+        words = "control was lost in this log, at {clock}"
+        return say(words, clock=clock(flight.losses[0].time_s))
+    if level is FlightLevel.BATTERY:
+        volts = number(flight.battery.least_cell, "V", 2)
+        words = "the battery collapsed in this log: {volts} a cell at {clock}"
+        return say(words, volts=volts, clock=clock(flight.battery.at_s))
+    rotors = ", ".join(map(str, before.rotors)) or "?"
+    words = "rotor {rotor} alone had no thrust left for {long} in this log"
+    return say(words, rotor=rotors, long=duration(flight.use.spent_s))
+
+
+#: Level of an earlier flight, of which its row alone is known -> its words.
+GROUNDED: Mapping[FlightLevel, str] = {
+    FlightLevel.DAMAGED: "a rotor or motor was bad in its last flight, {log}",
+    FlightLevel.LOST: "control was lost in its last flight, {log}",
+    FlightLevel.BATTERY: "the battery collapsed in its last flight, {log}",
+    FlightLevel.NO_THRUST: "no thrust was left in its last flight, {log}",
+    FlightLevel.UNKNOWN: "nothing is known of its last flight, {log}",
+}
+
+
+def before_words(made: PlanForecast) -> tuple[str, ...]:
+    """Return the lines about what is to be done before take-off, and how that is proved."""
+    before, troubles = made.clearance, [actions.OF_CAVEAT[one] for one in made.clearance.caveats]
+    if made.grounded and before.level is not None:
+        troubles = [actions.OF_LEVEL[before.level]]
+    lines = []
+    for trouble in dict.fromkeys(troubles):
+        answer = actions.answer_to(trouble)
+        if trouble is actions.Trouble.ROTOR and before.rotors:
+            answer = actions.bad_rotor(before.rotors, LEAST, actions.Phase.LANDED)
+        words = "To do first: {action}. Then {proof}."
+        lines.append(say(words, action=answer.action.text, proof=answer.proof.text))
+    return tuple(_cut(lines))
 
 
 def weakest_words(weakest: Weakest | None) -> str:
@@ -204,8 +280,10 @@ def place_words(made: PlanForecast) -> tuple[str, ...]:
 def fill_words(made: PlanForecast) -> str:
     """Return the largest fill that keeps the limit throughout the plan."""
     liquid, limit = _liquid(made), percent(made.advised.advice.limit)
-    if made.advised.advice.faults:
+    if made.advised.advice.faults or made.clearance.level is FlightLevel.DAMAGED:
         return f"{say(UNSOUND)}."
+    if made.grounded:
+        return say("No fill before it is known why, and looked at.")
     if made.level is FlightLevel.UNKNOWN or not math.isfinite(made.largest_fill_kg):
         return say("Largest fill unknown.")
     if not _has_tank(made):
@@ -419,13 +497,38 @@ def assumed_words(made: PlanForecast) -> tuple[str, ...]:
     )
 
 
-def _as_far(made: PlanForecast) -> str:
-    """Return the conditions of the verdict, for the same line, because that line is read alone."""
+def _only_if(made: PlanForecast) -> str:
+    """Return the conditions under which it may take off, in capitals; empty without one."""
     craft = made.assumed.get("aircraft")
-    parts = [say(", IF THE AIRCRAFT IS {name}", name=craft[0])] if craft else []
-    open_ones = [say(CONDITIONS[one]) for one in made.caveats if one in CONDITIONS]
-    if open_ones:
-        parts.append(say(", IF {conditions}", conditions=f" {say('AND')} ".join(open_ones)))
+    parts = [say("THE AIRCRAFT IS {name}", name=craft[0])] if craft else []
+    parts += filter(None, map(condition_words, made.clearance.conditions))
+    return f" {say('AND')} ".join(parts)
+
+
+def condition_words(condition: Condition) -> str:
+    """Return in capitals what must be true for a good answer; empty for what other words say."""
+    caveat, flight = condition.caveat, condition.flight
+    if caveat in CONDITIONS:
+        return say(CONDITIONS[caveat])
+    if caveat is Caveat.BAD_BEFORE:
+        if flight is None or FlightLevel.DAMAGED not in flight.levels:
+            return say("WHAT WAS BAD IN AN EARLIER FLIGHT WAS REPAIRED")
+        which = actions.rotors_words(suspects(flight)).upper()
+        return say("THE DAMAGE OF {rotors} WAS REPAIRED (FOUND IN AN EARLIER FLIGHT)", rotors=which)
+    if caveat is Caveat.UNSEEN and flight is not None:
+        if flight.ends_in_flight:
+            at = clock(flight.unseen_from_s)
+            return say("ITS LAST FLIGHT ENDED WELL (THE LOG ENDS IN FLIGHT AT {clock})", clock=at)
+        if flight.begun_before:
+            return say("NOTHING WENT WRONG BEFORE ITS LOG BEGAN (IN FLIGHT)")
+        long = duration(flight.paused_s).upper()
+        return say("NOTHING WENT WRONG IN {long} THAT ITS LOG LACKS", long=long)
+    return ""
+
+
+def _as_far(made: PlanForecast) -> str:
+    """Return what the verdict leaves out, for the same line, because that line is read alone."""
+    parts = []
     if made.wind_left_out:
         parts.append(say(", LEAVING OUT THE WIND, WHOSE DRAG IS NOT KNOWN"))
     if made.not_understood:
