@@ -6,13 +6,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from thrustmargin.gcs_plugin.wording import actions
-from thrustmargin.gcs_plugin.wording.advice_words import damage_words, suspects
+from thrustmargin.gcs_plugin.wording.advice_words import damage_words
+from thrustmargin.gcs_plugin.wording.clearance_words import (
+    conditions_words,
+    first_steps,
+    grounding_words,
+)
 from thrustmargin.gcs_plugin.wording.day_words import day_line
 from thrustmargin.gcs_plugin.wording.fill_words import UNSOUND, amount, with_day
 from thrustmargin.gcs_plugin.wording.language import (
     area,
-    clock,
     duration,
     joined,
     number,
@@ -26,9 +29,6 @@ from thrustmargin.mission.forecast.fill_along import Weakest
 from thrustmargin.mission.forecast.legs import Sortie
 from thrustmargin.mission.forecast.plan_forecast import PlanForecast
 from thrustmargin.models.model.advice import LEAST_FLIGHT_S, FlightLevel
-from thrustmargin.models.model.clearance import Clearance, Condition
-from thrustmargin.models.model.fault_test import LEAST
-from thrustmargin.models.model.model_misfit import Caveat
 from thrustmargin.models.physics.electric_power import power_factors
 
 NO_VERDICT = "NO VERDICT: the model predicts nothing for this aircraft in these conditions"
@@ -36,16 +36,6 @@ UNLIKE = "NO VERDICT: the flight in this log does not fit the airframe"
 NO_FLIGHT_SEEN = "NO VERDICT: the log shows no flight of this aircraft"
 NOT_RECOGNISED = "NO VERDICT: the flight in this log is not recognised as one of this aircraft"
 CONTRADICTED = "NO VERDICT: in the flight of this log rotor speeds and model contradict each other"
-#: Conditions of a good verdict that the last flight did not settle.
-CONDITIONS: Mapping[Caveat, str] = {
-    Caveat.GAUGE: "THE TANK LEVEL IS KNOWN (THE GAUGE WAS LEFT OUT)",
-    Caveat.VOLTAGE: "THE VOLTAGE IS KNOWN (THE VOLTMETER WAS LEFT OUT)",
-    Caveat.ROTOR_SPEEDS: "THE ROTOR SPEED SENSORS ARE RIGHT",
-    Caveat.BAROMETER: "THE AIR IS KNOWN (THE BAROMETER WAS LEFT OUT)",
-    Caveat.ROTORS_NOT_SOUGHT: "ALL ROTORS ARE SOUND (THE LOG DOES NOT SHOW IT)",
-    Caveat.ROTORS_BY_OUTPUTS: "NO ROTOR IS WEAK FROM THE START (OUTPUTS DO NOT SHOW IT)",
-    Caveat.LOAD: "THE MASS IS AS THRUST SHOWED (WEIGH IT)",
-}
 #: Unknown value -> the words about its assumption; {0} is the assumed value.
 ASSUMED: Mapping[str, str] = {
     "aircraft": "the aircraft is {0}: give --airframe",
@@ -166,52 +156,9 @@ def _no_verdict(made: PlanForecast) -> str:
     return CONTRADICTED
 
 
-def grounding_words(before: Clearance) -> str:
-    """Return what forbids the take-off: what was found in a flight of the log, or noted of one."""
-    flight, level = before.flight, before.level
-    if flight is None:
-        rotors = ""
-        if level is FlightLevel.DAMAGED and before.rotors:
-            rotors = f": {actions.rotors_words(before.rotors)}"
-        was = say(GROUNDED[level or FlightLevel.UNKNOWN], log=before.log_name)
-        return f"{was}{rotors}"
-    if level is FlightLevel.DAMAGED:
-        return damage_words(flight)
-    if level is FlightLevel.LOST:
-        words = "control was lost in this log, at {clock}"
-        return say(words, clock=clock(flight.losses[0].time_s))
-    if level is FlightLevel.BATTERY:
-        volts = number(flight.battery.least_cell, "V", 2)
-        words = "the battery collapsed in this log: {volts} a cell at {clock}"
-        return say(words, volts=volts, clock=clock(flight.battery.at_s))
-    rotors = ", ".join(map(str, before.rotors)) or "?"
-    words = "rotor {rotor} alone had no thrust left for {long} in this log"
-    return say(words, rotor=rotors, long=duration(flight.use.spent_s))
-
-
-#: Level of an earlier flight, of which its row alone is known -> its words.
-GROUNDED: Mapping[FlightLevel, str] = {
-    FlightLevel.DAMAGED: "a rotor or motor was bad in its last flight, {log}",
-    FlightLevel.LOST: "control was lost in its last flight, {log}",
-    FlightLevel.BATTERY: "the battery collapsed in its last flight, {log}",
-    FlightLevel.NO_THRUST: "no thrust was left in its last flight, {log}",
-    FlightLevel.UNKNOWN: "nothing is known of its last flight, {log}",
-}
-
-
 def before_words(made: PlanForecast) -> tuple[str, ...]:
     """Return the lines about what is to be done before take-off, and how that is proved."""
-    before, troubles = made.clearance, [actions.OF_CAVEAT[one] for one in made.clearance.caveats]
-    if made.grounded and before.level is not None:
-        troubles = [actions.OF_LEVEL[before.level]]
-    lines = []
-    for trouble in dict.fromkeys(troubles):
-        answer = actions.answer_to(trouble)
-        if trouble is actions.Trouble.ROTOR and before.rotors:
-            answer = actions.bad_rotor(before.rotors, LEAST, actions.Phase.LANDED)
-        words = "To do first: {action}. Then {proof}."
-        lines.append(say(words, action=answer.action.text, proof=answer.proof.text))
-    return tuple(_cut(lines))
+    return tuple(_cut(first_steps(made.clearance, grounded=made.grounded)))
 
 
 def weakest_words(weakest: Weakest | None) -> str:
@@ -501,29 +448,8 @@ def _only_if(made: PlanForecast) -> str:
     """Return the conditions under which it may take off, in capitals; empty without one."""
     craft = made.assumed.get("aircraft")
     parts = [say("THE AIRCRAFT IS {name}", name=craft[0])] if craft else []
-    parts += filter(None, map(condition_words, made.clearance.conditions))
+    parts += filter(None, [conditions_words(made.clearance)])
     return f" {say('AND')} ".join(parts)
-
-
-def condition_words(condition: Condition) -> str:
-    """Return in capitals what must be true for a good answer; empty for what other words say."""
-    caveat, flight = condition.caveat, condition.flight
-    if caveat in CONDITIONS:
-        return say(CONDITIONS[caveat])
-    if caveat is Caveat.BAD_BEFORE:
-        if flight is None or FlightLevel.DAMAGED not in flight.levels:
-            return say("WHAT WAS BAD IN AN EARLIER FLIGHT WAS REPAIRED")
-        which = actions.rotors_words(suspects(flight)).upper()
-        return say("THE DAMAGE OF {rotors} WAS REPAIRED (FOUND IN AN EARLIER FLIGHT)", rotors=which)
-    if caveat is Caveat.UNSEEN and flight is not None:
-        if flight.ends_in_flight:
-            at = clock(flight.unseen_from_s)
-            return say("ITS LAST FLIGHT ENDED WELL (THE LOG ENDS IN FLIGHT AT {clock})", clock=at)
-        if flight.begun_before:
-            return say("NOTHING WENT WRONG BEFORE ITS LOG BEGAN (IN FLIGHT)")
-        long = duration(flight.paused_s).upper()
-        return say("NOTHING WENT WRONG IN {long} THAT ITS LOG LACKS", long=long)
-    return ""
 
 
 def _as_far(made: PlanForecast) -> str:

@@ -12,7 +12,7 @@ load, a day and a battery of its own.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advice, FlightLevel
 from thrustmargin.models.model.model_misfit import Caveat
@@ -56,6 +56,23 @@ class Clearance:
 NO_FLIGHT = Clearance()
 #: A log without a flight shows nothing of the aircraft.
 NOT_SEEN = Clearance(conditions=(Condition(caveat=Caveat.ROTORS_NOT_SOUGHT),))
+
+
+def both(of_log: Clearance, of_aircraft: Clearance) -> Clearance:
+    """Return what the flights in a log and the earlier ones of the aircraft leave open together.
+
+    The graver level counts; of equal ones that of the log, which has its flight.
+    """
+    first, second = of_log, of_aircraft
+    if _gravity(second) < _gravity(first):
+        first, second = second, first
+    here = first.caveats
+    more = tuple(one for one in second.conditions if one.caveat not in here)
+    return replace(first, conditions=(*first.conditions, *more))
+
+
+def _gravity(one: Clearance) -> float:
+    return float("inf") if one.level is None else one.level.gravity
 
 
 def grounding_level(advice: Advice) -> FlightLevel | None:

@@ -33,8 +33,6 @@ from thrustmargin.models.errors import DataError, LogError
 from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
-    from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
-    from thrustmargin.gcs_plugin.store.hangar import KnownAircraft
     from thrustmargin.mission.forecast.plan_forecast import PlanForecast
     from thrustmargin.mission.plan_items import MissionPlan
     from thrustmargin.mission.steps import PumpOutput
@@ -184,8 +182,10 @@ def forecast(
         never_switched,
     )
     from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
+    from thrustmargin.gcs_plugin.commands.shared.known import named_aircraft
     from thrustmargin.mission.forecast import plan_forecast
     from thrustmargin.mission.forecast.battery import stated_capacity
+    from thrustmargin.models.model.clearance import both
     from thrustmargin.models.physics.day import Day, DaySource, DayValue
     from thrustmargin.models.physics.electric_power import power_law
     from thrustmargin.models.physics.known_battery import KnownBattery
@@ -214,7 +214,7 @@ def forecast(
     by_parameters = Day(battery_capacity_ah=DayValue(stated_capacity(known), heard))
     by_plan = Day(height=DayValue(found.home[2], DaySource.PLAN))
     logged = () if before.day is None else (before.day,)
-    aircraft = _known_aircraft(inputs)
+    aircraft = named_aircraft(inputs)
     earlier = KnownBattery() if aircraft is None else aircraft.battery_before()
     flown = DaySource.EARLIER
     by_flights = Day(
@@ -249,7 +249,10 @@ def forecast(
         other_order=before.other_order,
         experience=None if aircraft is None else aircraft.experience_before(),
     )
-    made = plan_forecast.with_clearance(made, before.clearance)
+    cleared = before.clearance
+    if aircraft is not None:
+        cleared = both(cleared, aircraft.clearance())
+    made = plan_forecast.with_clearance(made, cleared)
     if before.beyond_gauge_kg > 0.0:
         hidden = {"hidden mass": (f"{before.beyond_gauge_kg:.1f}",)}
         made = replace(made, assumed={**hidden, **made.assumed})
@@ -439,12 +442,3 @@ def _at_lift_off(plan: MissionPlan, before: _FlightBefore) -> MissionPlan:
     east, north, _ = pymap3d.geodetic2enu(latitude, longitude, 0.0, *plan.home[:2], 0.0)
     at_home = math.hypot(float(east), float(north)) <= AT_HOME
     return with_home_height(plan, altitude) if at_home else plan
-
-
-def _known_aircraft(inputs: Inputs) -> KnownAircraft | None:
-    """Return the known aircraft that is named; None without one."""
-    if inputs.known.aircraft is None or inputs.by_file:
-        return None
-    from thrustmargin.gcs_plugin.store.hangar import open_hangar
-
-    return open_hangar(inputs.known.hangar).load(inputs.known.aircraft)
