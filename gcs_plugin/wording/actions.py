@@ -57,6 +57,7 @@ hands_on, disarmed, at_desk, next_flight = (
     for when in (When.BATTERY_OFF, When.DISARMED, When.DESK, When.NEXT_FLIGHT)
 )
 LAND = Action("vehicle", "land", When.IN_FLIGHT)
+FLY_BY_SIGHT = Action("vehicle", "fly by sight", When.IN_FLIGHT)
 LOOK_FIRST = hands_on("rotor", "look there first")
 INSPECT = hands_on("propeller", "inspect its propeller or fit a new one of the same kind")
 SAME_KIND = hands_on(
@@ -131,6 +132,10 @@ GROUND_WRECK = next_flight(
 )
 #: The same in the letters of a STATUSTEXT.
 GROUND_BRIEFLY = "Do not fly before it is known why: look at all"
+GROUND_ROTOR = next_flight(
+    "rotor",
+    "do not fly it before its propellers, motors and ESCs were looked at, battery off",
+)
 GROUND_IT = next_flight(
     "vehicle", "do not fly it before its battery and propellers were looked at; then fill less"
 )
@@ -165,6 +170,8 @@ PROVE_SPEEDS = next_flight(
 )
 PROVE_AIR = next_flight("barometer", "report the next flight: nothing of its air is left out")
 PROVE_MODEL = next_flight("logs", "report the next flight: speeds and model must agree")
+CHECK_LINK = hands_on("link", "look at radio, cable and power of the telemetry")
+PROVE_LINK = next_flight("link", "watch the next flight: its telemetry must not stop")
 PROVE_LOG = next_flight("log", "report the whole log of a flight")
 PROVE_REPAIR = next_flight(
     "rotor",
@@ -221,6 +228,9 @@ class Trouble(StrEnum):
     LOG = "part of the flight not in the log"
     REPAIR = "repair that nobody noted"
     WIND = "wind"
+    GAUGE_SCALE = "scale of the tank gauge"
+    MASS = "mass not reported in all flights"
+    TELEMETRY = "lost telemetry"
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,31 +253,35 @@ class _Row:
     action: Action
     proof: Action
     in_flight: Urgency = Urgency.NOTHING
+    pilot: Action = LAND  # in flight, where the urgency is STOP
 
 
 _STOP, _SOON = Urgency.STOP, Urgency.BEFORE_NEXT
 #: Finding -> urgency, action and proof after the flight, and its urgency in flight. A bad rotor's
 #: urgency depends on its loss: `bad_rotor`.
 _TABLE: Mapping[Trouble, _Row] = {
-    Trouble.ROTOR: _Row(_STOP, INSPECT, PROVE_REPAIR, _STOP),
+    Trouble.ROTOR: _Row(_STOP, GROUND_ROTOR, PROVE_REPAIR, _STOP),
     Trouble.CONTROL: _Row(_STOP, GROUND_WRECK, PROVE_CONTROL, _STOP),
     Trouble.BATTERY: _Row(_STOP, TEST_BATTERY, PROVE_BATTERY, _STOP),
     Trouble.RESISTANCE: _Row(_SOON, TEST_BATTERY, PROVE_BATTERY),
     Trouble.NO_THRUST: _Row(_STOP, GROUND_IT, PROVE_FILL, _STOP),
     Trouble.TOO_HEAVY: _Row(_STOP, FILL_LESS, PROVE_FILL, _SOON),
     Trouble.OVER_LIMIT: _Row(_SOON, FILL_LESS, PROVE_FILL, _SOON),
-    Trouble.ORDER: _Row(_SOON, WHICH_MOTOR, PROVE_ORDER),
+    Trouble.ORDER: _Row(_SOON, WHICH_MOTOR, PROVE_ORDER, _SOON),
     Trouble.LOAD: _Row(_SOON, CHECK_LOAD, PROVE_LOAD, _SOON),
     Trouble.LOAD_UNKNOWN: _Row(_SOON, CONNECT_GAUGE, PROVE_LOAD),
     Trouble.GAUGE: _Row(_SOON, CHECK_TANK_GAUGE, PROVE_LOAD, _SOON),
     Trouble.VOLTAGE: _Row(_SOON, CHECK_VOLTMETER, PROVE_VOLTAGE, _SOON),
-    Trouble.SPEEDS: _Row(_SOON, CHECK_ESCS, PROVE_SPEEDS),
+    Trouble.SPEEDS: _Row(_SOON, CHECK_ESCS, PROVE_SPEEDS, _SOON),
     Trouble.BAROMETER: _Row(_SOON, CHECK_BAROMETER, PROVE_AIR),
-    Trouble.MODEL: _Row(_SOON, CHECK_MODEL, PROVE_MODEL),
+    Trouble.MODEL: _Row(_SOON, CHECK_MODEL, PROVE_MODEL, _SOON),
     Trouble.ROTORS_UNSEEN: _Row(_SOON, INSPECT_ALL, PROVE_SPEEDS),
     Trouble.LOG: _Row(_SOON, SEE_END, PROVE_LOG),
     Trouble.REPAIR: _Row(_SOON, NOTE_REPAIR, PROVE_REPAIR),
-    Trouble.WIND: _Row(_SOON, CHECK_WIND, PROVE_AIR, _SOON),
+    Trouble.WIND: _Row(_SOON, CHECK_WIND, PROVE_AIR),
+    Trouble.GAUGE_SCALE: _Row(_SOON, SET_GAUGE, PROVE_LOAD),
+    Trouble.MASS: _Row(_SOON, WEIGH, PROVE_LOAD),
+    Trouble.TELEMETRY: _Row(Urgency.NOTHING, CHECK_LINK, PROVE_LINK, _STOP, FLY_BY_SIGHT),
 }
 #: Level of a flight -> the finding behind it.
 OF_LEVEL: Mapping[FlightLevel, Trouble] = {
@@ -298,13 +312,13 @@ OF_CAVEAT: Mapping[Caveat, Trouble] = {
 def answer_to(trouble: Trouble, phase: Phase = Phase.RECORDED) -> TroubleAnswer:
     """Return what a finding asks for, how soon, and how its repair is proved.
 
-    In flight everything that must not go on asks to land; what can wait keeps its action for later,
-    and its urgency says whether the pilot hears of it now.
+    In flight what must not go on asks to land, or to fly by sight; what can wait keeps its action
+    for later, and its urgency says whether the pilot hears of it now.
     """
     row = _TABLE[trouble]
     if phase is not Phase.IN_FLIGHT:
         return TroubleAnswer(row.after, row.action, row.proof)
-    action = LAND if row.in_flight is Urgency.STOP else row.action
+    action = row.pilot if row.in_flight is Urgency.STOP else row.action
     return TroubleAnswer(row.in_flight, action, row.proof)
 
 
@@ -330,7 +344,7 @@ def bad_rotor(rotors: Sequence[int], loss_low: float, phase: Phase) -> TroubleAn
         return answer
     if loss_low >= LEAST:
         return replace(answer, action=not_before_looked_at(rotors))
-    return replace(answer, urgency=Urgency.BEFORE_NEXT)
+    return replace(answer, urgency=Urgency.BEFORE_NEXT, action=INSPECT)
 
 
 def change_propeller(rotor: int) -> Action:

@@ -92,7 +92,10 @@ def open_notes(advice: Advice) -> str:
     """
     if advice.in_progress or advice.level not in (FlightLevel.UNDER, FlightLevel.NEAR):
         return ""
-    notes = [say(_NOTES[one]) for one in advice.caveats if one in _NOTES]
+    # A speed whose error motor outputs show is corrected, and its ESC is named below.
+    corrected = advice.misread is not None and advice.misread.witnessed
+    settled = (Caveat.ROTOR_SPEEDS,) if corrected else ()
+    notes = [say(_NOTES[one]) for one in advice.caveats if one in _NOTES and one not in settled]
     return f" ({', '.join(notes)})" if notes else ""
 
 
