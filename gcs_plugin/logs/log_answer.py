@@ -14,6 +14,7 @@ from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.logs.vehicle_statements import VehicleStatement, vehicle_statements
 from thrustmargin.gcs_plugin.telemetry.first_contact import first_contact
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
+from thrustmargin.gcs_plugin.wording.actions import Urgency, urgency_of
 from thrustmargin.gcs_plugin.wording.advice_words import (
     action,
     fault_found,
@@ -98,23 +99,35 @@ def statement_words(one: VehicleStatement, advice: Advice | None) -> str:
     )
 
 
+#: How soon a flight asks for something -> the severity of its finding.
+_SEVERITIES = {
+    Urgency.STOP: Severity.GRAVE,
+    Urgency.BEFORE_NEXT: Severity.WARNING,
+    Urgency.NOTHING: Severity.OK,
+}
+
+
 def verdict_findings(advice: Advice) -> tuple[Finding, ...]:
-    """Return what the report of a flight finds at fault, for `inspect`: bad rotors, an ESC that
-    misreads, a model that the speeds contradict.
+    """Return what the report of a flight says, for `inspect`: its first line and what to do, bad
+    rotors, an ESC that misreads, a model that the speeds contradict.
     """
     findings = [
         Finding("rotors", Severity.GRAVE, fault_found(advice, episode)) for episode in advice.faults
     ]
-    if advice.faults:
-        findings.append(Finding("what to do", Severity.GRAVE, action(advice)))
     if advice.misread is not None:
         findings.append(Finding("ESC speed", Severity.WARNING, misread_words(advice.misread)))
     findings += [Finding("arm", Severity.WARNING, words) for words in arm_sentences(advice.arms)]
     if Caveat.MODEL in advice.caveats:
         findings.append(Finding("model", Severity.WARNING, misfit_words(advice)))
-    if not findings and not advice.withheld and Caveat.ROTORS_NOT_SOUGHT not in advice.caveats:
-        findings.append(Finding("rotors", Severity.OK, headline(advice)))
-    return tuple(findings)
+    urgency = urgency_of(advice.level, left_open=bool(advice.caveats))
+    if urgency is Urgency.NOTHING and not findings:
+        return (Finding("rotors", Severity.OK, headline(advice)),)
+    if urgency is None or advice.withheld:
+        return tuple(findings)
+    severity = _SEVERITIES[urgency]
+    if not advice.faults:
+        findings.append(Finding("flight", severity, headline(advice)))
+    return (*findings, Finding("what to do", severity, action(advice)))
 
 
 def first_contact_of(log: FlightLog, claim: AirframeClaim) -> FirstContact | None:

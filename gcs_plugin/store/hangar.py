@@ -17,7 +17,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -29,6 +29,8 @@ from thrustmargin.models.checks.arms.arm_figures import ArmFigures
 from thrustmargin.models.checks.arms.arm_law import ArmLaw
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.json_values import from_json_values, to_json_values
+from thrustmargin.models.model.advice import FlightLevel
+from thrustmargin.models.model.clearance import Clearance, Condition
 from thrustmargin.models.model.mode_walk import (
     FlightOffsets,
     ModeState,
@@ -40,6 +42,7 @@ from thrustmargin.models.model.mode_walk import (
     walk,
 )
 from thrustmargin.models.model.model_file import load_model
+from thrustmargin.models.model.model_misfit import Caveat
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.electric_power import FlightPower, PowerLaw, power_law
 from thrustmargin.models.physics.known_battery import KnownBattery, known_battery
@@ -68,6 +71,16 @@ class NotTaught(StrEnum):
     TOO_SHORT = "too little flight with rotor speeds and load"
 
 
+#: Levels of a flight that forbid the next one; of one without thrust a row does not know whether
+#: it was one rotor alone or the load.
+_GROUNDING = (FlightLevel.DAMAGED, FlightLevel.LOST, FlightLevel.BATTERY)
+#: Reason for which the last flight taught nothing -> what it leaves open for the next one.
+_OPEN: Mapping[NotTaught, Caveat] = {
+    NotTaught.NO_VERDICT: Caveat.ROTORS_NOT_SOUGHT,
+    NotTaught.TOO_SHORT: Caveat.ROTORS_NOT_SOUGHT,
+    NotTaught.LOAD: Caveat.LOAD,
+    NotTaught.READINGS: Caveat.ROTOR_SPEEDS,
+}
 #: Reasons for which the readings of a flight say nothing of the sound aircraft's power.
 UNTRUSTED = (NotTaught.FAULT, NotTaught.LOST, NotTaught.NO_VERDICT, NotTaught.READINGS)
 
@@ -105,6 +118,11 @@ class AircraftFlight:
     trained: bool = False  # the model was made from it
     arms: ArmFigures | None = None  # what each arm's ESC reported of it
     bad_arms: tuple[int, ...] = ()  # arms, from 0, of which a part may have been bad
+
+    @property
+    def trusted(self) -> bool:
+        """Return whether its readings say something of the sound aircraft's power and missions."""
+        return self.not_taught not in UNTRUSTED
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -181,12 +199,36 @@ class KnownAircraft:
         Those are the flights without a bad part, lost control or rotor speeds that are not trusted.
         Power and battery do not depend on the load, so a flight of another load counts.
         """
-        rows = [
-            row
-            for row in self.flights
-            if row.start_unix_s < start_unix_s and row.not_taught not in UNTRUSTED
-        ]
+        rows = [row for row in self.flights if row.start_unix_s < start_unix_s and row.trusted]
         return tuple(rows[-RECENT:])
+
+    def clearance(self) -> Clearance:
+        """Return what the last RECENT flights mean for the next take-off.
+
+        A flight that grounds the aircraft does so until a repair is noted after it. Then, and where
+        a later flight taught, so that its rotors were seen sound, it is a condition; with both it
+        is over. The conditions besides are those of the last flight.
+        """
+        rows = self.flights[-RECENT:]
+        conditions: list[Condition] = []
+        for row in reversed(rows):
+            level = FlightLevel(row.level)
+            if level not in _GROUNDING:
+                continue
+            noted = any(at > row.start_unix_s for at in self.repairs)
+            sound = any(
+                one.start_unix_s > row.start_unix_s and one.not_taught is None for one in rows
+            )
+            if noted and sound:
+                continue
+            if not noted and (level is FlightLevel.LOST or not sound):
+                rotors = sorted({int(words.split()[-1]) for words in row.faults})
+                return Clearance(level=level, rotors=tuple(rotors), log_name=row.log_name)
+            conditions = [Condition(caveat=Caveat.BAD_BEFORE)]
+        open_of = _OPEN.get(rows[-1].not_taught) if rows and rows[-1].not_taught else None
+        if open_of is not None:
+            conditions.append(Condition(caveat=open_of))
+        return Clearance(conditions=tuple(conditions))
 
     def power_before(self, start_unix_s: float = math.inf) -> PowerLaw | None:
         """Return the power law by the flights before a Unix time; None where none has a current."""

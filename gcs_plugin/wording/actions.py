@@ -8,13 +8,15 @@ they are never swapped between directions; a new one of the same kind is fitted.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum, StrEnum
 from functools import partial
 
 from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.fault_test import LEAST
 from thrustmargin.models.model.inferred.load_inference import THEN_CHECK
+from thrustmargin.models.model.model_misfit import Caveat
 
 
 class When(Enum):
@@ -55,6 +57,7 @@ hands_on, disarmed, at_desk, next_flight = (
     for when in (When.BATTERY_OFF, When.DISARMED, When.DESK, When.NEXT_FLIGHT)
 )
 LAND = Action("vehicle", "land", When.IN_FLIGHT)
+FLY_BY_SIGHT = Action("vehicle", "fly by sight", When.IN_FLIGHT)
 LOOK_FIRST = hands_on("rotor", "look there first")
 INSPECT = hands_on("propeller", "inspect its propeller or fit a new one of the same kind")
 SAME_KIND = hands_on(
@@ -96,8 +99,15 @@ WEIGH = disarmed("airframe", "weigh it ready to fly, without liquid")
 CHECK_LOAD = disarmed("load", THEN_CHECK)
 SET_GAUGE = disarmed("tank gauge", "weigh what is filled in and set the gauge by it")
 ZERO_GAUGE = disarmed("tank gauge", "set it to zero with an empty tank")
+CHECK_TANK_GAUGE = disarmed("tank gauge", "check the tank gauge against what was filled in")
 CHECK_GAUGE = disarmed("tank gauge", "check it against what was filled in")
 ZERO_AIRSPEED = disarmed("airspeed sensor", "set its zero before take-off")
+CHECK_VOLTMETER = disarmed(
+    "voltmeter", "measure the battery with another meter, and set the scale of its voltmeter by it"
+)
+CHECK_BAROMETER = disarmed(
+    "barometer", "compare its pressure with a weather station, and keep sun and wind off it"
+)
 CHECK_AIRSPEED = disarmed("airspeed sensor", "check its tube and its calibration")
 CHECK_WIND = disarmed("airspeed sensor", "check the airspeed sensor")
 TEST_BATTERY = hands_on("battery", "take the battery out and test it, or retire it")
@@ -122,6 +132,10 @@ GROUND_WRECK = next_flight(
 )
 #: The same in the letters of a STATUSTEXT.
 GROUND_BRIEFLY = "Do not fly before it is known why: look at all"
+GROUND_ROTOR = next_flight(
+    "rotor",
+    "do not fly it before its propellers, motors and ESCs were looked at, battery off",
+)
 GROUND_IT = next_flight(
     "vehicle", "do not fly it before its battery and propellers were looked at; then fill less"
 )
@@ -131,6 +145,34 @@ GROUND_BATTERY = next_flight(
     "less",
 )
 FILL_LESS = next_flight("load", "fill less: thrustmargin fill says how much")
+INSPECT_ALL = hands_on("propeller", "inspect every propeller: a weak one does not show in this log")
+CHECK_ESCS = at_desk("ESC", "check the telemetry of the ESCs: its speeds were left out")
+CHECK_MODEL = at_desk("logs", "check load, gauge and ESC telemetry, then run thrustmargin identify")
+SEE_END = next_flight("log", "see how the flight ended")
+RECORD_WHOLE = next_flight("log", "record the whole flight next time")
+NOTE_REPAIR = at_desk(
+    "aircraft", "make sure that what was bad in the flight before is repaired, for nobody noted it"
+)
+PROVE_CONTROL = next_flight(
+    "vehicle", "hover it low and without liquid first, and report that flight"
+)
+PROVE_BATTERY = next_flight(
+    "battery", "report its next flight: no cell may fall below 3.0 V under load"
+)
+PROVE_FILL = next_flight("load", "report the next flight: it must stay below the limit")
+PROVE_ORDER = next_flight("motor", "report the next flight: its motor order must be right")
+PROVE_LOAD = next_flight("load", "report the next flight: gauge, pump and thrust must agree")
+PROVE_VOLTAGE = next_flight(
+    "voltmeter", "report the next flight: the voltage must fall as the current rises"
+)
+PROVE_SPEEDS = next_flight(
+    "settings", "report the next flight with ESC telemetry: rotors are looked at by their speed"
+)
+PROVE_AIR = next_flight("barometer", "report the next flight: nothing of its air is left out")
+PROVE_MODEL = next_flight("logs", "report the next flight: speeds and model must agree")
+CHECK_LINK = hands_on("link", "look at radio, cable and power of the telemetry")
+PROVE_LINK = next_flight("link", "watch the next flight: its telemetry must not stop")
+PROVE_LOG = next_flight("log", "report the whole log of a flight")
 PROVE_REPAIR = next_flight(
     "rotor",
     "fly one tank gently and report that flight: the loss must be gone",
@@ -163,27 +205,146 @@ class Urgency(StrEnum):
     NOTHING = "nothing"  # green
 
 
+class Trouble(StrEnum):
+    """The kinds of findings that ask for something, whichever command, alarm or page has found
+    one."""
+
+    ROTOR = "bad rotor or motor"
+    CONTROL = "lost control"
+    BATTERY = "collapsed battery"
+    RESISTANCE = "battery resistance"
+    NO_THRUST = "no thrust left"
+    TOO_HEAVY = "too heavy to lose a rotor"
+    OVER_LIMIT = "above the limit, or near it"
+    ORDER = "motor order"
+    LOAD = "load not reported"
+    LOAD_UNKNOWN = "load not known"
+    GAUGE = "tank gauge"
+    VOLTAGE = "battery voltage"
+    SPEEDS = "rotor speeds"
+    BAROMETER = "barometer"
+    MODEL = "model"
+    ROTORS_UNSEEN = "weak rotors not looked for"
+    LOG = "part of the flight not in the log"
+    REPAIR = "repair that nobody noted"
+    WIND = "wind"
+    GAUGE_SCALE = "scale of the tank gauge"
+    MASS = "mass not reported in all flights"
+    TELEMETRY = "lost telemetry"
+
+
 @dataclass(frozen=True, slots=True)
-class RotorAnswer:
-    """What a bad rotor asks for in one phase, how soon, and how the repair is proved."""
+class TroubleAnswer:
+    """What a finding asks for in one phase, how soon, and how its repair is proved."""
 
     urgency: Urgency
     action: Action
     proof: Action
 
 
-def bad_rotor(rotors: Sequence[int], loss_low: float, phase: Phase) -> RotorAnswer:
+@dataclass(frozen=True, slots=True)
+class _Row:
+    """One line of the table: what a finding asks for once the flight is over, and in flight.
+
+    In flight a person can end the flight or fly on; what is to be looked at comes later.
+    """
+
+    after: Urgency
+    action: Action
+    proof: Action
+    in_flight: Urgency = Urgency.NOTHING
+    pilot: Action = LAND  # in flight, where the urgency is STOP
+
+
+_STOP, _SOON = Urgency.STOP, Urgency.BEFORE_NEXT
+#: Finding -> urgency, action and proof after the flight, and its urgency in flight. A bad rotor's
+#: urgency depends on its loss: `bad_rotor`.
+_TABLE: Mapping[Trouble, _Row] = {
+    Trouble.ROTOR: _Row(_STOP, GROUND_ROTOR, PROVE_REPAIR, _STOP),
+    Trouble.CONTROL: _Row(_STOP, GROUND_WRECK, PROVE_CONTROL, _STOP),
+    Trouble.BATTERY: _Row(_STOP, TEST_BATTERY, PROVE_BATTERY, _STOP),
+    Trouble.RESISTANCE: _Row(_SOON, TEST_BATTERY, PROVE_BATTERY),
+    Trouble.NO_THRUST: _Row(_STOP, GROUND_IT, PROVE_FILL, _STOP),
+    Trouble.TOO_HEAVY: _Row(_STOP, FILL_LESS, PROVE_FILL, _SOON),
+    Trouble.OVER_LIMIT: _Row(_SOON, FILL_LESS, PROVE_FILL, _SOON),
+    Trouble.ORDER: _Row(_SOON, WHICH_MOTOR, PROVE_ORDER, _SOON),
+    Trouble.LOAD: _Row(_SOON, CHECK_LOAD, PROVE_LOAD, _SOON),
+    Trouble.LOAD_UNKNOWN: _Row(_SOON, CONNECT_GAUGE, PROVE_LOAD),
+    Trouble.GAUGE: _Row(_SOON, CHECK_TANK_GAUGE, PROVE_LOAD, _SOON),
+    Trouble.VOLTAGE: _Row(_SOON, CHECK_VOLTMETER, PROVE_VOLTAGE, _SOON),
+    Trouble.SPEEDS: _Row(_SOON, CHECK_ESCS, PROVE_SPEEDS, _SOON),
+    Trouble.BAROMETER: _Row(_SOON, CHECK_BAROMETER, PROVE_AIR),
+    Trouble.MODEL: _Row(_SOON, CHECK_MODEL, PROVE_MODEL, _SOON),
+    Trouble.ROTORS_UNSEEN: _Row(_SOON, INSPECT_ALL, PROVE_SPEEDS),
+    Trouble.LOG: _Row(_SOON, SEE_END, PROVE_LOG),
+    Trouble.REPAIR: _Row(_SOON, NOTE_REPAIR, PROVE_REPAIR),
+    Trouble.WIND: _Row(_SOON, CHECK_WIND, PROVE_AIR),
+    Trouble.GAUGE_SCALE: _Row(_SOON, SET_GAUGE, PROVE_LOAD),
+    Trouble.MASS: _Row(_SOON, WEIGH, PROVE_LOAD),
+    Trouble.TELEMETRY: _Row(Urgency.NOTHING, CHECK_LINK, PROVE_LINK, _STOP, FLY_BY_SIGHT),
+}
+#: Level of a flight -> the finding behind it.
+OF_LEVEL: Mapping[FlightLevel, Trouble] = {
+    FlightLevel.DAMAGED: Trouble.ROTOR,
+    FlightLevel.LOST: Trouble.CONTROL,
+    FlightLevel.BATTERY: Trouble.BATTERY,
+    FlightLevel.NO_THRUST: Trouble.NO_THRUST,
+    FlightLevel.CRITICAL: Trouble.TOO_HEAVY,
+    FlightLevel.OVER: Trouble.OVER_LIMIT,
+    FlightLevel.ORDER: Trouble.ORDER,
+    FlightLevel.NEAR: Trouble.OVER_LIMIT,
+}
+#: What a flight leaves open -> the finding behind it.
+OF_CAVEAT: Mapping[Caveat, Trouble] = {
+    Caveat.GAUGE: Trouble.GAUGE,
+    Caveat.LOAD: Trouble.LOAD,
+    Caveat.VOLTAGE: Trouble.VOLTAGE,
+    Caveat.ROTOR_SPEEDS: Trouble.SPEEDS,
+    Caveat.BAROMETER: Trouble.BAROMETER,
+    Caveat.MODEL: Trouble.MODEL,
+    Caveat.ROTORS_NOT_SOUGHT: Trouble.ROTORS_UNSEEN,
+    Caveat.ROTORS_BY_OUTPUTS: Trouble.ROTORS_UNSEEN,
+    Caveat.UNSEEN: Trouble.LOG,
+    Caveat.BAD_BEFORE: Trouble.REPAIR,
+}
+
+
+def answer_to(trouble: Trouble, phase: Phase = Phase.RECORDED) -> TroubleAnswer:
+    """Return what a finding asks for, how soon, and how its repair is proved.
+
+    In flight what must not go on asks to land, or to fly by sight; what can wait keeps its action
+    for later, and its urgency says whether the pilot hears of it now.
+    """
+    row = _TABLE[trouble]
+    if phase is not Phase.IN_FLIGHT:
+        return TroubleAnswer(row.after, row.action, row.proof)
+    action = row.pilot if row.in_flight is Urgency.STOP else row.action
+    return TroubleAnswer(row.in_flight, action, row.proof)
+
+
+def urgency_of(level: FlightLevel, *, left_open: bool = False) -> Urgency | None:
+    """Return how soon a flight asks for something, by its level and by whether it leaves anything
+    open; None where nothing is known.
+    """
+    if level is FlightLevel.UNKNOWN:
+        return None
+    found = answer_to(OF_LEVEL[level]).urgency if level in OF_LEVEL else Urgency.NOTHING
+    return Urgency.BEFORE_NEXT if found is Urgency.NOTHING and left_open else found
+
+
+def bad_rotor(rotors: Sequence[int], loss_low: float, phase: Phase) -> TroubleAnswer:
     """Return the answer to rotors, from 1, that lose thrust or speed.
 
     `loss_low` is the low end of the interval of the loss, as a share of thrust. From the least loss
     that an alarm reports nobody flies with it; a smaller one is looked at before the next day of
     work. In flight every alarm asks to land.
     """
+    answer = answer_to(Trouble.ROTOR, phase)
     if phase is Phase.IN_FLIGHT:
-        return RotorAnswer(Urgency.STOP, LAND, PROVE_REPAIR)
+        return answer
     if loss_low >= LEAST:
-        return RotorAnswer(Urgency.STOP, not_before_looked_at(rotors), PROVE_REPAIR)
-    return RotorAnswer(Urgency.BEFORE_NEXT, INSPECT, PROVE_REPAIR)
+        return replace(answer, action=not_before_looked_at(rotors))
+    return replace(answer, urgency=Urgency.BEFORE_NEXT, action=INSPECT)
 
 
 def change_propeller(rotor: int) -> Action:

@@ -9,6 +9,7 @@ from enum import StrEnum
 import numpy as np
 
 from thrustmargin.gcs_plugin.wording import actions, alarm_words
+from thrustmargin.gcs_plugin.wording.actions import OF_CAVEAT, Phase, Trouble
 from thrustmargin.gcs_plugin.wording.arm_words import arm_sentences
 from thrustmargin.gcs_plugin.wording.fill_words import fill_advice, how_sure
 from thrustmargin.gcs_plugin.wording.language import (
@@ -48,6 +49,15 @@ _UNSEEN = {
     (False, True): " (LOG ENDS IN FLIGHT)",
 }
 _PAUSED = " (NOTHING IN THE LOG FOR {long} OF IT)"
+#: What a good answer does not rest on -> the note behind it, for the first line is read alone.
+_NOTES: Mapping[Caveat, str] = {
+    Caveat.GAUGE: "TANK GAUGE LEFT OUT",
+    Caveat.VOLTAGE: "VOLTMETER LEFT OUT",
+    Caveat.ROTOR_SPEEDS: "ROTOR SPEED SENSORS TO CHECK",
+    Caveat.BAROMETER: "BAROMETER LEFT OUT",
+    Caveat.ROTORS_NOT_SOUGHT: "WEAK ROTORS NOT LOOKED FOR",
+    Caveat.ROTORS_BY_OUTPUTS: "ROTORS LOOKED AT BY OUTPUTS ALONE",
+}
 PREDICTED_ALONE = (
     "predicted: for most of the flight no rotor speed was measured, nor made from motor outputs"
 )
@@ -68,11 +78,26 @@ def headline(advice: Advice) -> str:
     first = [level for level in (FlightLevel.DAMAGED, FlightLevel.LOST) if level in advice.levels]
     which = [FlightLevel.ORDER] if FlightLevel.ORDER in advice.levels[1:] else []
     words = "; ".join(_first_line(advice, one) for one in (*(first or advice.levels[:1]), *which))
+    words += open_notes(advice)
     if advice.complete or FlightLevel.LOST in first or advice.level is FlightLevel.UNKNOWN:
         return words
     if unseen := _UNSEEN.get((advice.begun_before, advice.ends_in_flight)):
         return f"{words}{say(unseen)}"
     return f"{words}{say(_PAUSED, long=duration(advice.paused_s).upper())}"
+
+
+def open_notes(advice: Advice) -> str:
+    """Return in capitals, in brackets, what a good answer does not rest on; empty for a bad one.
+
+    While the aircraft flies its alarms report that.
+    """
+    if advice.in_progress or advice.level not in (FlightLevel.UNDER, FlightLevel.NEAR):
+        return ""
+    # A speed whose error motor outputs show is corrected, and its ESC is named below.
+    corrected = advice.misread is not None and advice.misread.witnessed
+    settled = (Caveat.ROTOR_SPEEDS,) if corrected else ()
+    notes = [say(_NOTES[one]) for one in advice.caveats if one in _NOTES and one not in settled]
+    return f" ({', '.join(notes)})" if notes else ""
 
 
 def _first_line(advice: Advice, level: FlightLevel) -> str:
@@ -243,6 +268,10 @@ class ActionKind(StrEnum):
     TEST_BATTERY = "test_battery"
     FIND_MOTORS = "find_motors"
     CHECK_LOAD = "check_load"
+    CHECK_GAUGE = "check_gauge"
+    CHECK_VOLTMETER = "check_voltmeter"
+    CHECK_BAROMETER = "check_barometer"
+    INSPECT_ROTORS = "inspect_rotors"
     NO_FILL = "fill_not_known"
     DO_NOT_FILL = "do_not_fill"
     FILL = "fill_at_most"
@@ -267,7 +296,7 @@ def action_steps(advice: Advice) -> list[tuple[ActionKind, str]]:
     if land:
         first.append((ActionKind.LAND, actions.LAND.text))
     if FlightLevel.LOST in advice.levels:
-        first.append((ActionKind.GROUND, actions.GROUND_WRECK.text))
+        first.append((ActionKind.GROUND, _answer(Trouble.CONTROL).action.text))
     if FlightLevel.DAMAGED in advice.levels:
         first.append((ActionKind.LOOK_AT_ROTORS, _bad_rotors(advice).action.text))
     elif advice.misread is not None:
@@ -276,22 +305,25 @@ def action_steps(advice: Advice) -> list[tuple[ActionKind, str]]:
         look = actions.not_before_looked_at((rotor,)).text
         first.append((ActionKind.LOOK_AT_ROTORS, look))
     if FlightLevel.BATTERY in advice.levels:
-        first.append((ActionKind.TEST_BATTERY, actions.TEST_BATTERY.text))
+        first.append((ActionKind.TEST_BATTERY, _answer(Trouble.BATTERY).action.text))
     # No fill is advised before landing.
-    if land or advice.level is FlightLevel.UNKNOWN or FlightLevel.LOST in advice.levels:
+    if land or FlightLevel.LOST in advice.levels:
         return first
+    if advice.level is FlightLevel.UNKNOWN:
+        return [*first, *([] if advice.withheld else _open_steps(advice))]
     if FlightLevel.DAMAGED not in advice.levels and not advice.rotor_names:
-        first.append((ActionKind.FIND_MOTORS, actions.WHICH_MOTOR.text))
+        first.append((ActionKind.FIND_MOTORS, _answer(Trouble.ORDER).action.text))
     within = FlightLevel.UNDER in advice.levels
     load = fill_advice(advice.fill, advice.limit, was_within=within)
     load = load[:1].lower() + load[1:]
     if advice.fill.beyond_gauge_kg > 0.0:
         more = number(advice.fill.beyond_gauge_kg, "kg")
         words = "{action}: thrust shows {more} more than was reported"
-        asked = say(words, action=actions.CHECK_LOAD.text, more=more)
+        asked = say(words, action=_answer(Trouble.LOAD).action.text, more=more)
         first.append((ActionKind.CHECK_LOAD, asked))
     if FlightLevel.DAMAGED in advice.levels:
         return [*first, (_fill_kind(advice), load)]
+    first += _open_steps(advice)
     then: list[tuple[ActionKind, str]] = []
     # If the fill cannot be reduced, only gentle flying helps.
     hard = {FlightLevel.OVER, FlightLevel.NEAR} if advice.fill.nothing_fits is not None else set()
@@ -304,10 +336,7 @@ def action_steps(advice: Advice) -> list[tuple[ActionKind, str]]:
         less = say("carry less than the {kg} of this flight", kg=carried)
         then.append((ActionKind.CARRY_LESS, less))
     if not first:
-        kind = ActionKind.NOTHING if advice.complete else ActionKind.RECORD_WHOLE
-        done = say("nothing" if advice.complete else "record the whole flight next time")
-        if advice.ends_in_flight:
-            kind, done = ActionKind.SEE_END, say("see how the flight ended")
+        kind, done = ActionKind.NOTHING, say("nothing")
         if advice.fill.kg <= 0.0 and advice.fill.nothing_fits is None:
             # It did fly below the limit with a load, so the wind that contradicts it is checked.
             kind, done = ActionKind.CHECK_WIND, actions.CHECK_WIND.text
@@ -315,6 +344,38 @@ def action_steps(advice: Advice) -> list[tuple[ActionKind, str]]:
     later = advice.fill.beyond_gauge_kg > 0.0
     load = say("until then {load}" if later else "for the load: {load}", load=load)
     return [*first, (_fill_kind(advice), load), *then]
+
+
+#: What a flight leaves open -> the kind of step that it asks for. The load has words of its own.
+_OPEN: Mapping[Caveat, ActionKind] = {
+    Caveat.GAUGE: ActionKind.CHECK_GAUGE,
+    Caveat.VOLTAGE: ActionKind.CHECK_VOLTMETER,
+    Caveat.ROTOR_SPEEDS: ActionKind.CHECK_ESC,
+    Caveat.BAROMETER: ActionKind.CHECK_BAROMETER,
+    Caveat.ROTORS_NOT_SOUGHT: ActionKind.INSPECT_ROTORS,
+    Caveat.ROTORS_BY_OUTPUTS: ActionKind.INSPECT_ROTORS,
+}
+
+
+def _open_steps(advice: Advice) -> list[tuple[ActionKind, str]]:
+    """Return the steps by which what a flight left open is settled; none while it goes on."""
+    if advice.in_progress:
+        return []
+    steps = []
+    for caveat in advice.caveats:
+        if caveat is Caveat.UNSEEN:
+            # A log that ends in the air lacks what matters most for the next flight.
+            ended = advice.ends_in_flight
+            kind = ActionKind.SEE_END if ended else ActionKind.RECORD_WHOLE
+            steps.append((kind, (actions.SEE_END if ended else actions.RECORD_WHOLE).text))
+        elif caveat in _OPEN and not (caveat is Caveat.ROTOR_SPEEDS and advice.misread):
+            steps.append((_OPEN[caveat], _answer(OF_CAVEAT[caveat]).action.text))
+    return steps
+
+
+def _answer(trouble: Trouble) -> actions.TroubleAnswer:
+    """Return what a finding asks for after the flight."""
+    return actions.answer_to(trouble, Phase.LANDED)
 
 
 def _fill_kind(advice: Advice) -> ActionKind:
@@ -326,7 +387,7 @@ def _fill_kind(advice: Advice) -> ActionKind:
     return ActionKind.DO_NOT_FILL if empty else ActionKind.FILL
 
 
-def _bad_rotors(advice: Advice) -> actions.RotorAnswer:
+def _bad_rotors(advice: Advice) -> actions.TroubleAnswer:
     """Return what the bad rotors of a flight ask for when it is over."""
     low = max((episode.fault.lower for episode in advice.faults), default=0.0)
     return actions.bad_rotor(suspects(advice), max(low, LEAST), actions.Phase.RECORDED)

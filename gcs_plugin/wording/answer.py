@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +14,7 @@ from thrustmargin.gcs_plugin.wording.fill_words import safe_kg
 from thrustmargin.gcs_plugin.wording.glance_words import glance
 from thrustmargin.gcs_plugin.wording.language import clock, number, say
 from thrustmargin.models.model.advice import Advice, FlightLevel
+from thrustmargin.models.model.model_misfit import Caveat
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +33,7 @@ class FlightAnswer:
         None  # of an aircraft that is not known: what its rows show
     )
     glance: str = ""  # the action in a few words, for a banner; empty where nothing is known
+    left_open: bool = False  # something that the flight did not show is to be looked at
 
     @property
     def line(self) -> str:
@@ -52,6 +55,11 @@ class FlightAnswer:
             report_words.contact_facts(contact) if whole else (report_words.contact_use(contact),)
         )
         return tuple(f"{say(fact.label)}: {fact.text}" for fact in found)
+
+    @property
+    def urgency(self) -> actions.Urgency | None:
+        """How soon it asks for something, which is its colour; None where nothing is known."""
+        return actions.urgency_of(self.level, left_open=self.left_open)
 
     @property
     def gravity(self) -> float:
@@ -88,7 +96,20 @@ def answer_of(
         until_s=until_s,
         contact=contact,
         glance=glance(advice),
+        left_open=bool(advice.caveats) and not advice.in_progress,
     )
+
+
+#: What a flight left open -> what is to be checked, in few letters.
+_TO_CHECK: Mapping[Caveat, str] = {
+    Caveat.GAUGE: "the gauge",
+    Caveat.LOAD: "the load",
+    Caveat.VOLTAGE: "the voltmeter",
+    Caveat.ROTOR_SPEEDS: "the ESCs",
+    Caveat.BAROMETER: "the barometer",
+    Caveat.ROTORS_NOT_SOUGHT: "all propellers",
+    Caveat.ROTORS_BY_OUTPUTS: "all propellers",
+}
 
 
 def brief(advice: Advice, contact: report_words.FirstContact | None = None) -> str:
@@ -111,9 +132,15 @@ def brief(advice: Advice, contact: report_words.FirstContact | None = None) -> s
         return report_words.contact_headline(contact)
     if advice.level is FlightLevel.UNKNOWN or not math.isfinite(advice.fill.kg):
         return ""
+    if advice.ends_in_flight:
+        return say("See how the flight ended")
     if advice.fill.nothing_fits is not None or advice.fill.kg <= 0.0:
         return "" if advice.level is FlightLevel.UNDER else say("Too heavy: see thrustmargin fill")
     kg, at_s = number(safe_kg(advice.fill), "kg"), advice.fill.day.loaded_voltage.at_s
+    for caveat in advice.caveats:
+        if caveat in _TO_CHECK:
+            what = say(_TO_CHECK[caveat])
+            return say("Next fill: at most {kg}; check {what}", kg=kg, what=what)
     if math.isnan(at_s):
         return say("Next fill: at most {kg}", kg=kg)
     return say("Next fill: at most {kg}, battery as at {clock}", kg=kg, clock=clock(at_s))

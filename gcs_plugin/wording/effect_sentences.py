@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording import effect_amounts as amounts
-from thrustmargin.gcs_plugin.wording.actions import Action
+from thrustmargin.gcs_plugin.wording.actions import Action, Trouble
 from thrustmargin.gcs_plugin.wording.effect_amounts import DescribedEffect, rotor_words
 from thrustmargin.gcs_plugin.wording.language import CHANNEL_WORDS, say
 from thrustmargin.models.effects.base import Placed
@@ -150,10 +150,14 @@ WORDS: Mapping[str, EffectWords] = {
     "rotor_degradation:until repaired": EffectWords(
         "a weak {rotor} until it was repaired", amounts.weak_until_repaired, actions.REPAIRED
     ),
-    "extra_mass": EffectWords("hidden mass", amounts.hidden_mass, actions.WEIGH),
+    "extra_mass": EffectWords(
+        "hidden mass", amounts.hidden_mass, actions.answer_to(Trouble.MASS).action
+    ),
     "air_density": EffectWords("air density", amounts.air_density),
     "tank_scale": EffectWords(
-        "a wrong tank gauge", partial(amounts.wrong_gain, *amounts.GAUGE_SHOWS), actions.SET_GAUGE
+        "a wrong tank gauge",
+        partial(amounts.wrong_gain, *amounts.GAUGE_SHOWS),
+        actions.answer_to(Trouble.GAUGE_SCALE).action,
     ),
     "tank_zero": EffectWords("a tank gauge off its zero", amounts.tank_zero, actions.ZERO_GAUGE),
     "tank_drift": EffectWords("a tank gauge that drifts", amounts.tank_drift, actions.CHECK_GAUGE),
@@ -186,7 +190,7 @@ WORDS: Mapping[str, EffectWords] = {
     "battery_voltage": EffectWords(
         "rotor speeds that follow the voltage", amounts.voltage, actions.ESC_SPEEDS
     ),
-    "wind": EffectWords("wind", amounts.wind, actions.CHECK_WIND),
+    "wind": EffectWords("wind", amounts.wind, actions.answer_to(Trouble.WIND).action),
     "unnamed_cause": EffectWords(
         "a cause without a name in {where}", amounts.by_parameters, actions.KEEP_AS_SEEN
     ),

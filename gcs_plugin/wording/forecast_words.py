@@ -7,6 +7,11 @@ import math
 from collections.abc import Mapping, Sequence
 
 from thrustmargin.gcs_plugin.wording.advice_words import damage_words
+from thrustmargin.gcs_plugin.wording.clearance_words import (
+    conditions_words,
+    first_steps,
+    grounding_words,
+)
 from thrustmargin.gcs_plugin.wording.day_words import day_line
 from thrustmargin.gcs_plugin.wording.fill_words import UNSOUND, amount, with_day
 from thrustmargin.gcs_plugin.wording.language import (
@@ -23,22 +28,14 @@ from thrustmargin.gcs_plugin.wording.thrust_left import least_words, left_words
 from thrustmargin.mission.forecast.fill_along import Weakest
 from thrustmargin.mission.forecast.legs import Sortie
 from thrustmargin.mission.forecast.plan_forecast import PlanForecast
-from thrustmargin.models.model.advice import FlightLevel
-from thrustmargin.models.model.model_misfit import Caveat
+from thrustmargin.models.model.advice import LEAST_FLIGHT_S, FlightLevel
 from thrustmargin.models.physics.electric_power import power_factors
 
 NO_VERDICT = "NO VERDICT: the model predicts nothing for this aircraft in these conditions"
 UNLIKE = "NO VERDICT: the flight in this log does not fit the airframe"
+NO_FLIGHT_SEEN = "NO VERDICT: the log shows no flight of this aircraft"
+NOT_RECOGNISED = "NO VERDICT: the flight in this log is not recognised as one of this aircraft"
 CONTRADICTED = "NO VERDICT: in the flight of this log rotor speeds and model contradict each other"
-#: Conditions of a good verdict that the last flight did not settle.
-CONDITIONS: Mapping[Caveat, str] = {
-    Caveat.GAUGE: "THE TANK LEVEL IS KNOWN (THE GAUGE WAS LEFT OUT)",
-    Caveat.VOLTAGE: "THE VOLTAGE IS KNOWN (THE VOLTMETER WAS LEFT OUT)",
-    Caveat.ROTOR_SPEEDS: "THE ROTOR SPEED SENSORS ARE RIGHT",
-    Caveat.BAROMETER: "THE AIR IS KNOWN (THE BAROMETER WAS LEFT OUT)",
-    Caveat.ROTORS_NOT_SOUGHT: "ALL ROTORS ARE SOUND (THE LOG DOES NOT SHOW IT)",
-    Caveat.ROTORS_BY_OUTPUTS: "NO ROTOR IS WEAK FROM THE START (OUTPUTS DO NOT SHOW IT)",
-}
 #: Unknown value -> the words about its assumption; {0} is the assumed value.
 ASSUMED: Mapping[str, str] = {
     "aircraft": "the aircraft is {0}: give --airframe",
@@ -97,7 +94,10 @@ LEAST_SHARE = 0.005  # of utilisation, worth a word
 
 
 def verdict(made: PlanForecast) -> str:
-    """Return the first line: whether it may take off with this fill, and the reason."""
+    """Return the first line: whether it may take off with this fill, and the reason.
+
+    It begins with the condition where one is open, because the line may be read no further.
+    """
     advice = made.advised.advice
     use, limit = advice.use, least_words(advice.limit)
     by_battery = made.battery_unsure and advice.level is FlightLevel.UNDER
@@ -110,13 +110,13 @@ def verdict(made: PlanForecast) -> str:
             fill += say(" AND {kg} kg THAT NOBODY REPORTED", kg=hidden[0])
     left = left_words(1.0 - use.lasting_most, 1.0 - use.lasting_high, 1.0 - use.lasting_low)
     no = f"{say('DO NOT TAKE OFF{fill}', fill=fill)}: "
+    if made.grounded:
+        return no + grounding_words(made.clearance)
     if made.too_heavy:
         return no + say("over the maker's maximum take-off mass")
     level = made.level
     if level is FlightLevel.UNKNOWN:
-        if "unlike" in made.assumed:
-            return say(UNLIKE)
-        return say(CONTRADICTED if Caveat.MODEL in made.caveats else NO_VERDICT)
+        return say(_no_verdict(made))
     if level is FlightLevel.BATTERY:
         return no + say("the battery does not last")
     if level is FlightLevel.NO_THRUST and not use.spent_s > 0.0:
@@ -132,12 +132,35 @@ def verdict(made: PlanForecast) -> str:
     if level is FlightLevel.OVER:
         return no + say("thrust left {left}, below the {limit} limit", **known)
     why = say("thrust left {left}, limit {limit}", **known)
-    if level is FlightLevel.NEAR:
+    if level is FlightLevel.DAMAGED:
+        return no + damage_words(advice)
+    only, far = _only_if(made), _as_far(made)
+    if made.planned_level is FlightLevel.NEAR:
         why = say("the battery may not last") if by_battery else why
-        return f"{say('TOO CLOSE TO TELL{fill}', fill=fill)}{_as_far(made)}: {why}"
-    if level is FlightLevel.UNDER:
-        return f"{say('MAY TAKE OFF{fill}', fill=fill)}{_as_far(made)}: {why}"
-    return no + damage_words(advice)
+        if only:
+            far = say(", IF {conditions}", conditions=only) + far
+        return f"{say('TOO CLOSE TO TELL{fill}', fill=fill)}{far}: {why}"
+    if only:
+        words = say("TAKE OFF{fill} ONLY IF {conditions}", fill=fill, conditions=only)
+        return f"{words}{far}: {why}"
+    return f"{say('MAY TAKE OFF{fill}', fill=fill)}{far}: {why}"
+
+
+def _no_verdict(made: PlanForecast) -> str:
+    """Return why there is no verdict: by the flight before, else by the plan."""
+    before = made.clearance.flight
+    if made.clearance.level is not FlightLevel.UNKNOWN or before is None:
+        return NO_VERDICT
+    if before.withheld and before.airborne_s < LEAST_FLIGHT_S:
+        return NO_FLIGHT_SEEN
+    if before.withheld:
+        return NOT_RECOGNISED if made.clearance.unrecognised else UNLIKE
+    return CONTRADICTED
+
+
+def before_words(made: PlanForecast) -> tuple[str, ...]:
+    """Return the lines about what is to be done before take-off, and how that is proved."""
+    return tuple(_cut(first_steps(made.clearance, grounded=made.grounded)))
 
 
 def weakest_words(weakest: Weakest | None) -> str:
@@ -209,8 +232,10 @@ def place_words(made: PlanForecast) -> tuple[str, ...]:
 def fill_words(made: PlanForecast) -> str:
     """Return the largest fill that keeps the limit throughout the plan."""
     liquid, limit = _liquid(made), least_words(made.advised.advice.limit)
-    if made.advised.advice.faults:
+    if made.advised.advice.faults or made.clearance.level is FlightLevel.DAMAGED:
         return f"{say(UNSOUND)}."
+    if made.grounded:
+        return say("No fill before it is known why, and looked at.")
     if made.level is FlightLevel.UNKNOWN or not math.isfinite(made.largest_fill_kg):
         return say("Largest fill unknown.")
     if not _has_tank(made):
@@ -425,13 +450,17 @@ def assumed_words(made: PlanForecast) -> tuple[str, ...]:
     )
 
 
-def _as_far(made: PlanForecast) -> str:
-    """Return the conditions of the verdict, for the same line, because that line is read alone."""
+def _only_if(made: PlanForecast) -> str:
+    """Return the conditions under which it may take off, in capitals; empty without one."""
     craft = made.assumed.get("aircraft")
-    parts = [say(", IF THE AIRCRAFT IS {name}", name=craft[0])] if craft else []
-    open_ones = [say(CONDITIONS[one]) for one in made.caveats if one in CONDITIONS]
-    if open_ones:
-        parts.append(say(", IF {conditions}", conditions=f" {say('AND')} ".join(open_ones)))
+    parts = [say("THE AIRCRAFT IS {name}", name=craft[0])] if craft else []
+    parts += filter(None, [conditions_words(made.clearance)])
+    return f" {say('AND')} ".join(parts)
+
+
+def _as_far(made: PlanForecast) -> str:
+    """Return what the verdict leaves out, for the same line, because that line is read alone."""
+    parts = []
     if made.wind_left_out:
         parts.append(say(", LEAVING OUT THE WIND, WHOSE DRAG IS NOT KNOWN"))
     if made.not_understood:

@@ -83,7 +83,7 @@ def glance(advice: Advice) -> str:
     """Return the action of a flight in a few words: `OK, 9.8 L next`, `FILL 8.6 L`.
 
     A flight in progress that should end asks to land. Empty where nothing is known, and where a
-    good answer rests on a part of the flight alone: only the full sentence says that.
+    good answer leaves something open: only the full sentence says that.
     """
     levels, land = advice.levels, advice.in_progress
     if FlightLevel.LOST in levels:
@@ -102,7 +102,9 @@ def glance(advice: Advice) -> str:
     if advice.level is FlightLevel.UNKNOWN:
         return ""
     within = advice.level is FlightLevel.UNDER
-    if within and not (advice.complete and math.isfinite(advice.rotor_lost.redundancy_min)):
+    known = advice.complete and math.isfinite(advice.rotor_lost.redundancy_min)
+    left_open = bool(advice.caveats) and not land
+    if within and (left_open or not known):
         return ""
     return _fill(advice.fill, within=within, flying=land)
 

@@ -80,7 +80,7 @@ from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import Origin
 from thrustmargin.models.model.advice import Advised, FlightLevel, advise
 from thrustmargin.models.model.analysis import analyse, with_density_error
-from thrustmargin.models.model.model_misfit import Caveat
+from thrustmargin.models.model.clearance import GROUNDING, NO_FLIGHT, Clearance
 from thrustmargin.models.model.rotor_faults import FaultHistory
 from thrustmargin.models.model.rotor_model import Basis, RotorModel, identified_airframe
 from thrustmargin.models.physics.airframe import Airframe
@@ -123,28 +123,56 @@ class PlanForecast:
     sorties_at_largest: int = 0  # with the largest fill; 0: unknown, or no split is possible
     assumed: Mapping[Assumption, tuple[str, ...]] = field(default_factory=dict)
     day: Day = UNKNOWN_DAY  # of the whole forecast
-    caveats: tuple[Caveat, ...] = ()  # of the last flight of the aircraft, whose log the plan is in
+    clearance: Clearance = NO_FLIGHT  # what the last flights of the aircraft leave open
     experience: Experience | None = None  # how earlier missions differed from their forecasts
 
     @property
-    def level(self) -> FlightLevel:
-        """Return the level of the answer; a battery used up on the way comes before any other.
-
-        NO_THRUST where the attitude to be flown is that of a fall. UNKNOWN where the aircraft's
-        last flight contradicts the airframe. UNKNOWN instead of UNDER where that flight contradicts
-        the model. NEAR instead of UNDER where the battery may be used up on the way.
-        """
+    def battery_short(self) -> bool:
+        """Return whether the battery is used up on the way, as expected."""
         short = self.expected_needs.short_of == "battery"
-        if short or np.isnan(self.flight.track.voltage).any():
+        return short or bool(np.isnan(self.flight.track.voltage).any())
+
+    @property
+    def planned_level(self) -> FlightLevel:
+        """Return the level of the planned flight alone; a battery used up comes before any other.
+
+        NO_THRUST where the attitude to be flown is that of a fall. NEAR instead of UNDER where the
+        battery may be used up on the way.
+        """
+        if self.battery_short:
             return FlightLevel.BATTERY
         level = self.advised.advice.level
         if level is FlightLevel.LOST:
             # A simulated flight keeps its attitude: what tumbles has too little thrust for it.
             level = FlightLevel.NO_THRUST
-        groundless = Caveat.MODEL in self.caveats and level is FlightLevel.UNDER
-        if groundless or "unlike" in self.assumed:
-            return FlightLevel.UNKNOWN
         return FlightLevel.NEAR if self.battery_unsure and level is FlightLevel.UNDER else level
+
+    @property
+    def grounded(self) -> bool:
+        """Return whether a flight before forbids the take-off, more gravely than the plan does."""
+        before = self.clearance.level
+        if before not in GROUNDING or self.battery_short:
+            return False
+        return before.gravity <= self.planned_level.gravity
+
+    @property
+    def level(self) -> FlightLevel:
+        """Return the level of the answer: that of the plan, of an aircraft as its last flights
+        left it.
+
+        The level of a flight that grounds the aircraft where it is graver. UNKNOWN where the last
+        flight does not fit the airframe, and instead of UNDER where it contradicts the model. NEAR
+        instead of UNDER while a condition is open: also where nobody named the aircraft.
+        """
+        level, before = self.planned_level, self.clearance
+        if self.grounded and before.level is not None:
+            return before.level
+        good = level is FlightLevel.UNDER
+        if before.level is FlightLevel.UNKNOWN and not self.battery_short:
+            unfit = before.flight is None or before.flight.withheld
+            return FlightLevel.UNKNOWN if unfit or good else level
+        left_open = bool(before.conditions) or "aircraft" in self.assumed
+        return FlightLevel.NEAR if good and left_open else level
 
     @property
     def battery_unsure(self) -> bool:
@@ -410,6 +438,17 @@ def forecast(
         assumed=assumed,
         experience=experience,
     )
+
+
+def with_clearance(made: PlanForecast, before: Clearance) -> PlanForecast:
+    """Return the forecast of an aircraft as its last flights left it.
+
+    Where they forbid the take-off, or leave no verdict, it has no largest fill.
+    """
+    made = replace(made, clearance=before)
+    if made.grounded or made.level is FlightLevel.UNKNOWN:
+        return replace(made, largest_fill_kg=math.nan, sorties_at_largest=0)
+    return made
 
 
 def sortie_plans(

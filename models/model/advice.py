@@ -264,6 +264,9 @@ def advise(
     unsought_s = 0.0 if planned else float(seconds[unsought].sum())
     by_outputs_s = 0.0 if planned else float(seconds[track.flying & by_outputs].sum())
     predicted_alone = not planned and use.known_s > 0.0 and shown_s < 0.5 * airborne_s
+    ends_s = NAN if in_progress else _log_end_in_flight(whole.track)
+    begun = bool(whole.track.flying[:1].any() and not (in_progress or planned))
+    paused_s = _paused_s(whole.track)
     levels: list[FlightLevel] = []
     if faults:
         levels.append(FlightLevel.DAMAGED)
@@ -298,9 +301,9 @@ def advise(
             rotor_count=track.rotor_count,
             rotor_names=() if analysis.claim.other_order else analysis.places,
             predicted_alone=predicted_alone,
-            unseen_from_s=NAN if in_progress else _log_end_in_flight(whole.track),
-            begun_before=bool(whole.track.flying[:1].any() and not (in_progress or planned)),
-            paused_s=_paused_s(whole.track),
+            unseen_from_s=ends_s,
+            begun_before=begun,
+            paused_s=paused_s,
             in_progress=in_progress,
             unsought_s=unsought_s,
             by_outputs_s=by_outputs_s,
@@ -313,6 +316,7 @@ def advise(
                 unsought_s=unsought_s,
                 by_outputs_s=by_outputs_s,
                 misread=misread is not None,
+                complete=planned or not (np.isfinite(ends_s) or begun or paused_s > 0.0),
             ),
         ),
         whole=whole,

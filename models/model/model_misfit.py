@@ -55,6 +55,8 @@ class Caveat(StrEnum):
     MODEL = "model"  # measured speeds contradict it
     ROTORS_NOT_SOUGHT = "weak rotors not looked for"
     ROTORS_BY_OUTPUTS = "weak rotors looked for by motor outputs alone"
+    UNSEEN = "part of the flight not in the log"
+    BAD_BEFORE = "part that was bad in an earlier flight"  # of several flights together
 
 
 #: Reasons of rejection that mean the readings cannot be true.
@@ -83,13 +85,15 @@ def caveats(
     unsought_s: float,
     by_outputs_s: float,
     misread: bool = False,
+    complete: bool = True,
 ) -> tuple[Caveat, ...]:
     """Return the caveats of a flight, in the order of `Caveat`.
 
     `beyond_gauge_kg` is the load by hover thrust beyond the reported one, `model_fails` whether the
     model contradicts the measured speeds, `misread` whether one ESC reads too high or low,
     `unsought_s` the s in flight without data for finding a weak rotor, and `by_outputs_s` the s in
-    which only motor outputs would have shown a sudden one.
+    which only motor outputs would have shown a sudden one. `complete` is whether the log contains
+    the whole flight.
     """
     found = {
         caveat
@@ -102,6 +106,8 @@ def caveats(
         found.add(Caveat.LOAD)
     if model_fails:
         found.add(Caveat.MODEL)
+    if not complete:
+        found.add(Caveat.UNSEEN)
     least_s = NOT_SOUGHT * track.flying_s
     if least_s > 0.0 and unsought_s >= least_s:
         found.add(Caveat.ROTORS_NOT_SOUGHT)

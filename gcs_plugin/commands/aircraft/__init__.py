@@ -99,9 +99,14 @@ def _show(known: KnownAircraft, console: Console) -> None:
         mission_words,
         power_and_battery_words,
     )
+    from thrustmargin.gcs_plugin.wording.clearance_words import first_steps, grounding_words
 
-    steps = known.steps()
+    steps, left = known.steps(), known.clearance()
     console.print(escape(f"{known.name}: {_counted(len(known.flights), known.days)}"), style="bold")
+    if left.level is not None:
+        console.print(escape(f"  do not fly: {grounding_words(left)}"), style="bold")
+    for line in first_steps(left, grounded=left.level is not None):
+        console.print(escape(f"  {line}"))
     console.print(
         f"  rotor speeds move by {100 * steps.flight:.1f} % from flight to flight and "
         f"{100 * steps.day:.1f} % more from day to day"
@@ -122,6 +127,9 @@ def _show(known: KnownAircraft, console: Console) -> None:
         lines.append((row.start_unix_s, words))
         if row.mission is not None:
             said = f"{row.log_name}: {mission_words(row.mission)}"
+            if not row.trusted:
+                # A sound aircraft was forecast, so the difference shows the bad part.
+                said += f"; counts for no forecast: {row.not_taught}"
             lines.append((row.start_unix_s + 1e-3, said))
     for unix_s, words in sorted(lines):
         console.print(escape(f"  {_day(unix_s, where)} {words}"))

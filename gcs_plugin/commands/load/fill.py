@@ -83,7 +83,9 @@ def fill(
     """
     from thrustmargin.gcs_plugin.commands.shared.day_options import day_of_command, stated_day
     from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
+    from thrustmargin.gcs_plugin.commands.shared.known import named_aircraft
     from thrustmargin.gcs_plugin.reports.fill import fill_table as made
+    from thrustmargin.models.model.clearance import NO_FLIGHT
 
     out, json = json_apart(out, json)
     inputs = Inputs(model=model, airframe=airframe, max_utilisation=max_utilisation, known=known)
@@ -112,6 +114,7 @@ def fill(
     rotor_model = inputs.rotor_model()
     console = Terminal(soft_wrap=True, quiet=json == STDOUT)
     holds_for = day_of_command(rotor_model.airframe, stated, console)
+    aircraft = named_aircraft(inputs)
     table = made.fill_table(
         rotor_model,
         holds_for,
@@ -120,6 +123,7 @@ def fill(
         rotor_lost=rotor_lost,
         temperatures_c=TEMPERATURES_C,
         altitudes=ALTITUDES,
+        clearance=NO_FLIGHT if aircraft is None else aircraft.clearance(),
     )
     console.print(table.advice, style="bold")
     for sentence in made.conditions(table):

@@ -33,13 +33,11 @@ from thrustmargin.models.errors import DataError, LogError
 from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
-    from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
-    from thrustmargin.gcs_plugin.store.hangar import KnownAircraft
     from thrustmargin.mission.forecast.plan_forecast import PlanForecast
     from thrustmargin.mission.plan_items import MissionPlan
     from thrustmargin.mission.steps import PumpOutput
     from thrustmargin.models.flight import FlightTrack
-    from thrustmargin.models.model.model_misfit import Caveat
+    from thrustmargin.models.model.clearance import Clearance
     from thrustmargin.models.model.rotor_faults import FaultHistory
     from thrustmargin.models.model.rotor_model import RotorModel
     from thrustmargin.models.physics.day import Day
@@ -184,8 +182,10 @@ def forecast(
         never_switched,
     )
     from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
+    from thrustmargin.gcs_plugin.commands.shared.known import named_aircraft
     from thrustmargin.mission.forecast import plan_forecast
     from thrustmargin.mission.forecast.battery import stated_capacity
+    from thrustmargin.models.model.clearance import both
     from thrustmargin.models.physics.day import Day, DaySource, DayValue
     from thrustmargin.models.physics.electric_power import power_law
     from thrustmargin.models.physics.known_battery import KnownBattery
@@ -214,7 +214,7 @@ def forecast(
     by_parameters = Day(battery_capacity_ah=DayValue(stated_capacity(known), heard))
     by_plan = Day(height=DayValue(found.home[2], DaySource.PLAN))
     logged = () if before.day is None else (before.day,)
-    aircraft = _known_aircraft(inputs)
+    aircraft = named_aircraft(inputs)
     earlier = KnownBattery() if aircraft is None else aircraft.battery_before()
     flown = DaySource.EARLIER
     by_flights = Day(
@@ -250,7 +250,10 @@ def forecast(
         other_order=before.other_order,
         experience=None if aircraft is None else aircraft.experience_before(),
     )
-    made = replace(made, caveats=before.caveats)
+    cleared = before.clearance
+    if aircraft is not None:
+        cleared = both(cleared, aircraft.clearance())
+    made = plan_forecast.with_clearance(made, cleared)
     if before.beyond_gauge_kg > 0.0:
         hidden = {"hidden mass": (f"{before.beyond_gauge_kg:.1f}",)}
         made = replace(made, assumed={**hidden, **made.assumed})
@@ -320,6 +323,8 @@ def _show(made: PlanForecast, console: Terminal) -> None:
     for line in words.plan_faults(made):
         console.print(line)
     console.print(words.verdict(made), style="bold")
+    for line in words.before_words(made):
+        console.print(line)
     console.print(words.weakest_words(made.weakest))
     for line in words.place_words(made):
         console.print(line)
@@ -357,14 +362,14 @@ def _fill_kg(words: str, liquid: float, capacity_kg: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _FlightBefore:
-    """The results of the last flight in the log that a plan is in."""
+    """The results of the flights in the log that a plan is in; all but two are of the last one."""
 
+    clearance: Clearance  # of all its flights
+    faults: FaultHistory | None = None  # of the flight that grounds the aircraft
     parameters: dict[str, float] = field(default_factory=dict)
-    faults: FaultHistory | None = None
     other_order: bool = False  # its motors were not in the order of the airframe
     #: Why it was no flight of this aircraft; empty where it was one, None without a flight.
     unlike: tuple[str, ...] | None = None
-    caveats: tuple[Caveat, ...] = ()
     day: Day | None = None  # its air and its battery before it took off, and its wind
     wind_from_deg: float = math.nan  # where that wind came from
     nose_deg: float = math.nan  # its heading before it took off
@@ -375,8 +380,11 @@ class _FlightBefore:
 
 
 def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
+    """Return what the flights of a log mean for the next one; nothing of a plan file."""
+    from thrustmargin.models.model.clearance import NO_FLIGHT, NOT_SEEN, clearance
+
     if plan.suffix.lower() in PLANS:
-        return _FlightBefore()
+        return _FlightBefore(clearance=NO_FLIGHT)
     from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
     from thrustmargin.gcs_plugin.commands.shared.known import flight_key
     from thrustmargin.gcs_plugin.logs.log_answer import answer_log
@@ -386,27 +394,34 @@ def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
     from thrustmargin.models.model.flight_power import flight_power
 
     try:
-        log, claim = read_flights(plan, model, given=given)[-1]
+        flown = read_flights(plan, model, given=given)
     except LogError:
-        return _FlightBefore()  # it still holds its mission; the defaults are listed
-    analysis = analyse(log.track, model, claim=claim)
-    answer = answer_log(log, analysis, 0.5).made
+        return _FlightBefore(clearance=NOT_SEEN)  # it still holds its mission
+    analyses = [analyse(log.track, model, claim=claim) for log, claim in flown]
+    answers = [
+        answer_log(log, analysis, 0.5).made
+        for (log, _), analysis in zip(flown, analyses, strict=True)
+    ]
+    cleared = clearance([one.advice for one in answers])
+    (log, claim), analysis, answer = flown[-1], analyses[-1], answers[-1]
     advice, (wind, from_deg) = answer.advice, flight_wind(answer.whole.track)
     other_order = not advice.rotor_names  # which rotor it was is not known
-    which = tuple(range(advice.rotor_count)) if other_order else ()
-    found = tuple(replace(e.fault, rotors=which or e.fault.rotors) for e in advice.faults)
+    bad = cleared.flight or advice
+    which = () if bad.rotor_names else tuple(range(bad.rotor_count))
+    found = tuple(replace(e.fault, rotors=which or e.fault.rotors) for e in bad.faults)
+    trusted = cleared.level is None and not advice.faults
     return _FlightBefore(
+        clearance=replace(cleared, unrecognised=bool(claim.unlike)),
         parameters=dict(log.parameters),
         faults=[(0.0, found)] if found else None,
         other_order=other_order,
         unlike=(claim.unlike,) if claim.unlike else claim.withheld,
-        caveats=advice.caveats,
         day=replace(day_before_take_off(answer.whole), wind=wind),
         wind_from_deg=from_deg,
         nose_deg=math.degrees(yaw_before(log.track)),
         beyond_gauge_kg=advice.fill.beyond_gauge_kg,
         lift_off=_lift_off(log.track),
-        power=None if advice.withheld or advice.faults else flight_power(analysis, flight_key(log)),
+        power=flight_power(analysis, flight_key(log)) if trusted else None,
     )
 
 
@@ -431,12 +446,3 @@ def _at_lift_off(plan: MissionPlan, before: _FlightBefore) -> MissionPlan:
     east, north, _ = pymap3d.geodetic2enu(latitude, longitude, 0.0, *plan.home[:2], 0.0)
     at_home = math.hypot(float(east), float(north)) <= AT_HOME
     return with_home_height(plan, altitude) if at_home else plan
-
-
-def _known_aircraft(inputs: Inputs) -> KnownAircraft | None:
-    """Return the known aircraft that is named; None without one."""
-    if inputs.known.aircraft is None or inputs.by_file:
-        return None
-    from thrustmargin.gcs_plugin.store.hangar import open_hangar
-
-    return open_hangar(inputs.known.hangar).load(inputs.known.aircraft)

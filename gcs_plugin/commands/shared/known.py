@@ -32,6 +32,13 @@ def hangar_of(inputs: Inputs) -> Hangar:
     return open_hangar(inputs.known.hangar)
 
 
+def named_aircraft(inputs: Inputs) -> KnownAircraft | None:
+    """Return the known aircraft that is named; None without one."""
+    if inputs.known.aircraft is None or inputs.by_file:
+        return None
+    return hangar_of(inputs).load(inputs.known.aircraft)
+
+
 def recognised(path: Path, inputs: Inputs, hangar: Hangar) -> Recognition:
     """Return which known aircraft a log is of. Raises LogError where it cannot be read."""
     from thrustmargin.gcs_plugin.commands.shared.inputs import reading_keywords

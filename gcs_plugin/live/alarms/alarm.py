@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from thrustmargin.gcs_plugin.live.rows.tank_balance import TankBalance
 from thrustmargin.gcs_plugin.wording import alarm_words as words
+from thrustmargin.gcs_plugin.wording.actions import Phase, Trouble, Urgency, answer_to
 from thrustmargin.gcs_plugin.wording.language import in_spoken
 from thrustmargin.models.checks.arms.arm_watch import ArmHeat
 from thrustmargin.models.checks.takeoff import TakeoffCheck
@@ -26,6 +27,11 @@ from thrustmargin.models.model.fault_test import Kind, RotorFault
 
 #: MAV_SEVERITY
 CRITICAL, WARNING, NOTICE = 2, 4, 5
+_SEVERITIES: Mapping[Urgency, int] = {
+    Urgency.STOP: CRITICAL,
+    Urgency.BEFORE_NEXT: WARNING,
+    Urgency.NOTHING: NOTICE,
+}
 #: Names of alarms, the gravest first: control, a part that is bad, the link, battery, thrust, then
 #: the load, then what an instrument says. Of one severity they are listed so. A lost link comes
 #: after a bad rotor: that rotor is still bad, and what to do about it is still known.
@@ -53,6 +59,12 @@ GRAVEST_FIRST = (
 OF_PARTS = ("stopped", "rotor", "motor")
 #: Name of an alarm, and its rotor from 1; None: of no rotor.
 Key = tuple[str, int | None]
+
+
+def severity_of(trouble: Trouble) -> int:
+    """Return the MAV_SEVERITY of the alarm of a finding: as soon as it asks for something in
+    flight."""
+    return _SEVERITIES[answer_to(trouble, Phase.IN_FLIGHT).urgency]
 
 
 class AlarmState(StrEnum):

@@ -35,9 +35,11 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import (
     Missing,
     RowsNow,
     one_alarm,
+    severity_of,
 )
 from thrustmargin.gcs_plugin.live.rows.tank_balance import TankBalance
 from thrustmargin.gcs_plugin.wording import alarm_words as words
+from thrustmargin.gcs_plugin.wording.actions import Trouble
 from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
 from thrustmargin.gcs_plugin.wording.takeoff_words import takeoff_alarm
 from thrustmargin.gcs_plugin.wording.thrust_left import below, clear
@@ -55,7 +57,7 @@ def tank(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     """Check in each row whether the tank gauge and the pump agree on the liquid used."""
     texts = ["" if b is None else pump_verdict(b, s) for b in now.balances]
     known = [b is not None and math.isfinite(b.gauge - b.pump) for b in now.balances]
-    return _tank_checks(texts, known, WARNING)
+    return _tank_checks(texts, known, severity_of(Trouble.GAUGE))
 
 
 def gauge(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
@@ -65,7 +67,7 @@ def gauge(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
         "" if b is None or pump_verdict(b, s) else mass_verdict(b, s, bad) for b in now.balances
     ]
     known = [b is not None and math.isfinite(b.apart_kg) for b in now.balances]
-    return _tank_checks(texts, known, NOTICE if bad else WARNING)
+    return _tank_checks(texts, known, NOTICE if bad else severity_of(Trouble.GAUGE))
 
 
 def _tank_checks(texts: Sequence[str], known: Sequence[bool], severity: int) -> AlarmChecks:
@@ -137,7 +139,7 @@ def control(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
         shows.any(axis=0),
         known & seen.calm[before:],
         known | shows.any(axis=0),
-        severity=lambda *_: CRITICAL,
+        severity=lambda *_: severity_of(Trouble.CONTROL),
         text=text,
         past=lambda _: words.CONTROL_WAS_LOST,
     )
@@ -223,7 +225,7 @@ def _low(
 
     def severity(row: int, _: int) -> int:
         sure = not high[row] > low[row] or high[row] < limit
-        return WARNING if sure else NOTICE
+        return severity_of(Trouble.OVER_LIMIT) if sure else NOTICE
 
     def text(row: int, _: int) -> str:
         of = int(rotor[row]) + 1 if rotors and apart[row] else None
@@ -243,7 +245,7 @@ def saturation(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
         share > s.saturation,
         share < s.saturation - 0.05,
         np.isfinite(share),
-        severity=lambda *_: CRITICAL,
+        severity=lambda *_: severity_of(Trouble.NO_THRUST),
         text=lambda _, k: words.at_limit(k + 1, analysis.places[k]),
         rotor=share.shape[1],
         past=lambda k: words.was_at_limit(k + 1),
@@ -259,7 +261,7 @@ def stopped(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
         turning,
         # Its own silence says nothing new; without the others' speeds nothing is known.
         np.broadcast_to(turning.any(axis=1, keepdims=True), turning.shape),
-        severity=lambda *_: CRITICAL,
+        severity=lambda *_: severity_of(Trouble.ROTOR),
         text=lambda _, k: fault_words(stopped_fault(k), names),
         rotor=turning.shape[1],
     )
@@ -281,7 +283,7 @@ def battery(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
         known & (cell < s.cell_voltage),
         known & (cell > s.cell_voltage + CELL_HYSTERESIS),
         known,
-        severity=lambda *_: CRITICAL,
+        severity=lambda *_: severity_of(Trouble.BATTERY),
         text=text,
         past=lambda _: words.battery_past(s.cell_voltage),
     )
@@ -295,7 +297,7 @@ def esc(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
         flags > 0.0,
         flags == 0.0,
         np.isfinite(flags),
-        severity=lambda *_: CRITICAL,
+        severity=lambda *_: severity_of(Trouble.ROTOR),
         text=lambda row, k: words.esc_words(k + 1, names[k], int(flags[row, k])),
         rotor=flags.shape[1],
     )
@@ -348,11 +350,12 @@ def airframe(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
 
 
 def misfit(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
-    return _always(now, bool(now.analysis.claim.misfit), WARNING, words.MISFIT)
+    return _always(now, bool(now.analysis.claim.misfit), severity_of(Trouble.MODEL), words.MISFIT)
 
 
 def motor_order(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
-    return _always(now, now.analysis.claim.other_order, WARNING, words.MOTOR_ORDER)
+    severity = severity_of(Trouble.ORDER)
+    return _always(now, now.analysis.claim.other_order, severity, words.MOTOR_ORDER)
 
 
 def _always(now: RowsNow, on: bool, severity: int, text: str) -> AlarmChecks:
@@ -379,7 +382,7 @@ def faulty(kind: Kind, s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: 
         on,
         known & ~on,
         known,
-        severity=lambda *_: CRITICAL,
+        severity=lambda *_: severity_of(Trouble.ROTOR),
         text=lambda row, k: fault_words(found[row, k], names),
         rotor=rotors,
         rotors=lambda row, k: tuple(rotor + 1 for rotor in found[row, k].rotors),
@@ -403,7 +406,7 @@ def telemetry(s: AlarmSettings, now: LinkNow) -> AlarmChecks:
     silent = now.silent > s.silence
     # In flight reports of which nothing can be made are no better than none.
     lost = silent or (now.flying and not now.shared_id and now.rows_behind > s.silence)
-    severity = CRITICAL if now.flying else NOTICE
+    severity = severity_of(Trouble.TELEMETRY) if now.flying else NOTICE
     text = words.TELEMETRY_LOST if now.flying else words.NO_TELEMETRY
     text = text if silent else words.NOT_USABLE
     return one_alarm(lost, not lost, True, severity=lambda *_: severity, text=lambda *_: text)
@@ -432,7 +435,9 @@ def rotor_speeds(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
         return words.speeds_missing((np.flatnonzero(missing[row]) + 1).tolist())
 
     on = missing.any(axis=1)
-    return one_alarm(on, known & ~on, known, severity=lambda *_: WARNING, text=text)
+    return one_alarm(
+        on, known & ~on, known, severity=lambda *_: severity_of(Trouble.SPEEDS), text=text
+    )
 
 
 ROTOR_SPEEDS = AlarmRule("rotor speeds", ROTORS_HOLD, 1.0, rotor_speeds, Missing.LINK)

@@ -14,8 +14,12 @@ from thrustmargin.gcs_plugin.office.season.same_aircraft import (
     overlap_count,
     unique_flights,
 )
-from thrustmargin.gcs_plugin.office.season.stored_words import flight_action, flight_alarms
-from thrustmargin.gcs_plugin.wording import actions
+from thrustmargin.gcs_plugin.office.season.stored_words import (
+    flight_action,
+    flight_alarms,
+    flight_caveats,
+)
+from thrustmargin.gcs_plugin.wording.actions import OF_CAVEAT, OF_LEVEL, Urgency, answer_to
 from thrustmargin.gcs_plugin.wording.language import known as finite
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import DataError
@@ -42,15 +46,8 @@ INSTRUMENTS = ("tank gauge", "airspeed sensor", "settings", "logs")
 #: act at the next service and to look first. A ramp counts as it will be after RECENT flights.
 ACTS, FIRSTS = 3.0, 10.0
 GRAVE = 1e3  # weight of a verdict, which puts it before all changes of its level
-#: Verdicts after which an aircraft is looked at first, the gravest first -> the action if the
-#: flight's row has none.
-GROUNDING = {
-    "damaged": actions.GROUND_IT,
-    "lost": actions.GROUND_WRECK,
-    "battery": actions.GROUND_BATTERY,
-    "no_thrust": actions.GROUND_IT,
-    "order": actions.WHICH_MOTOR,
-}
+#: Verdicts after which an aircraft is looked at, the gravest first.
+GROUNDING = ("damaged", "lost", "battery", "no_thrust", "order")
 RECENT, DAY = 10, 86400.0  # flights; s
 
 
@@ -307,14 +304,15 @@ def _verdict_findings(season: AircraftSeason) -> Iterable[SeasonFinding]:
     """Yield a finding for each bad verdict of the last RECENT flights, and for missing verdicts."""
     count = len(season.flights)
     recent = season.flights[-RECENT:]
-    for gravity, (verdict, action) in enumerate(GROUNDING.items()):
+    for gravity, verdict in enumerate(GROUNDING):
         bad = [f for f in recent if _season_verdict(f) == verdict]
         if bad:
+            asked = answer_to(OF_LEVEL[FlightLevel(verdict)])
             yield SeasonFinding(
-                level=FIRST,
+                level=FIRST if asked.urgency is Urgency.STOP else ACT,
                 weight=GRAVE - gravity,
                 sentence=words.grounding_sentence(verdict, len(bad), len(recent), bad[-1]),
-                action=flight_action(bad[-1], action),
+                action=flight_action(bad[-1], asked.action),
                 verdict=verdict,
             )
     for gravity, verdict in enumerate(("critical", "over", "near"), start=1):
@@ -325,8 +323,17 @@ def _verdict_findings(season: AircraftSeason) -> Iterable[SeasonFinding]:
                 level=LOAD,
                 weight=GRAVE / gravity + len(heavy),
                 sentence=words.margin_sentence(verdict, len(heavy), len(recent), worst),
-                action=flight_action(worst, actions.FILL_LESS),
+                action=flight_action(worst, answer_to(OF_LEVEL[FlightLevel(verdict)]).action),
                 verdict=verdict,
+            )
+    for caveat in flight_caveats(recent[-1]) if recent else ():
+        count = sum(caveat in flight_caveats(f) for f in recent)
+        if sentence := words.open_sentence(caveat, count, len(recent)):
+            yield SeasonFinding(
+                level=CHECK,
+                weight=0.0,
+                sentence=sentence,
+                action=answer_to(OF_CAVEAT[caveat]).action.text,
             )
     if season.without_verdict and len(season.without_verdict) * 2 > count:
         reason, action = words.no_verdict(season.without_verdict[-1])

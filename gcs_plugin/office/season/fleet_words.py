@@ -13,13 +13,14 @@ from thrustmargin.gcs_plugin.office.season.stored_words import (
     flight_reason,
 )
 from thrustmargin.gcs_plugin.wording import actions
-from thrustmargin.gcs_plugin.wording.actions import Action
+from thrustmargin.gcs_plugin.wording.actions import Action, Trouble, answer_to
 from thrustmargin.gcs_plugin.wording.effect_sentences import WORDS
 from thrustmargin.gcs_plugin.wording.language import known, number, say, shown_unit, within
 from thrustmargin.gcs_plugin.wording.thrust_left import left_words
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.identification.season.change_points import SeasonEntry
 from thrustmargin.models.identification.season.flight_sums import LOSS_NAME
+from thrustmargin.models.model.model_misfit import Caveat
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +47,13 @@ class ValueWords:
 
 
 BATTERY = "battery resistance"
+
+
+def _after(trouble: Trouble) -> Action:
+    """Return what a finding asks for once the flights are over."""
+    return answer_to(trouble).action
+
+
 VALUES: Mapping[str, ValueWords] = {
     "yaw_trim.moment": ValueWords("yaw moment", "N m", 1.0, 2, actions.LEVEL_MOTORS),
     "cg_offset.x": ValueWords("centre of gravity forward", "mm", 1e3, 0, actions.BALANCE),
@@ -56,9 +64,13 @@ VALUES: Mapping[str, ValueWords] = {
     "cg_offset:tank.y_full": ValueWords(
         "centre of gravity to the right with a full tank", "mm", 1e3, 0, actions.BALANCE
     ),
-    "extra_mass.mass": ValueWords("mass not reported", "kg", 1.0, 2, actions.WEIGH),
-    "tank_scale.gain": ValueWords("load above the tank gauge", "%", 100.0, 1, actions.SET_GAUGE),
-    BATTERY: ValueWords(BATTERY, "m\N{GREEK CAPITAL LETTER OMEGA}", 1e3, 0, actions.TEST_BATTERY),
+    "extra_mass.mass": ValueWords("mass not reported", "kg", 1.0, 2, _after(Trouble.MASS)),
+    "tank_scale.gain": ValueWords(
+        "load above the tank gauge", "%", 100.0, 1, _after(Trouble.GAUGE_SCALE)
+    ),
+    BATTERY: ValueWords(
+        BATTERY, "m\N{GREEK CAPITAL LETTER OMEGA}", 1e3, 0, _after(Trouble.RESISTANCE)
+    ),
 }
 TRENDS = ("yaw_trim.moment", "cg_offset.x", "cg_offset.y", "extra_mass.mass", "tank_scale.gain")
 SWAP_UNKNOWN = "as after a new propeller or motor; enter it into parts.csv"
@@ -240,7 +252,7 @@ def no_verdict(flight: Mapping[str, Any]) -> tuple[str, str]:
     if "rotor_speed_rpm" in (flight["missing_channels"] or ()):
         return reason, actions.ESC_TELEMETRY.text
     if "tank_kg" in (flight["missing_channels"] or ()):
-        return reason, actions.CONNECT_GAUGE.text
+        return reason, _after(Trouble.LOAD_UNKNOWN).text
     return reason, actions.INSPECT_LOG.text
 
 
@@ -258,6 +270,17 @@ def second_recordings(count: int) -> str:
     return say(words, count=count)
 
 
+#: What the last flight left open -> its words in a count of flights.
+_OPEN: Mapping[Caveat, str] = {
+    Caveat.GAUGE: "the tank gauge was left out",
+    Caveat.LOAD: "thrust showed more load than was reported",
+    Caveat.VOLTAGE: "the voltmeter was left out",
+    Caveat.ROTOR_SPEEDS: "rotor speed sensors were to be checked",
+    Caveat.BAROMETER: "the barometer was left out",
+    Caveat.ROTORS_NOT_SOUGHT: "weak rotors were not looked for",
+    Caveat.ROTORS_BY_OUTPUTS: "rotors were looked at by motor outputs alone",
+    Caveat.UNSEEN: "a part was not in the log",
+}
 #: Verdict -> its words in a count of flights.
 _VERDICTS: Mapping[str, str] = {
     "damaged": "a rotor or motor was bad",
@@ -284,6 +307,15 @@ def _count_words(verdict: str, count: int, recent: int) -> str:
     """Return how many of the `recent` flights had a verdict."""
     words = "{what} in {count} of the last {recent} flights"
     return say(words, what=say(_VERDICTS[verdict]), count=count, recent=recent)
+
+
+def open_sentence(caveat: Caveat, count: int, recent: int) -> str:
+    """Return in how many of the `recent` flights one thing was left open; empty for what other
+    findings say."""
+    if caveat not in _OPEN:
+        return ""
+    words = "{what} in {count} of the last {recent} flights"
+    return say(words, what=say(_OPEN[caveat]), count=count, recent=recent)
 
 
 def _least_margin_words(flight: Mapping[str, Any]) -> str:

@@ -214,6 +214,13 @@ def flight_action(flight: Mapping[str, Any], by_kind: Action | None = None) -> s
     return "; ".join(filter(None, (kind, mark_old_text(flight["action"] or ""))))
 
 
+def flight_caveats(flight: Mapping[str, Any]) -> tuple[Caveat, ...]:
+    """Return what a flight of the store with a verdict left open; empty for an older row."""
+    answer = _stored(flight)
+    known = answer is not None and answer.advice.level is not FlightLevel.UNKNOWN
+    return answer.advice.caveats if answer is not None and known else ()
+
+
 def flight_alarms(flight: Mapping[str, Any]) -> list[str]:
     """Return the words of each live alarm of rotors and motors in a flight of the store."""
     answer = _stored(flight)

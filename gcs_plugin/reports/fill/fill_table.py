@@ -11,6 +11,11 @@ import numpy as np
 from thrustmargin.gcs_plugin.reports.shared import page_shell
 from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, software_version
 from thrustmargin.gcs_plugin.wording import report_words as words
+from thrustmargin.gcs_plugin.wording.clearance_words import (
+    first_steps,
+    no_fill_words,
+    only_if_words,
+)
 from thrustmargin.gcs_plugin.wording.day_words import THROUGH_AIR, ask_words, day_line
 from thrustmargin.gcs_plugin.wording.fill_words import (
     FLIGHT_LEVELS,
@@ -23,7 +28,13 @@ from thrustmargin.gcs_plugin.wording.language import number, say
 from thrustmargin.mission import SPRAY_SPEED
 from thrustmargin.mission.day_fill import DayFill, Sensitive, day_fill, most_sensitive
 from thrustmargin.models.model.advice import FlightLevel
-from thrustmargin.models.model.fill_limits import Fills, NextFill, largest_fills
+from thrustmargin.models.model.clearance import GROUNDING, NO_FLIGHT, Clearance
+from thrustmargin.models.model.fill_limits import (
+    Fills,
+    NextFill,
+    largest_fills,
+    unsound_fill,
+)
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.atmosphere import air_density, isa_pressure
 from thrustmargin.models.physics.day import DAY_FIELDS, ZERO_CELSIUS, Day, day_json
@@ -45,16 +56,24 @@ class FillTable:
     altitudes: tuple[float, ...]  # m AMSL
     voltages: dict[str, float]  # V by the state of the battery
     around: Fills  # of all, state by state, in each altitude by altitude
+    clearance: Clearance = NO_FLIGHT  # what the last flights of the aircraft leave open
 
     @property
     def advice(self) -> str:
         """The recommendation and its reason, as one sentence."""
+        if self.grounded:
+            return no_fill_words(self.clearance)
         return fill_advice(self.fill, self.limit)
 
     @property
     def fill(self) -> NextFill:
-        """The recommendation."""
-        return self.found.fill
+        """The recommendation; none where the last flight grounds the aircraft."""
+        return unsound_fill(self.found.fill) if self.grounded else self.found.fill
+
+    @property
+    def grounded(self) -> bool:
+        """Whether the last flights of the aircraft forbid its next take-off."""
+        return self.clearance.level in GROUNDING
 
     @property
     def day(self) -> Day:
@@ -64,7 +83,9 @@ class FillTable:
     @property
     def level(self) -> FlightLevel:
         """The level of a flight that has the colour of the recommendation."""
-        return FLIGHT_LEVELS[self.fill.level]
+        level = FLIGHT_LEVELS[self.fill.level]
+        left_open = level is FlightLevel.UNDER and self.clearance.conditions
+        return FlightLevel.NEAR if left_open else level
 
     @property
     def has_table(self) -> bool:
@@ -98,10 +119,12 @@ def fill_table(
     rotor_lost: bool,
     temperatures_c: Sequence[float],
     altitudes: Sequence[float],
+    clearance: Clearance = NO_FLIGHT,
 ) -> FillTable:
     """The recommendation for a complete day, and the table of temperatures, altitudes and battery.
 
-    `speed` is m/s over the ground while spraying.
+    `speed` is m/s over the ground while spraying, `clearance` what the aircraft's last flights
+    leave open.
     """
     found = day_fill(model, day, speed=speed, limit=limit, rotor_lost=rotor_lost)
     nominal = model.airframe.nominal_voltage
@@ -130,6 +153,7 @@ def fill_table(
         altitudes=tuple(altitudes),
         voltages=voltages,
         around=fills(*grid.T),
+        clearance=clearance,
     )
 
 
@@ -146,6 +170,8 @@ def conditions(table: FillTable) -> list[str]:
     ask = table.sensitive
     through = say(THROUGH_AIR, speed=number(table.found.airspeed, "m/s"))
     remarks = [
+        *only_if_words(table.clearance),
+        *first_steps(table.clearance, grounded=table.grounded),
         day_line(table.day, table.found.voltage),
         *([] if ask is None else [ask_words(ask.name, ask.step, ask.kg)]),
         *([] if drag_unknown else [through]),

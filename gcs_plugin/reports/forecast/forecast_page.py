@@ -70,7 +70,7 @@ def json_text(made: PlanForecast) -> str:
     sorties = () if made.needs.short_of else made.needs.sorties  # no split is possible
     content = {
         "schema": "thrustmargin.forecast/2",
-        "verdict": {"level": made.level, "words": verdict(made), "caveats": made.caveats},
+        "verdict": {"level": made.level, "words": verdict(made), "caveats": made.clearance.caveats},
         "conditions": conditions_json(made.given),  # `report --assumed` reads them
         "day": day_json(made.day),
         "flight_s": made.flight_s,

@@ -15,6 +15,7 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import (
     Alarm,
 )
 from thrustmargin.gcs_plugin.live.link_vehicles import OLD
+from thrustmargin.gcs_plugin.wording.actions import Urgency
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.glance_words import before_take_off, in_the_air
 from thrustmargin.gcs_plugin.wording.language import in_spoken, sentence
@@ -30,11 +31,11 @@ if TYPE_CHECKING:
 Level = Literal["red", "amber", "grey", "green"]
 #: The gravest first.
 LEVELS: tuple[Level, ...] = ("red", "amber", "grey", "green")
-#: Of a flight's verdict by its level.
-VERDICT_LEVEL: Mapping[str, Level] = {
-    **dict.fromkeys(("damaged", "lost", "battery", "no_thrust", "critical"), "red"),
-    **dict.fromkeys(("over", "order", "near"), "amber"),
-    "under": "green",
+#: How soon an answer asks for something -> its colour.
+URGENCY_LEVEL: Mapping[Urgency, Level] = {
+    Urgency.STOP: "red",
+    Urgency.BEFORE_NEXT: "amber",
+    Urgency.NOTHING: "green",
 }
 
 
@@ -197,7 +198,7 @@ class VehicleSummary:
 
 def verdict_level(answer: FlightAnswer) -> Level:
     """Return the level of a flight's answer."""
-    return VERDICT_LEVEL.get(answer.level, "grey")
+    return "grey" if answer.urgency is None else URGENCY_LEVEL[answer.urgency]
 
 
 def _found(answer: FlightAnswer, level: Level, rest: Sequence[str]) -> tuple[str, str, Level]:

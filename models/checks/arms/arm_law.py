@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from thrustmargin.models.checks.arms.arm_figures import ArmFigures, ArmQuantity
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.physics.between_flights import PRIOR_FLIGHTS
 from thrustmargin.models.physics.electric_power import POWER_SCATTER
+from thrustmargin.models.scores import PRIOR_FLIGHTS
 
 #: Fewest flights from which an arm's own figures are expected of a further one.
 LEAST_FLIGHTS = 3

@@ -118,3 +118,44 @@ def test_a_flown_mission_is_kept_beside_its_forecast_and_shown(hangar, capsys):
     said = capsys.readouterr().out
     assert f"{LOG.name}: its forecast said" in said
     assert "at rest before take-off" in said
+
+
+def test_the_last_flight_of_an_aircraft_is_heard_by_fill_and_forecast(hangar, capsys):
+    """Until a repair is noted there is no fill; then it is a condition."""
+    place = ["--aircraft", "north", "--hangar", str(hangar.folder)]
+    reported(hangar, str(WORN), "--aircraft", "north")
+    capsys.readouterr()
+    bad = "a rotor or motor was bad in its last flight, worn_prop_onset.tlog (rotor 3)"
+    assert run(["fill", *place, "--air-temperature", "15"]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith(f"No fill before it was looked at: {bad}\n")
+    assert "Fill at most" not in said
+    plan = ["forecast", str(LOG.with_name("v4_m4_q2.5.tlog")), "--fill", "4", *place]
+    assert run([*plan, "--json", str(hangar.folder.parent / "f.json")]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith(f"DO NOT TAKE OFF WITH 4.0 kg (4.0 L): {bad}\n")
+    assert "propeller, motor and ESC of rotor 3 were looked at" in said.splitlines()[1]
+    made = json.loads((hangar.folder.parent / "f.json").read_text())
+    assert made["verdict"]["level"] == "damaged"
+    assert made["fill_kg"] is None
+    name = ["aircraft", "north", "--hangar", str(hangar.folder)]
+    assert run([*name, "--changed", "propeller 3"]) == 0
+    capsys.readouterr()
+    assert run(plan) == 0
+    said = capsys.readouterr().out
+    assert "ONLY IF WHAT WAS BAD IN AN EARLIER FLIGHT WAS REPAIRED: " in said.splitlines()[0]
+    assert run(["fill", *place, "--air-temperature", "15"]) == 0
+    assert "ONLY IF WHAT WAS BAD IN AN EARLIER FLIGHT WAS REPAIRED." in capsys.readouterr().out
+
+
+def test_the_mission_of_a_damaged_flight_counts_for_no_forecast(hangar, capsys):
+    reported(hangar, str(LOGS / "dev/worn_prop_1.tlog"), "--aircraft", "north")
+    known = hangar.load("north")
+    assert known.flights[0].mission is not None
+    assert known.flights_before(float("inf")) == ()
+    capsys.readouterr()
+    assert run(["aircraft", "north", "--hangar", str(hangar.folder)]) == 0
+    said = capsys.readouterr().out
+    assert "do not fly: a rotor or motor was bad in its last flight" in said
+    (line,) = [one for one in said.splitlines() if "its forecast said" in one]
+    assert line.endswith("; counts for no forecast: a bad part")

@@ -197,3 +197,38 @@ def test_a_row_of_an_older_version_is_read(hangar: Hangar):
     assert known.flights[-1].flight == "a"
     assert math.isnan(known.flights[-1].battery_ohm)
     assert math.isnan(known.battery_before().resistance)
+
+
+@pytest.mark.parametrize(
+    ("level", "noted", "sound", "grounds", "left_open"),
+    [
+        ("damaged", False, False, True, False),
+        ("damaged", True, False, False, True),
+        ("damaged", False, True, False, True),
+        ("damaged", True, True, False, False),
+        ("lost", False, True, True, False),
+        ("battery", True, True, False, False),
+        ("critical", False, False, False, False),
+    ],
+)
+def test_a_bad_flight_grounds_until_a_repair_is_noted_and_flown(
+    hangar: Hangar, level, noted, sound, grounds, left_open
+):
+    bad = row("a", 3.2, level=level, faults=("propeller 3",), not_taught=NotTaught.FAULT)
+    hangar.add_flight("north", bad)
+    if noted:
+        hangar.add_event("north", Event(unix_s=3.9 * DAY, changed="propeller 3"))
+    if sound:
+        hangar.add_flight("north", row("b", 4.2, level="under"))
+    made = hangar.load("north").clearance()
+    assert (made.level == level) is grounds
+    assert (made.rotors == (3,)) is grounds
+    assert bool(made.conditions) is left_open
+
+
+def test_what_the_last_flight_did_not_show_is_open(hangar: Hangar):
+    unread = row("a", 3.2, level="unknown", not_taught=NotTaught.NO_VERDICT)
+    hangar.add_flight("north", unread)
+    assert hangar.load("north").clearance().caveats == ("weak rotors not looked for",)
+    hangar.add_flight("north", row("b", 4.2, level="under"))
+    assert not hangar.load("north").clearance().conditions

@@ -5,11 +5,14 @@ from pathlib import Path
 
 import pytest
 
+from thrustmargin.gcs_plugin.live.alarms.alarm import severity_of
 from thrustmargin.gcs_plugin.office.season import fleet_words
 from thrustmargin.gcs_plugin.wording import actions, alarm_words, effect_sentences
 from thrustmargin.gcs_plugin.wording.actions import Action, When
 from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.identification.season.flight_sums import LOSS_NAME
+from thrustmargin.models.model.advice import FlightLevel
+from thrustmargin.models.model.model_misfit import Caveat
 from thrustmargin.models.model.rotor_faults import RotorFault
 
 ROOT = Path(__file__).parents[3]
@@ -106,3 +109,77 @@ def test_no_advice_stands_twice():
         p.read_text("utf-8") for p in (ROOT / "gcs_plugin").rglob("*.py") if p.name != "actions.py"
     )
     assert [w for w in words if len(w) > 12 and f'"{w}' in others] == []
+
+
+#: By hand: finding -> how soon after the flight and in it, and words of its action and its proof.
+ASKED = {
+    "bad rotor or motor": ("stop", "stop", "propellers, motors and ESCs", "the loss must be gone"),
+    "lost control": ("stop", "stop", "known why", "hover it low"),
+    "collapsed battery": ("stop", "stop", "test it, or retire it", "no cell may fall below 3.0 V"),
+    "battery resistance": ("soon", "nothing", "test it, or retire it", "no cell may fall"),
+    "no thrust left": ("stop", "stop", "then fill less", "below the limit"),
+    "too heavy to lose a rotor": ("stop", "soon", "fill less", "below the limit"),
+    "above the limit, or near it": ("soon", "soon", "fill less", "below the limit"),
+    "motor order": ("soon", "soon", "motor test", "motor order must be right"),
+    "load not reported": ("soon", "soon", "empty mass", "gauge, pump and thrust must agree"),
+    "load not known": ("soon", "nothing", "connect a tank gauge", "must agree"),
+    "tank gauge": ("soon", "soon", "check the tank gauge", "must agree"),
+    "scale of the tank gauge": ("soon", "nothing", "set the gauge", "must agree"),
+    "mass not reported in all flights": ("soon", "nothing", "weigh it", "must agree"),
+    "battery voltage": ("soon", "soon", "voltmeter", "fall as the current rises"),
+    "rotor speeds": ("soon", "soon", "telemetry of the ESCs", "ESC telemetry"),
+    "barometer": ("soon", "nothing", "weather station", "left out"),
+    "model": ("soon", "soon", "identify", "speeds and model must agree"),
+    "weak rotors not looked for": ("soon", "nothing", "every propeller", "ESC telemetry"),
+    "part of the flight not in the log": ("soon", "nothing", "how the flight ended", "whole log"),
+    "repair that nobody noted": ("soon", "nothing", "is repaired", "the loss must be gone"),
+    "wind": ("soon", "nothing", "airspeed sensor", "left out"),
+    "lost telemetry": ("nothing", "stop", "radio", "must not stop"),
+}
+SOON = {"stop": "STOP", "soon": "BEFORE_NEXT", "nothing": "NOTHING"}
+
+
+def test_every_finding_has_an_urgency_an_action_and_a_proof():
+    assert {str(one) for one in actions.Trouble} == set(ASKED)
+    for trouble in actions.Trouble:
+        after, in_flight, action, proof = ASKED[trouble]
+        found = actions.answer_to(trouble)
+        assert (found.urgency.name, trouble) == (SOON[after], trouble)
+        assert action in found.action.text, trouble
+        assert proof in found.proof.text, trouble
+        assert found == actions.answer_to(trouble, actions.Phase.LANDED)
+        flying = actions.answer_to(trouble, actions.Phase.IN_FLIGHT)
+        assert (flying.urgency.name, trouble) == (SOON[in_flight], trouble)
+        if in_flight == "stop":
+            assert flying.action.text in ("land", "fly by sight")
+
+
+def test_every_level_and_every_caveat_has_a_finding():
+    assert set(actions.OF_LEVEL) == set(FlightLevel) - {FlightLevel.UNDER, FlightLevel.UNKNOWN}
+    assert set(actions.OF_CAVEAT) == set(Caveat)
+
+
+@pytest.mark.parametrize(
+    ("level", "left_open", "urgency"),
+    [
+        ("under", False, "NOTHING"),
+        ("under", True, "BEFORE_NEXT"),
+        ("critical", True, "STOP"),
+        ("near", False, "BEFORE_NEXT"),
+    ],
+)
+def test_a_good_flight_that_leaves_something_open_is_no_green_one(level, left_open, urgency):
+    found = actions.urgency_of(FlightLevel(level), left_open=left_open)
+    assert found is not None
+    assert found.name == urgency
+    assert actions.urgency_of(FlightLevel.UNKNOWN, left_open=left_open) is None
+
+
+@pytest.mark.parametrize(
+    ("trouble", "severity"),
+    [("lost control", 2), ("bad rotor or motor", 2), ("collapsed battery", 2), ("tank gauge", 4),
+     ("above the limit, or near it", 4), ("lost telemetry", 2), ("barometer", 5)],
+)  # fmt: skip
+def test_an_alarm_is_as_severe_as_its_finding_is_urgent_in_flight(trouble, severity):
+    """MAV_SEVERITY: 2 critical, 4 warning, 5 notice."""
+    assert severity_of(actions.Trouble(trouble)) == severity

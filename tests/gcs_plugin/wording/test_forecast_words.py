@@ -11,6 +11,7 @@ from thrustmargin.gcs_plugin.wording.forecast_words import (
     ASSUMED,
     as_flown_words,
     assumed_words,
+    before_words,
     fill_words,
     plan_faults,
     power_words,
@@ -27,6 +28,7 @@ from thrustmargin.mission.forecast.plan_forecast import TakeOff, forecast
 from thrustmargin.mission.plan_items import PlanItem, plan_from_items
 from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.model.advice import FlightLevel
+from thrustmargin.models.model.clearance import Clearance, Condition
 from thrustmargin.models.model.fill_limits import before_take_off, largest_fills
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.model_misfit import Caveat
@@ -173,9 +175,14 @@ def test_what_the_last_flight_left_open_is_a_condition_of_the_first_line(level, 
     plan = made(fill_kg=2.0)
     advice = replace(plan.advised.advice, levels=(FlightLevel(level),))
     plan = replace(plan, advised=replace(plan.advised, advice=advice))
-    plan = replace(plan, caveats=(Caveat(caveat),))
-    assert condition in verdict(plan).split(": ")[0]
-    assert condition not in verdict(replace(plan, caveats=()))
+    left_open = Clearance(conditions=(Condition(caveat=Caveat(caveat), flight=advice),))
+    after = replace(plan, clearance=left_open)
+    assert condition in verdict(after).split(": ")[0]
+    assert after.level is FlightLevel.NEAR  # amber: somebody is to look first
+    assert condition not in verdict(plan)
+    if level == "under":
+        assert verdict(after).startswith("TAKE OFF WITH 2.0 kg (2.0 L) ONLY IF ")
+        assert before_words(after)
 
 
 def test_the_fill_of_a_plan_names_its_day():

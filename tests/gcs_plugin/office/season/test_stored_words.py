@@ -157,7 +157,7 @@ def test_an_answer_of_a_version_with_other_fields_is_acted_on_by_its_level(
     rows = rows_of(1, verdict="damaged", answer=json.dumps(known | {"doing": 3}))
     (found,) = (f for f in aircraft_season.aircraft_season("A", rows, []).findings if f.verdict)
     assert (found.level, found.verdict) == ("look first", "damaged")
-    assert found.action.startswith("do not fly it before its battery and propellers")
+    assert found.action.startswith("do not fly it before its propellers, motors and ESCs")
 
 
 def test_an_answer_comes_back_whole(taken_in: dict[str, list[SeasonFlight]]):
