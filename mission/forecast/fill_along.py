@@ -124,11 +124,12 @@ NUDGE_KG = 0.02  # to the safe side of a limit, so that the search closes in on 
 
 
 def survivable_below(analysis: FlightAnalysis) -> float:
-    """Return the tank mass, kg, below which the loss of one rotor is survived throughout the plan.
+    """Return the tank mass, kg, from which on the plan survives the loss of one rotor to its end.
 
     The bound is the lower end of the 90 % interval of the redundancy, without control of yaw. Where
-    the tank of the plan never gets that low, return the smallest tank mass that survives at every
-    row. NaN where a rotor is faulty or the redundancy is unknown.
+    every row survives, return the largest tank mass of the plan; where the tank never gets low
+    enough, the smallest tank mass that survives at every row. NaN where a rotor is faulty or the
+    redundancy is unknown.
     """
     craft, tank = identified_airframe(analysis.model), analysis.track.tank_kg
     sure = analysis.redundancy_yaw_uncontrolled * np.exp(-INTERVAL * analysis.redundancy_error)
@@ -136,7 +137,9 @@ def survivable_below(analysis: FlightAnalysis) -> float:
     if analysis.bad_part or not np.isfinite(most).all():
         return math.nan
     least = float(np.min(tank[tank > most], initial=math.inf))
-    return least if math.isfinite(least) and np.any(tank < least) else float(most.min())
+    if math.isinf(least):
+        return float(tank.max())
+    return least if np.any(tank < least) else float(most.min())
 
 
 def largest_fill(

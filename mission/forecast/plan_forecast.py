@@ -110,7 +110,7 @@ class PlanForecast:
     legs: tuple[LegForecast, ...]
     weakest: Weakest | None  # None: nothing is predicted
     largest_fill_kg: float  # that keeps the limit all along; NaN unknown
-    survivable_below_kg: float  # in the tank, with which one lost rotor is survived all along
+    survivable_below_kg: float  # in the tank, from which on one lost rotor is survived to the end
     #: Sorties by the upper end of the interval of energy: what must not run out.
     needs: Needs
     expected_needs: Needs  # by the middle of it

@@ -144,6 +144,12 @@ def test_the_loss_of_a_rotor_is_survivable_below_what_the_answer_needs():
     assert (lost[track.tank_kg > below + 1.0] < 1.0).any()
 
 
+def test_with_a_fill_whose_every_row_survives_it_is_survivable_from_take_off_on():
+    """Though the battery falls, so that at the end less than this fill would survive."""
+    light = outlook(day=replace(DAY, fill_kg=5.0))
+    assert light.survivable_below_kg == pytest.approx(5.0)
+
+
 def test_a_climb_is_a_climb():
     made = outlook((22, spot(48.0, 11.0, 20.0)), (16, spot(48.0005, 11.0, 20.0)), (21,))
     kinds = [leg.kind for leg in made.legs]
