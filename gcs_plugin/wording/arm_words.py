@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from thrustmargin.gcs_plugin.wording.actions import Action, at_desk, hands_on
 from thrustmargin.gcs_plugin.wording.language import percent, percent_within, say
@@ -99,19 +99,24 @@ def arm_sentence(finding: ArmFinding) -> str:
 def amount_words(one: PossibleCause) -> str:
     """Return what a cause does, with its amount and 95 % interval."""
     more, less = AMOUNTS[one.cause]
-    ends = sorted((abs(one.lower), abs(one.upper)))
+    least, most = sorted((abs(one.lower), abs(one.upper)))
+    ends = (0.0 if one.lower < 0.0 < one.upper else least, most)
     amount = percent_within(abs(one.size), *ends)
     return say(more if one.size >= 0.0 or not less else less, amount=amount)
 
 
-def arm_sentences(answer: ArmAnswer | None) -> tuple[str, ...]:
+def arm_sentences(answer: ArmAnswer | None, weak: Collection[int] = ()) -> tuple[str, ...]:
     """Return one sentence for each arm with something wrong.
 
-    A voltage reading alone is left out: every log is checked for it, whatever is known of the
-    aircraft (`inspection.instrument_offsets`).
+    Of the arms `weak`, from 0, whose thrust another sentence reports, a propeller is not said
+    again. A voltage reading alone is left out: every log is checked for it, whatever is known of
+    the aircraft (`inspection.instrument_offsets`).
     """
     if answer is None:
         return ()
     return tuple(
-        arm_sentence(one) for one in answer.findings if one.cause is not Cause.VOLTAGE_READING
+        arm_sentence(one)
+        for one in answer.findings
+        if one.cause is not Cause.VOLTAGE_READING
+        and not (one.arm in weak and one.cause is Cause.PROPELLER)
     )

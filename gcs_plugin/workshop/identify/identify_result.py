@@ -96,7 +96,7 @@ def make_result(
         margin=margin,
         arms=arms,
         following=following,
-        answer=(*answer(found, margin, following, mission), *arm_sentences(arms)),
+        answer=(*answer(found, margin, following, mission), *arm_sentences(arms, weak)),
         model_in=model_in,
         model_out=model_out,
         mission=mission,

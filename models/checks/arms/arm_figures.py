@@ -31,7 +31,7 @@ from thrustmargin.models.flight import Bools, Floats
 
 BLOCK_S = 5.0  # of the blocks, as in `model.flight_offsets`
 FEWEST_BLOCKS = 6
-FEWEST_ROWS = 5  # of a block
+FEWEST_ROWS = 3  # of a block: telemetry of 1 Hz has five
 #: Standard deviation over median absolute deviation, and standard error of a median over that of a
 #: mean, of a normal variable.
 MEDIAN_ABSOLUTE, MEDIAN_ERROR = 1.4826, 1.2533

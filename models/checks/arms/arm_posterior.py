@@ -8,6 +8,8 @@ log-uniform grid. The probability of "sound" is that of none of them, with the p
 
 A second arm or cause is sought after the first with the figures left out that the first moves at
 its arm. What the thrust search has reported of an arm is given: one of the causes that it leaves.
+A single one explains what it moves, and is no finding of this search; of several, the figures of
+the arm decide, if they depart at all.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ from thrustmargin.models.flight import Floats
 
 #: Prior probability that something is wrong with an arm in a flight: about one flight in fifty.
 FAULTY = 0.02
+GIVEN = 0.5  # the same of an arm that the thrust search reports, whose figures are asked again
 SURE = 0.95  # posterior probability of an answer that is reported, and coverage of its interval
 POSSIBLE = 0.05  # probability from which another cause is listed
 #: Sizes that are tried, as shares: from half a per cent, below which no figure repeats, up.
@@ -96,14 +99,18 @@ def arm_answer(
     own_voltage = all(one.own_voltage for one in flights)
     quantities = tuple(one.quantity for one in left)
     findings: list[ArmFinding] = []
-    asked = dict(given or {})
+    for arm, causes in (given or {}).items():
+        several = left and len(causes) > 1
+        found = _finding(left, own_voltage=own_voltage, given={arm: causes}) if several else None
+        findings += [] if found is None else [found]
+        left = _without(left, arm, causes, own_voltage=own_voltage)
     while len(findings) < MOST_FINDINGS and left:
-        first = {arm: asked.pop(arm) for arm in list(asked)[:1]}
-        found = _finding(left, own_voltage=own_voltage, given=first)
+        found = _finding(left, own_voltage=own_voltage)
         if found is None:
             break
         findings.append(found)
-        left = _without(left, found, own_voltage=own_voltage)
+        moved = [one.cause for one in found.causes]
+        left = _without(left, found.arm, moved, own_voltage=own_voltage)
     return ArmAnswer(
         findings=tuple(findings),
         quantities=quantities,
@@ -112,16 +119,16 @@ def arm_answer(
     )
 
 
-def _without(left: Sequence[Departure], found: ArmFinding, *, own_voltage: bool) -> list[Departure]:
-    """Return the departures without what the causes of a finding move at its arm."""
+def _without(
+    left: Sequence[Departure], arm: int, causes: Collection[Cause], *, own_voltage: bool
+) -> list[Departure]:
+    """Return the departures without what some causes move at an arm."""
     kept = []
     for one in left:
-        moves = any(
-            _moves(cause.cause, one.quantity, own_voltage=own_voltage) for cause in found.causes
-        )
+        moves = any(_moves(cause, one.quantity, own_voltage=own_voltage) for cause in causes)
         values = one.departure.copy()
         if moves:
-            values[found.arm] = math.nan
+            values[arm] = math.nan
         if np.isfinite(values).any():
             kept.append(replace(one, departure=values))
     return kept
@@ -181,11 +188,15 @@ class _Evidence:
 
 
 def _finding(
-    left: Sequence[Departure], *, own_voltage: bool, given: Mapping[int, Collection[Cause]]
+    left: Sequence[Departure],
+    *,
+    own_voltage: bool,
+    given: Mapping[int, Collection[Cause]] | None = None,
 ) -> ArmFinding | None:
     """Return the arm with something wrong, and its causes; None while none is sure.
 
-    With an arm in `given` it is that arm, with one of its causes for certain.
+    With an arm in `given` it is that arm, with one of its causes; None where its figures depart so
+    little that none of them is more probable than a sound arm.
     """
     evidence = [_Evidence.of(one) for one in left]
     rotors = left[0].departure.size
@@ -201,18 +212,18 @@ def _finding(
             for one, how in moved:
                 total = total + one.gain(at, how.ratio, how.spread, sizes)
             gains[at, cause] = sizes, total
-    prior = math.log(FAULTY / (rotors * len(PATTERNS)))
+    faulty = GIVEN if given else FAULTY
+    prior = math.log(faulty / len(gains))
     logs = {
         key: prior + _log_sum(total) - math.log(total.size) for key, (_, total) in gains.items()
     }
-    sound = math.log1p(-FAULTY)
-    whole = _log_sum([*logs.values(), *([] if given else [sound])])
+    whole = _log_sum([*logs.values(), math.log1p(-faulty)])
     by_arm = {
         at: math.exp(_log_sum([v for (k, _), v in logs.items() if k == at]) - whole)
         for at in {k for k, _ in logs}
     }
     worst = max(by_arm, key=lambda at: by_arm[at])
-    if not given and by_arm[worst] < SURE:
+    if by_arm[worst] < (GIVEN if given else SURE):
         return None
     mine = {cause: value for (at, cause), value in logs.items() if at == worst}
     total = _log_sum(list(mine.values()))

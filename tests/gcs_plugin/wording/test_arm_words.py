@@ -1,5 +1,7 @@
 """What is said of an arm: the part, how much, how sure, what else, and what settles it."""
 
+from dataclasses import replace
+
 import pytest
 
 from thrustmargin.gcs_plugin.wording.arm_words import (
@@ -66,3 +68,11 @@ def test_a_voltage_reading_alone_is_left_to_the_check_of_every_log():
     )
     assert [words[:5] for words in arm_sentences(answer)] == ["arm 1"]
     assert arm_sentences(None) == ()
+    weak = replace(answer, findings=(finding(possible(Cause.PROPELLER), arm=0),))
+    assert len(arm_sentences(weak)) == 1
+    assert arm_sentences(weak, weak=[0]) == ()
+
+
+def test_an_interval_that_includes_zero_says_so():
+    unsure = replace(possible(Cause.PROPELLER), lower=-0.02, upper=0.04)
+    assert "6 % (0 to 4)" in amount_words(unsure)

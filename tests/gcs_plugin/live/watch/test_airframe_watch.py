@@ -22,7 +22,7 @@ from thrustmargin.gcs_plugin.office.stations.mavproxy_worker import fields, read
 from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures
 from thrustmargin.gcs_plugin.view.figures.charts import Speeds, chart_images
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
-from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 
 AIRFRAME_NOT_YET = "airframe not known yet: hover 5 s"
@@ -147,7 +147,7 @@ def test_two_looks_on_end_speak_against_an_airframe_and_four_for_it_again(monkey
 def test_another_number_of_rotors_is_certain_at_once():
     six = LOG.track.rows(slice(0, 5))
     wide = np.tile(six.rotor_speed_rpm[:, :1], 6)
-    six = replace(six, rotor_speed_rpm=wide, throttle=wide)
+    six = replace(six, **{n: wide for n, one in TRACK_CHANNELS.items() if one.per_rotor})
     watch = watched(given=True)
     assert watch.look(six, LOG.facts, LOG.parameters).withheld
     assert not watch.look(LOG.track.rows(slice(5, 10)), LOG.facts, LOG.parameters).withheld

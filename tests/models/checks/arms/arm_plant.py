@@ -64,8 +64,7 @@ def arm_flight(
     trim = np.array([[1, 1, -1, -1], [1, -1, 1, -1], [1, 1, 1, 1]]).T @ (
         np.array([0.01, 0.01, 0.005]) * rng.standard_normal(3)
     )
-    gust = np.cumsum(rng.standard_normal((rows, 4)), axis=0)
-    gust = 0.02 * (gust - gust.mean(axis=0)) / gust.std(axis=0)
+    gust = 0.02 * _lag(rng.standard_normal((rows, 4)), 1.0)
     by_day = 1.0 + 0.004 * rng.standard_normal(4)  # what differs from flight to flight
     load = (F16.empty_mass + tank) * 9.80665 / 4.0
     needed = load[:, None] * (1.0 + trim + gust)

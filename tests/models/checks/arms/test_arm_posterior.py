@@ -74,15 +74,27 @@ def test_without_readings_of_the_escs_a_bad_motor_is_not_blamed_on_anything_else
 
 
 def test_the_thrust_search_is_never_contradicted():
-    """Of an arm that it reports, only the causes that it leaves are possible."""
+    """Of an arm that it reports only the causes that it leaves are possible."""
     bad = arm_flight(74, 30, Bad(cause="speed_reading", size=0.12, arm=1), aircraft=3)
     flight = [flight_arm_figures(analyse(bad, KNOWN), flight="new")]
-    given = arm_answer(flight, KNOWN.arms, modes=MODES, given={1: (Cause.PROPELLER,)})
-    assert (given.findings[0].arm, given.findings[0].cause) == (1, Cause.PROPELLER)
-    either = flights_arm_answer(KNOWN, [bad], weak=[1])
-    assert either.findings[0].cause is Cause.SPEED_READING
-    weak = arm_flight(75, 30, Bad(cause="propeller", size=0.12, arm=1), aircraft=3)
-    assert flights_arm_answer(KNOWN, [weak], weak=[1]).findings[0].cause is Cause.PROPELLER
+    assert arm_answer(flight, KNOWN.arms, modes=MODES).findings[0].cause is Cause.SPEED_READING
+    left = (Cause.PROPELLER, Cause.MOTOR)
+    given = arm_answer(flight, KNOWN.arms, modes=MODES, given={1: left})
+    assert {one.cause for f in given.findings for one in f.causes} <= set(left)
+    assert {f.arm for f in given.findings} <= {1}
+    # A single cause explains what it moves: it is reported already.
+    alone = arm_answer(flight, KNOWN.arms, modes=MODES, given={1: (Cause.SPEED_READING,)})
+    assert alone.findings == ()
+
+
+def test_of_a_rotor_that_a_search_reports_the_figures_choose_between_propeller_and_reading():
+    for cause in (Cause.PROPELLER, Cause.SPEED_READING):
+        bad = arm_flight(75, 30, Bad(cause=cause.value, size=0.12, arm=1), aircraft=3)
+        (found,) = flights_arm_answer(KNOWN, [bad], weak=[1]).findings
+        assert (found.arm, found.cause) == (1, cause)
+    sound = arm_flight(77, 30, aircraft=3)
+    assert flights_arm_answer(KNOWN, [sound], weak=[1]).findings == ()
+    assert flights_arm_answer(MODEL, [sound], weak=[1]).findings == ()
 
 
 def test_two_bad_arms_are_both_found():
