@@ -27,6 +27,7 @@ from thrustmargin.gcs_plugin.store.aircraft_marks import Marks, Recognition, rec
 from thrustmargin.mission.forecast.experience import Experience, FlownMission, experience
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.json_values import from_json_values, to_json_values
+from thrustmargin.models.model.aircraft_change import AircraftChange
 from thrustmargin.models.model.mode_walk import (
     FlightOffsets,
     ModeState,
@@ -72,20 +73,23 @@ UNTRUSTED = (NotTaught.FAULT, NotTaught.LOST, NotTaught.NO_VERDICT, NotTaught.RE
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AircraftFlight:
-    """One flight of an aircraft: its conditions, its figures, and what it taught; NaN unknown."""
+    """One flight of an aircraft: its conditions, its figures, and what it taught; NaN unknown.
+
+    Each field is a column of `schema.FLIGHTS` by the same name.
+    """
 
     flight: str  # digest of the log, with the sortie
     log_name: str
-    start_unix_s: float
+    started_unix_s: float
     latitude_deg: float = NAN
     longitude_deg: float = NAN
-    airborne_s: float = 0.0
-    level: str = "unknown"
+    flying_s: float = 0.0
+    verdict: str = "unknown"
     use_lasting: float = NAN  # share of the worst rotor's largest thrust
     use_lasting_low: float = NAN
     use_lasting_high: float = NAN
     tank_start_kg: float = NAN
-    density: float = NAN  # kg/m³, median
+    density_median: float = NAN  # kg/m³
     rest_voltage: float = NAN  # V before take-off
     mean_power: float = NAN  # W in flight, voltage times current
     power_coefficient: float = NAN  # W/rpm³ in air of the model's reference density
@@ -95,9 +99,9 @@ class AircraftFlight:
     mission: FlownMission | None = None  # beside its forecast by the state before the flight
     coverage: float = NAN  # share of speeds inside the interval of the state before the flight
     bias: float = NAN  # mean of ln measured over predicted speed
-    faults: tuple[str, ...] = ()  # kind and rotor, as "propeller 3"
-    #: Modes, from 0, that are further from the state before the flight than the walk allows.
-    changed: tuple[int, ...] = ()
+    fault_kinds: tuple[str, ...] = ()  # of each bad rotor or motor, as "propeller"
+    suspects: tuple[int, ...] = ()  # rotors, from 1, that were found bad or of which one was
+    change: AircraftChange | None = None  # how it differs from the flights before it
     offsets: FlightOffsets | None = None
     not_taught: NotTaught | None = None  # why the flight taught nothing; None where it taught
     trained: bool = False  # the model was made from it
@@ -180,7 +184,7 @@ class KnownAircraft:
         rows = [
             row
             for row in self.flights
-            if row.start_unix_s < start_unix_s and row.not_taught not in UNTRUSTED
+            if row.started_unix_s < start_unix_s and row.not_taught not in UNTRUSTED
         ]
         return tuple(rows[-RECENT:])
 
@@ -190,7 +194,7 @@ class KnownAircraft:
             [
                 FlightPower(
                     flight=row.flight,
-                    day=local_day(row.start_unix_s, row.longitude_deg),
+                    day=local_day(row.started_unix_s, row.longitude_deg),
                     coefficient=row.power_coefficient,
                 )
                 for row in self.flights_before(start_unix_s)
@@ -291,7 +295,7 @@ class Hangar:
             marks=record.marks,
             made_unix_s=record.made_unix_s,
             training=record.training,
-            flights=tuple(sorted(rows, key=lambda row: row.start_unix_s)),
+            flights=tuple(sorted(rows, key=lambda row: row.started_unix_s)),
             events=tuple(sorted(events, key=lambda event: event.unix_s)),
         )
 

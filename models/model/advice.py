@@ -31,6 +31,7 @@ from thrustmargin.models.checks.loss_of_control import (
 )
 from thrustmargin.models.checks.voltage import HELD_ROWS
 from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.model.aircraft_change import AircraftChange
 from thrustmargin.models.model.analysis import (
     FlightAnalysis,
     ThrustUse,
@@ -150,6 +151,8 @@ class Advice:
     caveats: tuple[Caveat, ...] = ()
     #: A rotor whose ESC reads too high or low; its use is corrected where outputs show the error.
     misread: MisreadSpeed | None = None
+    #: How the flight differs from the flights of its known aircraft before it.
+    change: AircraftChange | None = None
 
     @property
     def level(self) -> FlightLevel:
@@ -286,6 +289,7 @@ def advise(
             faults=faults,
             repaired=repaired,
             misread=misread,
+            change=analysis.change,
             losses=tuple(losses),
             rotor_count=track.rotor_count,
             rotor_names=() if analysis.claim.other_order else analysis.places,

@@ -30,7 +30,7 @@ def row(name: str, day: float, offset: float = 0.0, **others) -> AircraftFlight:
         offset=(offset, 0.0, 0.0, 0.0), error=(0.001,) * 4, rows=500,
     )  # fmt: skip
     return AircraftFlight(
-        flight=name, log_name=f"{name}.tlog", start_unix_s=day * DAY, offsets=offsets, **others
+        flight=name, log_name=f"{name}.tlog", started_unix_s=day * DAY, offsets=offsets, **others
     )
 
 
@@ -44,11 +44,11 @@ def hangar(tmp_path: Path) -> Hangar:
 
 def test_what_was_kept_is_read_again(hangar: Hangar):
     hangar.add_flight("north", row("b", 4.2, 0.02))
-    hangar.add_flight("north", row("a", 3.2, 0.01, level="under"))
+    hangar.add_flight("north", row("a", 3.2, 0.01, verdict="under"))
     hangar.add_event("north", Event(unix_s=3.9 * DAY, changed="propeller 3"))
     known = hangar.load("north")
     assert [one.flight for one in known.flights] == ["t", "a", "b"]
-    assert known.flights[1] == row("a", 3.2, 0.01, level="under")
+    assert known.flights[1] == row("a", 3.2, 0.01, verdict="under")
     assert known.events == (Event(unix_s=3.9 * DAY, changed="propeller 3"),)
     assert known.days == 3
     assert hangar.names() == ("north",)
