@@ -30,6 +30,7 @@ from thrustmargin.models.checks.arms.arm_law import ArmLaw
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.json_values import from_json_values, to_json_values
 from thrustmargin.models.model.advice import FlightLevel
+from thrustmargin.models.model.aircraft_change import AircraftChange
 from thrustmargin.models.model.clearance import Clearance, Condition
 from thrustmargin.models.model.mode_walk import (
     FlightOffsets,
@@ -87,20 +88,23 @@ UNTRUSTED = (NotTaught.FAULT, NotTaught.LOST, NotTaught.NO_VERDICT, NotTaught.RE
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AircraftFlight:
-    """One flight of an aircraft: its conditions, its figures, and what it taught; NaN unknown."""
+    """One flight of an aircraft: its conditions, its figures, and what it taught; NaN unknown.
+
+    Each field is a column of `schema.FLIGHTS` by the same name.
+    """
 
     flight: str  # digest of the log, with the sortie
     log_name: str
-    start_unix_s: float
+    started_unix_s: float
     latitude_deg: float = NAN
     longitude_deg: float = NAN
-    airborne_s: float = 0.0
-    level: str = "unknown"
+    flying_s: float = 0.0
+    verdict: str = "unknown"
     use_lasting: float = NAN  # share of the worst rotor's largest thrust
     use_lasting_low: float = NAN
     use_lasting_high: float = NAN
     tank_start_kg: float = NAN
-    density: float = NAN  # kg/m³, median
+    density_median: float = NAN  # kg/m³
     rest_voltage: float = NAN  # V before take-off
     mean_power: float = NAN  # W in flight, voltage times current
     power_coefficient: float = NAN  # W/rpm³ in air of the model's reference density
@@ -110,9 +114,9 @@ class AircraftFlight:
     mission: FlownMission | None = None  # beside its forecast by the state before the flight
     coverage: float = NAN  # share of speeds inside the interval of the state before the flight
     bias: float = NAN  # mean of ln measured over predicted speed
-    faults: tuple[str, ...] = ()  # kind and rotor, as "propeller 3"
-    #: Modes, from 0, that are further from the state before the flight than the walk allows.
-    changed: tuple[int, ...] = ()
+    fault_kinds: tuple[str, ...] = ()  # of each bad rotor or motor, as "propeller"
+    suspects: tuple[int, ...] = ()  # rotors, from 1, that were found bad or of which one was
+    change: AircraftChange | None = None  # how it differs from the flights before it
     offsets: FlightOffsets | None = None
     not_taught: NotTaught | None = None  # why the flight taught nothing; None where it taught
     trained: bool = False  # the model was made from it
@@ -199,7 +203,7 @@ class KnownAircraft:
         Those are the flights without a bad part, lost control or rotor speeds that are not trusted.
         Power and battery do not depend on the load, so a flight of another load counts.
         """
-        rows = [row for row in self.flights if row.start_unix_s < start_unix_s and row.trusted]
+        rows = [row for row in self.flights if row.started_unix_s < start_unix_s and row.trusted]
         return tuple(rows[-RECENT:])
 
     def clearance(self) -> Clearance:
@@ -212,17 +216,17 @@ class KnownAircraft:
         rows = self.flights[-RECENT:]
         conditions: list[Condition] = []
         for row in reversed(rows):
-            level = FlightLevel(row.level)
+            level = FlightLevel(row.verdict)
             if level not in _GROUNDING:
                 continue
-            noted = any(at > row.start_unix_s for at in self.repairs)
+            noted = any(at > row.started_unix_s for at in self.repairs)
             sound = any(
-                one.start_unix_s > row.start_unix_s and one.not_taught is None for one in rows
+                one.started_unix_s > row.started_unix_s and one.not_taught is None for one in rows
             )
             if noted and sound:
                 continue
             if not noted and (level is FlightLevel.LOST or not sound):
-                rotors = sorted({int(words.split()[-1]) for words in row.faults})
+                rotors = sorted(set(row.suspects))
                 return Clearance(level=level, rotors=tuple(rotors), log_name=row.log_name)
             conditions = [Condition(caveat=Caveat.BAD_BEFORE)]
         open_of = _OPEN.get(rows[-1].not_taught) if rows and rows[-1].not_taught else None
@@ -236,7 +240,7 @@ class KnownAircraft:
             [
                 FlightPower(
                     flight=row.flight,
-                    day=local_day(row.start_unix_s, row.longitude_deg),
+                    day=local_day(row.started_unix_s, row.longitude_deg),
                     coefficient=row.power_coefficient,
                 )
                 for row in self.flights_before(start_unix_s)
@@ -253,7 +257,7 @@ class KnownAircraft:
         figures = [
             row.arms
             for row in self.flights_before(start_unix_s)
-            if row.arms is not None and not row.bad_arms and row.start_unix_s >= since
+            if row.arms is not None and not row.bad_arms and row.started_unix_s >= since
         ]
         return ArmLaw(flights=tuple(figures)) if figures else None
 
@@ -356,7 +360,7 @@ class Hangar:
             marks=record.marks,
             made_unix_s=record.made_unix_s,
             training=record.training,
-            flights=tuple(sorted(rows, key=lambda row: row.start_unix_s)),
+            flights=tuple(sorted(rows, key=lambda row: row.started_unix_s)),
             events=tuple(sorted(events, key=lambda event: event.unix_s)),
         )
 

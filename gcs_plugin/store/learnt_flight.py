@@ -10,6 +10,11 @@ from thrustmargin.gcs_plugin.store.hangar import AircraftFlight, KnownAircraft, 
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.advice import Advice, FlightLevel, advise
+from thrustmargin.models.model.aircraft_change import (
+    AircraftChange,
+    ChangeKind,
+    aircraft_change,
+)
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse, analysis_for_verdict
 from thrustmargin.models.model.flight_arms import flight_arm_figures
@@ -17,6 +22,7 @@ from thrustmargin.models.model.flight_offsets import flight_offsets
 from thrustmargin.models.model.flight_power import power_coefficient
 from thrustmargin.models.model.mode_walk import FlightOffsets, WalkStep, walk
 from thrustmargin.models.model.model_misfit import Caveat
+from thrustmargin.models.model.offset_total import rotor_total
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.resistance import battery_resistance
 from thrustmargin.models.physics.smoothing import known_median
@@ -74,20 +80,22 @@ def learnt_flight(
     step = None
     if offsets is not None and reason is None and model.interval is not None:
         step = step_of(aircraft, offsets)
+    change = None if step is None else change_of(step, analysis, aircraft, log.name)
+    advice, analysis = replace(advice, change=change), replace(analysis, change=change)
     ohm, ohm_error = battery_resistance(track.time_s, track.voltage, track.current, track.flying)
     row = AircraftFlight(
         flight=flight,
         log_name=log.name,
-        start_unix_s=start_unix_s,
+        started_unix_s=start_unix_s,
         latitude_deg=latitude_deg,
         longitude_deg=longitude_deg,
-        airborne_s=advice.airborne_s,
-        level=str(advice.level),
+        flying_s=advice.airborne_s,
+        verdict=str(advice.level),
         use_lasting=advice.use.lasting_most,
         use_lasting_low=advice.use.lasting_low,
         use_lasting_high=advice.use.lasting_high,
         tank_start_kg=_first_known(np.where(track.flying, track.tank_kg, np.nan)),
-        density=known_median(analysis.density[track.flying]),
+        density_median=known_median(analysis.density[track.flying]),
         rest_voltage=rest_voltage(analysis),
         mean_power=_mean_power(analysis),
         power_coefficient=power_coefficient(analysis),
@@ -96,8 +104,9 @@ def learnt_flight(
         charge_used_ah=_charge_used(analysis),
         coverage=coverage(analysis),
         bias=advice.misfit.bias,
-        faults=tuple(f"{one.fault.kind} {one.fault.rotor + 1}" for one in advice.faults),
-        changed=() if step is None else step.changed,
+        fault_kinds=tuple(one.fault.kind for one in advice.faults),
+        suspects=tuple(one.fault.rotor + 1 for one in advice.faults),
+        change=change,
         offsets=offsets,
         not_taught=reason,
         trained=flight in aircraft.training,
@@ -109,7 +118,7 @@ def learnt_flight(
 
 def _after_last(aircraft: KnownAircraft) -> float:
     """Return a Unix time, s, after the last dated flight of an aircraft; 0 without one."""
-    times = [one.start_unix_s for one in aircraft.flights if np.isfinite(one.start_unix_s)]
+    times = [one.started_unix_s for one in aircraft.flights if np.isfinite(one.started_unix_s)]
     return max(times, default=0.0) + 1.0
 
 
@@ -125,6 +134,61 @@ def step_of(aircraft: KnownAircraft, offsets: FlightOffsets) -> WalkStep:
     if last is not None and last.flight == offsets.flight:
         last = None
     return walk([*earlier, offsets], steps, last_training=last, repairs=aircraft.repairs)[-1]
+
+
+def change_of(
+    step: WalkStep, analysis: FlightAnalysis, aircraft: KnownAircraft, log_name: str
+) -> AircraftChange | None:
+    """Return how a flight differs from the flights of its aircraft before it; None where it does
+    not, and where its model has no interval.
+
+    A change stays until somebody notes it, as long as flights differ from the state before it. The
+    offsets are summed from the last noted repair on, and anew from a change that the walk does not
+    allow, which may be a repair that nobody noted.
+    """
+    model, flight = analysis.model, step.flight
+    if model.interval is None:
+        return None
+    noted = max((one for one in aircraft.repairs if one < flight.start_unix_s), default=-np.inf)
+    before = [one for one in aircraft.flights if noted < one.started_unix_s < flight.start_unix_s]
+    began = [one.change.since_unix_s for one in before if one.change and one.change.modes]
+    began = [one for one in began if one > noted]
+    since = max(began, default=flight.start_unix_s)
+    if began and not step.changed:
+        step = _against(step, aircraft, since)
+    elif step.changed:
+        since = flight.start_unix_s
+    lessons = [one for one in aircraft.lessons if one.start_unix_s < flight.start_unix_s]
+    sums_from = since - 1.0 if began or step.changed else noted
+    change = aircraft_change(
+        step,
+        model.airframe,
+        speed_rpm=known_median(analysis.prediction.rotor_speed_rpm[analysis.track.flying]),
+        weight=known_median(analysis.weight[analysis.track.flying]),
+        coverage=coverage(analysis),
+        interval=model.interval,
+        rotor=rotor_total([*lessons, flight], model, since_unix_s=sums_from),
+    )
+    if change is None:
+        return None
+    logs = {one.started_unix_s: one.log_name for one in before} | {flight.start_unix_s: log_name}
+    if change.rotor is not None:
+        since = min(one for one in logs if one >= change.rotor.since_unix_s)
+    elif change.kind is ChangeKind.COVERAGE:
+        since = flight.start_unix_s
+    return replace(change, since_unix_s=since, since_log=logs.get(since, log_name))
+
+
+def _against(step: WalkStep, aircraft: KnownAircraft, since_unix_s: float) -> WalkStep:
+    """Return the step of a flight, compared with the state before the flight of a Unix time."""
+    flight = step.flight
+    old = next((one for one in aircraft.walk() if one.flight.start_unix_s == since_unix_s), None)
+    if old is None:
+        return step
+    expected = np.hypot(old.before.error, flight.error)
+    difference = np.array(flight.offset) - np.array(old.before.offset)
+    surprise = tuple((difference / expected).tolist())
+    return replace(step, before=old.before, known=old.known, surprise=surprise)
 
 
 def not_taught(advice: Advice, offsets: FlightOffsets | None) -> NotTaught | None:

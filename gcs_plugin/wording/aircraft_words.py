@@ -4,11 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
-from thrustmargin.gcs_plugin.wording.language import number, percent, say
+from thrustmargin.gcs_plugin.wording.actions import WEIGH, Phase, bad_rotor
+from thrustmargin.gcs_plugin.wording.effect_sentences import words_of
+from thrustmargin.gcs_plugin.wording.language import (
+    Verbatim,
+    joined,
+    known,
+    number,
+    percent,
+    percent_within,
+    say,
+    shown_unit,
+    within,
+)
 from thrustmargin.mission.forecast.experience import FlownMission
-from thrustmargin.models.flight import Floats
+from thrustmargin.models.effects import CATALOGUE
+from thrustmargin.models.effects.base import Placed
+from thrustmargin.models.model.aircraft_change import (
+    AircraftChange,
+    ChangeKind,
+    ChangeMode,
+    Explanation,
+    ExplanationKind,
+)
 from thrustmargin.models.physics.electric_power import NORMAL, PowerLaw, power_factors
 from thrustmargin.models.physics.known_battery import KnownBattery
 
@@ -57,29 +75,97 @@ def power_and_battery_words(law: PowerLaw | None, battery: KnownBattery) -> tupl
     return ("; ".join(parts),) if parts else ()
 
 
-def changed_words(by_rpm: Floats, modes: Sequence[int], columns: Floats) -> str:
-    """Return what is different in a flight from the flights before it, with its size.
-
-    `by_rpm` (R,) is the change of each mode, rpm, `modes` are those to name, from 0, and `columns`
-    (R, R) the directions of the modes.
+def change_words(change: AircraftChange) -> str:
+    """Return how a flight differs from the flights of its aircraft before it, with its size, since
+    when, what the search over effects says of it, and what to do.
     """
+    parts = [_what_changed(change)]
+    if change.explanation is not None:
+        parts.append(_explained(change.explanation))
+    if change.rotor is not None:
+        rotors = (change.rotor.rotor + 1,)
+        parts.append(bad_rotor(rotors, change.rotor.low, Phase.RECORDED).action.text)
+    elif change.kind is ChangeKind.OFFSET and known(change.mass_kg):
+        parts.append(WEIGH.text)
+    if change.rotor is None:
+        parts.append(
+            say("note what was repaired or fitted: thrustmargin aircraft NAME --changed PART")
+        )
+    return "; ".join(parts)
+
+
+def _what_changed(change: AircraftChange) -> str:
+    """Return the change itself, with its size and the log since which it is there."""
+    if (total := change.rotor) is not None:
+        return say(
+            "since {log} rotor {rotor} has come to lose {loss} of its thrust, by all {flights} "
+            "flights together",
+            log=Verbatim(change.since_log),
+            rotor=total.rotor + 1,
+            loss=percent_within(total.loss, total.low, total.high),
+            flights=total.flights,
+        )
+    if change.kind is ChangeKind.COVERAGE:
+        return say(
+            "since {log} the prediction no longer fits: {held} of rotor speeds are inside its "
+            "interval, by chance at least {least}",
+            log=Verbatim(change.since_log),
+            held=percent(change.coverage),
+            least=percent(change.coverage_by_chance),
+        )
     parts = []
-    for mode in modes:
-        by, size = by_rpm[mode], number(abs(by_rpm[mode]), "rpm", 0)
-        if mode == 0:
-            words = "all rotors turn {rpm} faster" if by > 0.0 else "all rotors turn {rpm} slower"
+    for one in change.modes:
+        low, high = sorted(
+            (-one.low_rpm, -one.high_rpm) if one.rpm < 0.0 else (one.low_rpm, one.high_rpm)
+        )
+        size = joined(within(abs(one.rpm), low, high, "rpm"))
+        if one.mode is ChangeMode.COLLECTIVE:
+            words = (
+                "all rotors turn {rpm} faster" if one.rpm > 0.0 else "all rotors turn {rpm} slower"
+            )
             parts.append(say(words, rpm=size))
             continue
-        side = np.sign(by) * columns[:, mode]
-        up, down = (
-            ", ".join(str(k + 1) for k in np.flatnonzero(way > 0.1)) for way in (side, -side)
-        )
+        up, down = (", ".join(str(k + 1) for k in side) for side in (one.faster, one.slower))
         words = "rotors {up} turn {rpm} faster and {down} slower"
         parts.append(say(words, up=up, rpm=size, down=down))
+    text = say(
+        "since {log} {parts}", log=Verbatim(change.since_log), parts=Verbatim(", ".join(parts))
+    )
+    if known(change.mass_kg):
+        sign = -1.0 if change.mass_kg < 0.0 else 1.0
+        ends = (change.mass_low_kg, change.mass_high_kg)
+        mass = joined(within(change.mass_kg, *ends, "kg", factor=sign, most=1))
+        heavier = "{text}, as if it were {mass} heavier"
+        lighter = "{text}, as if it were {mass} lighter"
+        text = say(heavier if sign > 0.0 else lighter, text=Verbatim(text), mass=mass)
+    return text
+
+
+def _explained(found: Explanation) -> str:
+    """Return what the search over effects says of the flights since a change."""
+    if found.kind is ExplanationKind.NOT_SEARCHED:
+        return say("too little flight to search for its cause")
+    if found.kind is ExplanationKind.UNEXPLAINED:
+        return say(
+            "no effect explains it (error {error} by the state before)",
+            error=number(found.error_before_rpm, "rpm", 0),
+        )
+    names = {effect.key: effect for effect in CATALOGUE}
+    parts = []
+    for one in found.effects:
+        factor, unit = shown_unit(one.unit, one.parameter)
+        thing = Verbatim(one.effect.replace("_", " "))
+        if one.effect in names:
+            placed = Placed(effect=names[one.effect], values={}, rotor=one.rotor)
+            rotor = "" if one.rotor is None else say("rotor {number}", number=one.rotor + 1)
+            thing = Verbatim(say(words_of(placed).thing, rotor=rotor, where=""))
+        size = joined(within(one.value, one.low, one.high, unit, factor=factor))
+        parts.append(f"{thing} {size}")
     return say(
-        "changed since the flights before it: {parts}; weigh it, look at what was repaired or "
-        "fitted, and note that: thrustmargin aircraft NAME --changed PART",
-        parts=", ".join(parts),
+        "the search finds {effects}: error {before} -> {after}",
+        effects=Verbatim(", ".join(parts)),
+        before=number(found.error_before_rpm, "", 0),
+        after=number(found.error_after_rpm, "rpm", 0),
     )
 
 

@@ -32,6 +32,7 @@ from thrustmargin.models.checks.loss_of_control import (
 )
 from thrustmargin.models.checks.voltage import HELD_ROWS
 from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.model.aircraft_change import AircraftChange
 from thrustmargin.models.model.analysis import (
     FlightAnalysis,
     ThrustUse,
@@ -154,6 +155,8 @@ class Advice:
     misread: MisreadSpeed | None = None
     #: What power, heat, leads and vibration show of each arm; None of a plan and in flight.
     arms: ArmAnswer | None = None
+    #: How the flight differs from the flights of its known aircraft before it.
+    change: AircraftChange | None = None
 
     @property
     def level(self) -> FlightLevel:
@@ -297,6 +300,7 @@ def advise(
             repaired=repaired,
             misread=misread,
             arms=arms,
+            change=analysis.change,
             losses=tuple(losses),
             rotor_count=track.rotor_count,
             rotor_names=() if analysis.claim.other_order else analysis.places,

@@ -30,6 +30,7 @@ from thrustmargin.models.effects.base import FlightState as FlightState
 from thrustmargin.models.effects.channels import own_channels
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.model.aircraft_change import AircraftChange
 from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim, unknown_aircraft
 from thrustmargin.models.model.inferred.load_inference import with_load_for_verdict
 from thrustmargin.models.model.inferred.speed_basis import SpeedBasis as SpeedBasis
@@ -281,6 +282,8 @@ class FlightAnalysis:
     beyond_gauge_kg: float = 0.0
     #: A rotor or motor is bad: see `with_bad_part`.
     bad_part: bool = False
+    #: How the flight differs from the flights of its known aircraft before it.
+    change: AircraftChange | None = None
 
     def __repr__(self) -> str:
         def worst(use: Floats) -> str:

@@ -104,6 +104,8 @@ class WalkStep:
     before: ModeState
     after: ModeState
     surprise: tuple[float, ...]  # (R,) difference over its expected standard deviation
+    #: (R,) standard error of the state after the flight before it, without the step in between
+    known: tuple[float, ...]
 
     @property
     def changed(self) -> tuple[int, ...]:
@@ -159,6 +161,7 @@ def walk(
     variance = mean + steps.day**2
     last, made = last_training, []
     for one in ordered:
+        known = tuple(np.sqrt(variance).tolist())
         variance = variance + _step_variance(last, one, steps, repairs)
         before = _state(mean, variance)
         error = np.array(one.error)
@@ -172,6 +175,7 @@ def walk(
                 before=before,
                 after=_state(mean, variance),
                 surprise=tuple((difference / np.sqrt(expected)).tolist()),
+                known=known,
             )
         )
         last = one
@@ -238,6 +242,16 @@ def fit_steps(
 
     ln of each step is normal about its prior median with STEP_SPREAD.
     """
+    return _fit_steps(tuple(flights), last_training, tuple(repairs))
+
+
+@lru_cache(maxsize=16)  # report, walk and total of a flight all ask for the steps before it
+def _fit_steps(
+    flights: tuple[FlightOffsets, ...],
+    last_training: FlightOffsets | None,
+    repairs: tuple[float, ...],
+) -> WalkSizes:
+    """Return the steps as `fit_steps` does."""
 
     def density(steps: WalkSizes) -> float:
         """Return ln of the posterior density of some steps, without its constant."""

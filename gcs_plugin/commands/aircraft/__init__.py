@@ -82,7 +82,7 @@ def _list(place: Hangar, console: Console) -> int:
         ends = (
             ""
             if last is None
-            else f"; last flown {_day(last.start_unix_s, last.longitude_deg)}, {last.level}"
+            else f"; last flown {_day(last.started_unix_s, last.longitude_deg)}, {last.verdict}"
         )
         console.print(escape(f"{name}: {_counted(len(known.flights), known.days)}{ends}"))
     return 0
@@ -96,6 +96,7 @@ def _counted(flights: int, days: int) -> str:
 def _show(known: KnownAircraft, console: Console) -> None:
     """Print the timeline of one aircraft: its flights and what was noted, by time."""
     from thrustmargin.gcs_plugin.wording.aircraft_words import (
+        change_words,
         mission_words,
         power_and_battery_words,
     )
@@ -121,16 +122,17 @@ def _show(known: KnownAircraft, console: Console) -> None:
         taught = "trained" if row.trained else "taught"
         if row.not_taught is not None:
             taught = f"taught nothing: {row.not_taught}"
-        bad = f"; {', '.join(row.faults)}" if row.faults else ""
-        odd = "; changed since the flights before it" if row.changed else ""
-        words = f"{row.log_name}: {row.level}, {use}, {held}, {taught}{bad}{odd}"
-        lines.append((row.start_unix_s, words))
+        found = zip(row.fault_kinds, row.suspects, strict=True)
+        bad = "".join(f"; {kind} {rotor}" for kind, rotor in found)
+        odd = "" if row.change is None else f"; {change_words(row.change)}"
+        words = f"{row.log_name}: {row.verdict}, {use}, {held}, {taught}{bad}{odd}"
+        lines.append((row.started_unix_s, words))
         if row.mission is not None:
             said = f"{row.log_name}: {mission_words(row.mission)}"
             if not row.trusted:
                 # A sound aircraft was forecast, so the difference shows the bad part.
                 said += f"; counts for no forecast: {row.not_taught}"
-            lines.append((row.start_unix_s + 1e-3, said))
+            lines.append((row.started_unix_s + 1e-3, said))
     for unix_s, words in sorted(lines):
         console.print(escape(f"  {_day(unix_s, where)} {words}"))
 

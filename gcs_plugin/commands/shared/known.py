@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.store.hangar import AircraftFlight, Hangar, KnownAircraft
     from thrustmargin.gcs_plugin.store.learnt_flight import LearntFlight
     from thrustmargin.mission.forecast.experience import FlownMission
+    from thrustmargin.models.model.aircraft_change import AircraftChange
     from thrustmargin.models.model.airframe_claim import AirframeClaim
     from thrustmargin.models.model.analysis import FlightAnalysis
     from thrustmargin.models.model.rotor_model import RotorModel
@@ -98,27 +100,8 @@ def known_flights(
     for name, paths in of_aircraft.items():
         learnt, _ = learn_logs(hangar.load(name), paths, inputs, hangar, unread, console)
         for flight, log in learnt:
-            if words := change_of(flight):
-                console.print(escape(f"{log.name}: {words}"), soft_wrap=True)
             flights.append((flight.analysis, log))
     return flights
-
-
-def change_of(flight: LearntFlight) -> str:
-    """Return what is different in a flight from the flights before it, for people; else empty."""
-    import numpy as np
-
-    from thrustmargin.gcs_plugin.wording.aircraft_words import changed_words
-    from thrustmargin.models.model.mode_walk import mode_columns
-
-    row, analysis = flight.row, flight.analysis
-    if not row.changed or row.offsets is None:
-        return ""
-    state, rotors = analysis.model.state, len(row.offsets.offset)
-    before = np.zeros(rotors) if state is None else np.array(state.offset)
-    speed = np.nanmedian(analysis.prediction.rotor_speed_rpm[analysis.track.flying])
-    by_rpm = (np.array(row.offsets.offset) - before) * speed
-    return changed_words(by_rpm, row.changed, mode_columns(analysis.model.airframe))
 
 
 def learn_logs(
@@ -150,15 +133,52 @@ def learn_logs(
         flight = learnt_flight(
             log, claim, model, aircraft, flight=flight_key(log), limit=inputs.limit
         )
+        if flight.advice.change is not None:
+            earlier = [one for one, _ in made]
+            flight = with_change(flight, explained(flight, earlier, aircraft, flight.advice.change))
         flight = replace(flight, row=replace(flight.row, mission=mission_of(log, flight, aircraft)))
         made.append((flight, log))
-        if not math.isfinite(flight.row.start_unix_s):
+        if not math.isfinite(flight.row.started_unix_s):
             continue
         if flight.row.not_taught is NotTaught.NO_VERDICT or inputs.known.no_learn:
             continue
         hangar.add_flight(aircraft.name, flight.row)
         aircraft = with_flight(aircraft, flight.row)
     return made, aircraft
+
+
+def explained(
+    flight: LearntFlight,
+    earlier: Sequence[LearntFlight],
+    aircraft: KnownAircraft,
+    change: AircraftChange,
+) -> AircraftChange:
+    """Return a change with what the search over effects says of it, where an extra has a search.
+
+    It is of the flights since the change, of those that were analysed just now, against the state
+    before the first of them.
+    """
+    from thrustmargin.gcs_plugin.commands.__init__ import extras
+
+    since = change.since_unix_s
+    flights = [one for one in earlier if one.row.started_unix_s >= since]
+    model = flight.analysis.model
+    state = aircraft.state_before(since, model.airframe.rotor_count, flight.row.longitude_deg)
+    for extra in extras():
+        if search := getattr(extra, "explain_change", None):
+            tracks = [one.analysis.track for one in (*flights, flight)]
+            return replace(change, explanation=search(replace(model, state=state), tracks))
+    return change
+
+
+def with_change(flight: LearntFlight, change: AircraftChange) -> LearntFlight:
+    """Return a flight with another change, everywhere where it stands."""
+    return replace(
+        flight,
+        analysis=replace(flight.analysis, change=change),
+        advice=replace(flight.advice, change=change),
+        row=replace(flight.row, change=change),
+    )
 
 
 def mission_of(
@@ -172,15 +192,15 @@ def mission_of(
     from thrustmargin.mission.plan_tracking.flown_mission import flown_mission
 
     row = flight.row
-    if not log.waypoints or not math.isfinite(row.start_unix_s) or flight.advice.withheld:
+    if not log.waypoints or not math.isfinite(row.started_unix_s) or flight.advice.withheld:
         return None
-    battery = aircraft.battery_before(row.start_unix_s)
+    battery = aircraft.battery_before(row.started_unix_s)
     at_rest = FlightBattery(
         voltage=row.rest_voltage,
         resistance=battery.resistance,
         resistance_error=battery.resistance_error,
     )
-    model = replace(flight.analysis.model, power=aircraft.power_before(row.start_unix_s))
+    model = replace(flight.analysis.model, power=aircraft.power_before(row.started_unix_s))
     try:
         plan = plan_of_waypoints(log.waypoints, autopilot=log.autopilot, source=log.name)
         return flown_mission(plan, log.parameters, model, flight.analysis, at_rest)
@@ -192,7 +212,7 @@ def with_flight(aircraft: KnownAircraft, row: AircraftFlight) -> KnownAircraft:
     """Return the aircraft with one flight more, in the place of an older row of that flight."""
     others = (one for one in aircraft.flights if one.flight != row.flight)
     return replace(
-        aircraft, flights=tuple(sorted([*others, row], key=lambda one: one.start_unix_s))
+        aircraft, flights=tuple(sorted([*others, row], key=lambda one: one.started_unix_s))
     )
 
 

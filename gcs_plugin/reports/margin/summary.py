@@ -26,6 +26,7 @@ from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version, unix_text, utc_text
 from thrustmargin.gcs_plugin.wording import margin_verdict
 from thrustmargin.gcs_plugin.wording.advice_words import action, several_headline
+from thrustmargin.gcs_plugin.wording.aircraft_words import change_words
 from thrustmargin.gcs_plugin.wording.fill_words import safe_kg
 from thrustmargin.gcs_plugin.wording.flight_words import loss_words, not_flown, too_short
 from thrustmargin.gcs_plugin.wording.report_words import (
@@ -38,7 +39,9 @@ from thrustmargin.mission.field import sprayed_field
 from thrustmargin.models.checks.arms.arm_json import answer_json
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.json_values import to_json_values
 from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advice, Advised, FlightLevel
+from thrustmargin.models.model.aircraft_change import AircraftChange
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.model_misfit import margin_check
 from thrustmargin.models.model.rotor_model import identified_airframe
@@ -90,6 +93,7 @@ def report_flight(
         against = plan_beside(analysis, log, plan, assumed)
     lines = (
         *((margin_verdict.Fact("control", loss_words(advice.losses)),) if advice.losses else ()),
+        *((margin_verdict.Fact("changed", change_words(advice.change)),) if advice.change else ()),
         *look_facts(found),
         *(shown if contact is None or advice.level is not FlightLevel.UNKNOWN else ()),
         *(() if contact is None else contact_facts(contact)),
@@ -170,7 +174,21 @@ def advice_values(advice: Advice) -> dict[str, Any]:
     values["fill"]["kg"] = safe_kg(advice.fill)
     values["fill"]["day"] = day_json(advice.fill.day)
     values["fill"]["fresh_day"] = day_json(advice.fill.fresh_day)
+    values["change"] = None if advice.change is None else change_row(advice.change)
     return {"level": advice.level, **values}
+
+
+def change_row(change: AircraftChange) -> data.JsonObject:
+    """Return how a flight differs from those of its aircraft before it, with rotors from 1."""
+    row = to_json_values(change)
+    for mode in row["modes"]:
+        mode["faster"] = [rotor + 1 for rotor in mode["faster"]]
+        mode["slower"] = [rotor + 1 for rotor in mode["slower"]]
+    effects = row["explanation"]["effects"] if row["explanation"] else ()
+    for one in (row["rotor"], *effects):
+        if one is not None and one["rotor"] is not None:
+            one["rotor"] += 1
+    return row
 
 
 def _flight(analysis: FlightAnalysis, speed: Floats, seconds: Floats) -> data.JsonObject:

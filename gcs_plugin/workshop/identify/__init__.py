@@ -1,6 +1,27 @@
 """Identify the effects that a rotor speed model lacks, and add them to it."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from thrustmargin.models.flight import FlightTrack
+    from thrustmargin.models.model.aircraft_change import Explanation
+    from thrustmargin.models.model.rotor_model import RotorModel
+
 #: Subcommand -> the first words of the docstring of its function.
 COMMANDS = {
     "identify": "Find what a rotor speed model lacks",
 }
+
+
+def explain_change(model: RotorModel, flights: Sequence[FlightTrack]) -> Explanation | None:
+    """Return what the search says of the flights since a change of their aircraft; None where the
+    library of the search is not installed. See `explain.explain`."""
+    if find_spec("scipy") is None:
+        return None
+    from thrustmargin.gcs_plugin.workshop.identify.explain import explain
+
+    return explain(model, flights)

@@ -75,10 +75,11 @@ def learn(
         seed: Number from which all chance of the training is drawn.
     """
     require("train", "torch", "scipy")
-    from thrustmargin.gcs_plugin.commands.shared.known import change_of, hangar_of, learn_logs
+    from thrustmargin.gcs_plugin.commands.shared.known import hangar_of, learn_logs
     from thrustmargin.gcs_plugin.commands.shared.options import check_range, require_logs
     from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
     from thrustmargin.gcs_plugin.store.hangar import NotTaught
+    from thrustmargin.gcs_plugin.wording.aircraft_words import change_words
 
     check_range("--seed", seed, 0, 2**32 - 1)
     check_numbers(owner)
@@ -115,12 +116,12 @@ def learn(
             taught = "" if row.not_taught is None else f"; taught nothing: {row.not_taught}"
             console.print(
                 escape(
-                    f"{log.name}: {row.level}, steady use up to {percent(row.use_lasting)}, "
+                    f"{log.name}: {row.verdict}, steady use up to {percent(row.use_lasting)}, "
                     f"interval held {percent(row.coverage)}{taught}"
                 )
             )
-            if words := change_of(flight):
-                console.print(escape(f"  {words}"))
+            if row.change is not None:
+                console.print(escape(f"  {change_words(row.change)}"))
         for line in card(known_one):
             console.print(escape(line))
     for one in unread:

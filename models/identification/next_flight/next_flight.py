@@ -58,7 +58,7 @@ from thrustmargin.models.model.rotor_model import RotorModel, model_channels, ta
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Explanation:
+class FittedExplanation:
     """Effects with values that all flights share, and the covariance of these values."""
 
     trials: tuple[TrialEffect, ...]
@@ -70,7 +70,9 @@ class Explanation:
         return tuple(one.candidate.term for one in self.trials)
 
 
-def fitted_explanation(problem: Problem, terms: Sequence[Term], noise_rpm: Floats) -> Explanation:
+def fitted_explanation(
+    problem: Problem, terms: Sequence[Term], noise_rpm: Floats
+) -> FittedExplanation:
     """Fit the terms to the flown rows, with values shared by all flights.
 
     A step within a flight counts with its state afterwards. `noise_rpm` (R,) is that of a mean over
@@ -94,7 +96,7 @@ def fitted_explanation(problem: Problem, terms: Sequence[Term], noise_rpm: Float
     whole = np.hstack([own, scale_by_noise(scatter_columns(rows, problem.background_rpm), noise)])
     inverse = np.linalg.inv(whole.T @ whole + np.eye(whole.shape[1]))[: size.size, : size.size]
     of_values: Floats = np.asarray(inverse, dtype=np.float64) * np.outer(size, size)
-    return Explanation(
+    return FittedExplanation(
         trials=tuple(replace(one, values=one.values[:1]) for one in most_probable),
         covariance=of_values,
     )
@@ -235,7 +237,7 @@ def explanations_of(identified: Identification) -> tuple[Terms, Terms] | None:
 
 def next_flight(
     model: RotorModel,
-    explanations: tuple[Explanation, Explanation],
+    explanations: tuple[FittedExplanation, FittedExplanation],
     *,
     limits: FlownLimits,
     noise_rpm: Floats,
@@ -297,7 +299,7 @@ class _FlownManoeuvre:
 
 def _fly_once(
     model: RotorModel,
-    explanations: tuple[Explanation, Explanation],
+    explanations: tuple[FittedExplanation, FittedExplanation],
     track: FlightTrack,
     noise_rpm: Floats,
     background_rpm: Floats | float,

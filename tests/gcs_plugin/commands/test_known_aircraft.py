@@ -9,7 +9,7 @@ import pytest
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.logs.read import read_log
 from thrustmargin.gcs_plugin.store.aircraft_marks import marks_of
-from thrustmargin.gcs_plugin.store.hangar import Hangar
+from thrustmargin.gcs_plugin.store.hangar import Event, Hangar
 
 LOGS = Path("sitl_logs")
 LOG = LOGS / "campaign/v4_m16_q2.5.tlog"
@@ -159,3 +159,39 @@ def test_the_mission_of_a_damaged_flight_counts_for_no_forecast(hangar, capsys):
     assert "do not fly: a rotor or motor was bad in its last flight" in said
     (line,) = [one for one in said.splitlines() if "its forecast said" in one]
     assert line.endswith("; counts for no forecast: a bad part")
+
+
+HEAVIER = [str(LOGS / f"dev/extra_mass_{k}.tlog") for k in (1, 2)]
+
+
+def test_a_change_is_said_first_searched_by_itself_and_stays_until_noted(hangar, capsys):
+    place = ["--aircraft", "north", "--hangar", str(hangar.folder)]
+    sound = [str(LOGS / f"campaign/v{k}_m10_q2.5.tlog") for k in (2, 4)]
+    assert run(["report", *sound, *place, "--json", str(hangar.folder.parent / "s.json")]) == 0
+    said = reported(hangar, HEAVIER[0], "--aircraft", "north")["verdict"]
+    assert said["facts"][0]["label"] == "changed"
+    change = said["change"]
+    assert change["kind"] == "offset"
+    (mode,) = change["modes"]
+    assert mode["mode"] == "collective"
+    assert mode["faster"] == [1, 2, 3, 4]
+    assert 70.0 < mode["low_rpm"] < mode["rpm"] < mode["high_rpm"] < 110.0
+    assert change["since_log"] == "extra_mass_1.tlog"
+    assert change["mass_kg"] == pytest.approx(3.0, abs=0.2)  # that simulation carried 3 kg
+    found = change["explanation"]
+    assert found["kind"] == "named"
+    (effect,) = found["effects"]
+    assert effect["effect"] == "extra_mass"
+    assert effect["low"] < 3.0 < effect["high"]
+    assert found["error_after_rpm"] < 0.3 * found["error_before_rpm"]
+    # The state has followed it by now, but nobody has said what it is.
+    again = reported(hangar, HEAVIER[1], "--aircraft", "north", "--no-learn")["verdict"]["change"]
+    assert again["since_log"] == "extra_mass_1.tlog"
+    assert again["mass_kg"] == pytest.approx(3.0, abs=0.3)
+    capsys.readouterr()
+    assert run(["aircraft", "north", *place[2:]]) == 0
+    assert "as if it were 3 kg" in capsys.readouterr().out
+    noted = hangar.load("north").flights[-1].started_unix_s + 1.0
+    hangar.add_event("north", Event(unix_s=noted, changed="pump"))
+    after = reported(hangar, HEAVIER[1], "--aircraft", "north", "--no-learn")["verdict"]["change"]
+    assert after is None

@@ -30,7 +30,7 @@ def row(name: str, day: float, offset: float = 0.0, **others) -> AircraftFlight:
         offset=(offset, 0.0, 0.0, 0.0), error=(0.001,) * 4, rows=500,
     )  # fmt: skip
     return AircraftFlight(
-        flight=name, log_name=f"{name}.tlog", start_unix_s=day * DAY, offsets=offsets, **others
+        flight=name, log_name=f"{name}.tlog", started_unix_s=day * DAY, offsets=offsets, **others
     )
 
 
@@ -44,11 +44,11 @@ def hangar(tmp_path: Path) -> Hangar:
 
 def test_what_was_kept_is_read_again(hangar: Hangar):
     hangar.add_flight("north", row("b", 4.2, 0.02))
-    hangar.add_flight("north", row("a", 3.2, 0.01, level="under"))
+    hangar.add_flight("north", row("a", 3.2, 0.01, verdict="under"))
     hangar.add_event("north", Event(unix_s=3.9 * DAY, changed="propeller 3"))
     known = hangar.load("north")
     assert [one.flight for one in known.flights] == ["t", "a", "b"]
-    assert known.flights[1] == row("a", 3.2, 0.01, level="under")
+    assert known.flights[1] == row("a", 3.2, 0.01, verdict="under")
     assert known.events == (Event(unix_s=3.9 * DAY, changed="propeller 3"),)
     assert known.days == 3
     assert hangar.names() == ("north",)
@@ -214,12 +214,12 @@ def test_a_row_of_an_older_version_is_read(hangar: Hangar):
 def test_a_bad_flight_grounds_until_a_repair_is_noted_and_flown(
     hangar: Hangar, level, noted, sound, grounds, left_open
 ):
-    bad = row("a", 3.2, level=level, faults=("propeller 3",), not_taught=NotTaught.FAULT)
+    bad = row("a", 3.2, verdict=level, suspects=(3,), not_taught=NotTaught.FAULT)
     hangar.add_flight("north", bad)
     if noted:
         hangar.add_event("north", Event(unix_s=3.9 * DAY, changed="propeller 3"))
     if sound:
-        hangar.add_flight("north", row("b", 4.2, level="under"))
+        hangar.add_flight("north", row("b", 4.2, verdict="under"))
     made = hangar.load("north").clearance()
     assert (made.level == level) is grounds
     assert (made.rotors == (3,)) is grounds
@@ -227,8 +227,8 @@ def test_a_bad_flight_grounds_until_a_repair_is_noted_and_flown(
 
 
 def test_what_the_last_flight_did_not_show_is_open(hangar: Hangar):
-    unread = row("a", 3.2, level="unknown", not_taught=NotTaught.NO_VERDICT)
+    unread = row("a", 3.2, verdict="unknown", not_taught=NotTaught.NO_VERDICT)
     hangar.add_flight("north", unread)
     assert hangar.load("north").clearance().caveats == ("weak rotors not looked for",)
-    hangar.add_flight("north", row("b", 4.2, level="under"))
+    hangar.add_flight("north", row("b", 4.2, verdict="under"))
     assert not hangar.load("north").clearance().conditions

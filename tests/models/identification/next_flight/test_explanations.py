@@ -9,7 +9,7 @@ from tests.models.made_flights import curve_model, made_flight
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.unnamed import UNNAMED
 from thrustmargin.models.identification.next_flight.next_flight import (
-    Explanation,
+    FittedExplanation,
     fitted_explanation,
     scatter_columns,
     second_noise_rpm,
@@ -31,11 +31,11 @@ NOISE = np.array([4.0, 3.0, 2.5, 2.5])
 MASS, GAUGE, LOSS = (Term(effect=BY_KEY[key]) for key in ("extra_mass", "tank_scale", "yaw_trim"))
 
 
-def explanations(first, second) -> tuple[Explanation, Explanation]:
+def explanations(first, second) -> tuple[FittedExplanation, FittedExplanation]:
     return fitted_explanation(PROBLEM, first, NOISE), fitted_explanation(PROBLEM, second, NOISE)
 
 
-def value(found: Explanation) -> float:
+def value(found: FittedExplanation) -> float:
     """The only value of the only effect, on the only flight that it stands for."""
     ((number,),) = found.trials[0].values
     return float(number)

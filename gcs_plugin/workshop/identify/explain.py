@@ -1,0 +1,61 @@
+"""Run the search over effects by itself on the flights since an aircraft changed.
+
+`learn` and `report` of a known aircraft call it after a flight that differs from the flights before
+it; the answer is data, which stands in the flight's verdict and in the hangar.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
+from thrustmargin.models.errors import ThrustMarginError
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.identification.answer.result import ReportedEffect
+from thrustmargin.models.identification.loop import identify_checked
+from thrustmargin.models.identification.rows.usable_flights import too_little
+from thrustmargin.models.model.aircraft_change import (
+    ExplainedEffect,
+    Explanation,
+    ExplanationKind,
+)
+from thrustmargin.models.model.rotor_model import RotorModel
+
+
+def explain(model: RotorModel, flights: Sequence[FlightTrack]) -> Explanation:
+    """Search for the effects that flights show, which their aircraft's model lacks.
+
+    `model` has the state before the first of them. The kind is NOT_SEARCHED where no flight has
+    enough rows.
+    """
+    tracks = [before_loss(track, loss_of_control(track)) for track in flights]
+    tracks = [track for track in tracks if too_little(track, model) is None]
+    try:
+        if not tracks:
+            return Explanation(kind=ExplanationKind.NOT_SEARCHED, flights=0)
+        found = identify_checked(tracks, model)
+    except ThrustMarginError:  # rows that no block of time holds: the change itself is reported
+        return Explanation(kind=ExplanationKind.NOT_SEARCHED, flights=0)
+    kind = ExplanationKind.NAMED if found.found else ExplanationKind.UNEXPLAINED
+    return Explanation(
+        kind=kind,
+        flights=len(tracks),
+        effects=tuple(_explained(one) for one in found.found),
+        error_before_rpm=found.before.rmse_rpm,
+        error_after_rpm=found.after.rmse_rpm,
+    )
+
+
+def _explained(found: ReportedEffect) -> ExplainedEffect:
+    """Return a reported effect with its main parameter, in the flight that represents it."""
+    effect, row = found.term.effect, found.flight
+    main = next((k for k, p in enumerate(effect.parameters) if not p.detail), 0)
+    return ExplainedEffect(
+        effect=effect.key,
+        rotor=found.term.rotor,
+        parameter=effect.parameters[main].name,
+        unit=effect.parameters[main].unit,
+        value=float(found.value[row, main]),
+        low=float(found.lower[row, main]),
+        high=float(found.upper[row, main]),
+    )
