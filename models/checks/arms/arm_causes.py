@@ -51,10 +51,15 @@ class Cause(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Moved:
-    """How a cause of size 1 moves one figure: the mean and standard deviation over parts."""
+    """How a cause of size 1 moves one figure: the mean and standard deviation over parts.
+
+    `sure` is the probability that it moves it at all: what only "may" change is as often unchanged,
+    and must not count against the cause then.
+    """
 
     ratio: float
     spread: float = 0.0
+    sure: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +84,8 @@ class Pattern:
 
 
 UNMOVED = Moved(0.0)
+#: Probability of an effect of which makers and mechanics say that it may come.
+MAY = 0.5
 #: A figure that the cause surely moves, by as much; laws are exact to about a tenth.
 _AS_MUCH = Moved(1.0, 0.1)
 
@@ -88,26 +95,26 @@ PATTERNS: Mapping[Cause, Pattern] = MappingProxyType(
             {
                 Q.THRUST: _AS_MUCH,
                 Q.POWER: Moved(-0.5, 1.0),
-                Q.OUTPUT: Moved(0.0, 0.3),
-                Q.VIBRATION: Moved(0.2, 0.4),
+                Q.OUTPUT: Moved(0.0, 0.3, MAY),
+                Q.VIBRATION: Moved(0.2, 0.4, MAY),
             },
             both_ways=True,
         ),
         Cause.MOTOR: Pattern(
             {
                 Q.POWER: _AS_MUCH,
-                Q.OUTPUT: Moved(-0.3, 0.4),
-                Q.ESC_HEAT: Moved(-0.5, 0.5),
+                Q.OUTPUT: Moved(-0.3, 0.4, MAY),
+                Q.ESC_HEAT: Moved(-0.5, 0.5, MAY),
                 Q.MOTOR_HEAT: Moved(10.0, 6.0),
-                Q.VIBRATION: Moved(0.2, 0.4),
+                Q.VIBRATION: Moved(0.2, 0.4, MAY),
             }
         ),
         Cause.ESC: Pattern(
             {
                 Q.POWER: _AS_MUCH,
-                Q.OUTPUT: Moved(-0.2, 0.5),
+                Q.OUTPUT: Moved(-0.2, 0.5, MAY),
                 Q.ESC_HEAT: Moved(20.0, 15.0),
-                Q.JUMPS: Moved(0.3, 0.2),
+                Q.JUMPS: Moved(0.3, 0.2, MAY),
             }
         ),
         Cause.LEAD: Pattern(
@@ -122,7 +129,7 @@ PATTERNS: Mapping[Cause, Pattern] = MappingProxyType(
                 Q.THRUST: Moved(2.0, 0.1),
                 Q.POWER: Moved(-3.0, 0.1),
                 Q.OUTPUT: Moved(2.0, 0.1),
-                Q.VIBRATION: Moved(0.0, 0.3),
+                Q.VIBRATION: Moved(0.0, 0.3, MAY),
             },
             both_ways=True,
         ),

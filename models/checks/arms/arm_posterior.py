@@ -22,7 +22,7 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.models.checks.arms.arm_causes import PATTERNS, Cause
+from thrustmargin.models.checks.arms.arm_causes import PATTERNS, Cause, Moved
 from thrustmargin.models.checks.arms.arm_figures import ArmFigures, ArmQuantity
 from thrustmargin.models.checks.arms.arm_law import TOGETHER, ArmLaw, Departure, departures
 from thrustmargin.models.flight import Floats
@@ -171,9 +171,9 @@ class _Evidence:
         """Return the log likelihood without a cause."""
         return _log_sum(self.base) - math.log(self.base.size)
 
-    def gain(self, arm: int, ratio: float, spread: float, sizes: Floats) -> Floats:
+    def gain(self, arm: int, moved: Moved, sizes: Floats) -> Floats:
         """Return the log likelihood ratio (S,) of a cause of each size at an arm to none."""
-        place = np.flatnonzero(self.known == arm)
+        place, ratio, spread = np.flatnonzero(self.known == arm), moved.ratio, moved.spread
         if not place.size or (ratio == 0.0 and spread == 0.0):
             return np.zeros(sizes.size)
         weighted, inverse = (x[:, place[0]][:, None] for x in (self.weighted, self.inverse))
@@ -184,7 +184,10 @@ class _Evidence:
         quadratic = -2.0 * mean * weighted + mean**2 * inverse - variance * shifted**2 / grown
         logs = self.base[:, None] - 0.5 * (quadratic + np.log(grown))
         together = np.logaddexp.reduce(logs, axis=0)
-        return np.asarray(together - math.log(self.base.size) - self.sound)
+        gain = together - math.log(self.base.size) - self.sound
+        if moved.sure < 1.0:
+            gain = np.logaddexp(math.log(moved.sure) + gain, math.log1p(-moved.sure))
+        return np.asarray(gain)
 
 
 def _finding(
@@ -210,7 +213,7 @@ def _finding(
                 continue
             total = np.zeros(sizes.size)
             for one, how in moved:
-                total = total + one.gain(at, how.ratio, how.spread, sizes)
+                total = total + one.gain(at, how, sizes)
             gains[at, cause] = sizes, total
     faulty = GIVEN if given else FAULTY
     prior = math.log(faulty / len(gains))
