@@ -1,18 +1,23 @@
-"""Answer one log: its findings, the answer of its flight, and the estimates for an unknown
-aircraft.
+"""Read a log as flights that are matched with an airframe, and answer each of them.
 
-Report, replay and live share this function.
+Every command that analyses a file reads it by `claimed_flights`; report, replay and live share
+`answer_log`: findings, the answer of the flight, and the estimates for an unknown aircraft.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import shlex
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 from thrustmargin.gcs_plugin.logs.findings import REPORTED, Finding, Severity, names_wrong
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
+from thrustmargin.gcs_plugin.logs.read import read_sorties
 from thrustmargin.gcs_plugin.logs.vehicle_statements import VehicleStatement, vehicle_statements
 from thrustmargin.gcs_plugin.telemetry.first_contact import first_contact
+from thrustmargin.gcs_plugin.telemetry.flight_log import with_track
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.gcs_plugin.wording.actions import Urgency, urgency_of
 from thrustmargin.gcs_plugin.wording.advice_words import (
@@ -26,10 +31,14 @@ from thrustmargin.gcs_plugin.wording.arm_words import arm_sentences
 from thrustmargin.gcs_plugin.wording.flight_words import event_words, loss_words
 from thrustmargin.gcs_plugin.wording.report_words import FirstContact
 from thrustmargin.gcs_plugin.wording.vehicle_words import beside_words
+from thrustmargin.models.checks.instruments import without_frozen
+from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.model.advice import Advice, Advised, advise
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
 from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.inferred.prepared import fill_channels
 from thrustmargin.models.model.model_misfit import Caveat
+from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -40,6 +49,52 @@ class LogAnswer:
     made: Advised
     contact: FirstContact | None  # None of an aircraft that is known
     statements: tuple[VehicleStatement, ...] = ()  # of the vehicle, beside what the log shows
+
+
+def claimed_flights(
+    path: Path, model: RotorModel, *, given: bool, **options: Any
+) -> list[tuple[FlightLog, AirframeClaim]]:
+    """Return every sortie of a log with its inferred channels, and its match with the model's
+    airframe.
+
+    `given` is True if the user gave the airframe; `options` are those of `read_sorties`. A log that
+    does not match is read without an airframe. Raise the errors of `read_sorties`.
+    """
+    craft = identified_airframe(model)
+
+    def claims_of(logs: Iterable[FlightLog]) -> list[AirframeClaim]:
+        claims = (
+            airframe_claim(log.track, craft, log.facts, log.parameters, given=given) for log in logs
+        )
+        return [replace(claim, source=shlex.quote(str(path))) for claim in claims]
+
+    def read(**airframe: Any) -> list[FlightLog]:
+        logs = read_sorties(path, sought=given, **airframe, **options)
+        return [
+            replace(log, track=without_frozen(log.track, craft, log.parameters)) for log in logs
+        ]
+
+    try:
+        logs, fits = read(airframe=model.airframe), True
+    except AirframeError:  # another number of rotors, which the claim will say
+        logs, fits = read(), False
+    claims = claims_of(logs)
+    if fits and any(claim.basis == "not known" for claim in claims):
+        bare = read()
+        if len(bare) == len(logs):
+            unclaimed = [claim.basis == "not known" for claim in claims]
+            logs = [b if none else log for log, b, none in zip(logs, bare, unclaimed, strict=True)]
+        else:  # the airframe's tank or speeds divided them otherwise
+            logs, claims = bare, claims_of(bare)
+    return [
+        (
+            log
+            if claim.basis == "not known" or claim.withheld
+            else with_track(log, fill_channels(log.track, craft, log.parameters)),
+            claim,
+        )
+        for log, claim in zip(logs, claims, strict=True)
+    ]
 
 
 def answer_log(log: FlightLog, analysis: FlightAnalysis, limit: float) -> LogAnswer:

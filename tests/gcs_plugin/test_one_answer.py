@@ -16,7 +16,7 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm
 from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.logs.claimed_flights import claimed_flights
+from thrustmargin.gcs_plugin.logs.log_answer import claimed_flights
 from thrustmargin.gcs_plugin.office.season.season_flight import IngestSettings, season_flights
 from thrustmargin.gcs_plugin.office.season.stored_words import flight_action, flight_reason
 from thrustmargin.gcs_plugin.office.stations.mavproxy_worker import reading, summary

@@ -421,7 +421,7 @@ def read_flights(
     `given`: the user named the airframe. A sortie that is not of the airframe is read without one.
     Raises as `read_sorties`.
     """
-    from thrustmargin.gcs_plugin.logs.claimed_flights import claimed_flights
+    from thrustmargin.gcs_plugin.logs.log_answer import claimed_flights
 
     keywords = reading_keywords(reading)
     return claimed_flights(path, model, given=given, any_vehicle=any_vehicle, **keywords)

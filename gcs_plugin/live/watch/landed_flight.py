@@ -18,8 +18,7 @@ from pathlib import Path
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import OF_ITSELF, OF_MISSION
 from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightAdvice, FlightSoFar
 from thrustmargin.gcs_plugin.live.watch.update import Later, WatchSettings
-from thrustmargin.gcs_plugin.logs.claimed_flights import claimed_flights
-from thrustmargin.gcs_plugin.logs.log_answer import answer_log
+from thrustmargin.gcs_plugin.logs.log_answer import answer_log, claimed_flights
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.layouts import message_ids
 from thrustmargin.models.errors import ThrustMarginError
