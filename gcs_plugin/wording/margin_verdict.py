@@ -14,6 +14,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.wording import language
 from thrustmargin.gcs_plugin.wording.advice_words import action, facts, fault_found, no_ground
 from thrustmargin.gcs_plugin.wording.alarm_words import place_words
+from thrustmargin.gcs_plugin.wording.check_words import claim_words, remedy_words, withheld_words
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.advice import Advice, FlightLevel, pauses_in_flight
@@ -66,7 +67,7 @@ def verdict_facts(
     `not_flown` says why the log has no flight to check; empty where it has one, and `basis` what
     thrust utilisation rests on.
     """
-    airframe = Fact("airframe", claim.words.removeprefix("airframe "))
+    airframe = Fact("airframe", claim_words(claim).removeprefix("airframe "))
     found = tuple(Fact("alarm", fault_found(advice, one)) for one in advice.faults)
     if FlightLevel.LOST in advice.levels:
         # What was left before it went wrong explains nothing, and advises no fill.
@@ -75,9 +76,9 @@ def verdict_facts(
     if not_flown:
         return (Fact("why", not_flown), airframe)
     if claim.withheld:
-        why = (Fact("why", reason) for reason in claim.withheld)
+        why = (Fact("why", reason) for reason in withheld_words(claim))
         of = () if claim.basis == "not known" else (airframe,)  # the reason says that already
-        return (*_to_do(advice), *found, *why, Fact("what helps", claim.remedy), *of)
+        return (*_to_do(advice), *found, *why, Fact("what helps", remedy_words(claim)), *of)
     if worst is None:
         why = "neither rotor speeds nor what a prediction needs is in this log"
         return (Fact("why", say(why)), airframe)

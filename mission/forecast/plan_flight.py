@@ -56,7 +56,7 @@ from thrustmargin.models.physics.margin import ceiling, utilisation
 from thrustmargin.models.provenance import Provenance, SourceKind
 
 #: A plan is no flight: there is nothing in it that could speak against the airframe.
-PLANNED = AirframeClaim(words="a plan")
+PLANNED = AirframeClaim()
 
 
 Assumption = Literal[

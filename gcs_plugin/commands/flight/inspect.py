@@ -159,6 +159,11 @@ def _inspect(inputs: Inputs, console: Console) -> list[Inspection]:
 
 
 def _print(console: Console, inspection: Inspection) -> None:
+    from thrustmargin.gcs_plugin.wording.check_words import (
+        claim_words,
+        note_words,
+        statement_words,
+    )
     from thrustmargin.gcs_plugin.wording.flight_words import not_flown
 
     log, track = inspection.log, inspection.log.track
@@ -176,8 +181,11 @@ def _print(console: Console, inspection: Inspection) -> None:
         flown=f"{track.flying_s:.1f}",
         count=track.time_s.size,
     )
-    console.print(f"{first}; {inspection.claim.words}", soft_wrap=True)
-    console.print(say("vehicle: {words}", words=Verbatim(log.facts.words)), soft_wrap=True)
+    console.print(f"{first}; {claim_words(inspection.claim)}", soft_wrap=True)
+    console.print(
+        say("vehicle: {words}", words=Verbatim(statement_words(log.facts.statement))),
+        soft_wrap=True,
+    )
     source = Verbatim(track.source("flying").words)
     by = not_flown(track) or say("in flight by: {source}", source=source)
     console.print(by, soft_wrap=True)
@@ -190,7 +198,7 @@ def _print(console: Console, inspection: Inspection) -> None:
         mark, colour = MARK[finding.level]
         findings.add_row(Text(mark, style=colour), Text(say(finding.check)), Text(finding.words))
     console.print(findings)
-    for note in track.notes:
+    for note in note_words(track):
         console.print(Text(say("note: {note}", note=Verbatim(note))), soft_wrap=True)
     unknown = log.quality.unknown_ids
     if unknown:

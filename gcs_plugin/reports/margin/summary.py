@@ -24,6 +24,7 @@ from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version, unix_text, utc_text
 from thrustmargin.gcs_plugin.wording import margin_verdict
 from thrustmargin.gcs_plugin.wording.advice_words import action, several_headline
+from thrustmargin.gcs_plugin.wording.check_words import note_words, withheld_words
 from thrustmargin.gcs_plugin.wording.fill_words import safe_kg
 from thrustmargin.gcs_plugin.wording.flight_words import loss_words, not_flown, too_short
 from thrustmargin.gcs_plugin.wording.report_words import (
@@ -125,7 +126,7 @@ def report_flight(
         margin_check=check,
         quality=_quality(log),
         airframe_basis=analysis.claim.basis,
-        withheld=analysis.withheld,
+        withheld=tuple(withheld_words(analysis.claim)),
         beside_plan=against,
         rows=rows,
     )
@@ -266,7 +267,7 @@ def _quality(log: FlightLog) -> data.JsonObject:
         "longest_silence_s": max((float(length) for _, length in log.silences), default=0.0),
         "channels": log.channels,
         "missing": tuple(text for name, text in WITHOUT.items() if not track.reports(name)),
-        "notes": track.notes,
+        "notes": tuple(note_words(track)),
         "messages": log.messages,
     }
 

@@ -16,6 +16,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording import palette as colours
+from thrustmargin.gcs_plugin.wording.check_words import claim_words, remedy_words, withheld_words
 from thrustmargin.gcs_plugin.wording.language import percent_down, percent_up
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.advice import cell_count
@@ -69,9 +70,9 @@ def aircraft_figures(
         "title": airframe.title,
         "name": track.name,
         "flying": row.flying,
-        "withheld": list(claim.withheld),
-        "remedy": claim.remedy if claim.withheld else "",
-        "claim": claim.words,
+        "withheld": withheld_words(claim),
+        "remedy": remedy_words(claim) if claim.withheld else "",
+        "claim": claim_words(claim),
         "rotors": rotors,
         "placed": placed,
         "radius": round(radius, 3),
