@@ -21,6 +21,7 @@ from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.wording.check_words import (
     note_words,
     remedy_words,
+    source_words,
     statement_words,
     withheld_words,
 )
@@ -281,7 +282,7 @@ def _tank(track: FlightTrack, airframe: Airframe) -> list[Finding]:
         full=f"{airframe.tank_capacity_kg:.1f}",
     )
     if "tank_kg" in track.standard_errors:
-        words += f": {track.source('tank_kg').words}"
+        words += f": {source_words(track.source('tank_kg'))}"
     return [Finding("tank", Severity.OK if good else Severity.WARNING, words)]
 
 
@@ -375,7 +376,7 @@ def _airspeed(track: FlightTrack) -> list[Finding]:
     source = track.source("airspeed")
     if source.meaning is not Meaning.GROUND_SPEED:
         return []
-    words = f"{source.words}; {say('in wind it is not the speed through the air')}"
+    words = f"{source_words(source)}; {say('in wind it is not the speed through the air')}"
     return [Finding("airspeed", Severity.WARNING, words)]
 
 

@@ -35,6 +35,7 @@ from thrustmargin.gcs_plugin.telemetry.vehicle_events import (
     arming_events,
     text_events,
 )
+from thrustmargin.gcs_plugin.wording.check_words import source_words
 from thrustmargin.models.checks.speed_readings import speed_resolution
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
@@ -236,7 +237,7 @@ def channel_report(
     return ChannelReport(
         name=name,
         unit=TRACK_CHANNELS[name].unit,
-        source=(unused if signal is None else "") or source.words,
+        source=(unused if signal is None else "") or source_words(source),
         provenance=source,
         samples=known_s.size,
         rate_hz=1.0 / known_median(step) if step.size else float("nan"),

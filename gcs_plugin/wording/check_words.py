@@ -5,15 +5,17 @@ A clause follows its sentence or the clause before it, with the values of both.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from thrustmargin.gcs_plugin.wording.language import Verbatim, say
+from thrustmargin.gcs_plugin.wording.language import Verbatim, say, spoken, translations
 from thrustmargin.models.statement import Statement, Value
 
 if TYPE_CHECKING:
     from thrustmargin.models.flight import FlightTrack
     from thrustmargin.models.model.airframe_claim import AirframeClaim
+    from thrustmargin.models.provenance import Provenance
 
 #: What a rotor speed of another unit, or wrong readings of an instrument, lead to.
 _REACH = "margin and fill reach to that: check voltmeter, gauge and empty mass, and the airframe's"
@@ -245,6 +247,17 @@ def note_words(track: FlightTrack) -> list[str]:
     return [*map(say, track.notes), *map(statement_words, track.statements)]
 
 
+def source_words(source: Provenance) -> str:
+    """Return the source of a number: names of messages stay, what describes them is translated."""
+    return source.described(_of_source)
+
+
+def _of_source(text: str) -> str:
+    """Return a part of a source in the language: a word may mean another thing elsewhere."""
+    own = translations(spoken(), "source").get(text)
+    return own or re.sub(r"(?<=\d) to (?=\d)", f" {say('to')} ", say(text))
+
+
 class _Listed(Verbatim):
     """Sentences to fill in, with commas between them, or with "and" where the format says so."""
 
@@ -269,19 +282,23 @@ def _filled(value: Value) -> object:
 
 
 def claim_words(claim: AirframeClaim) -> str:
-    """Return on which grounds a flight is analysed with an airframe."""
-    if claim.basis == "not known":
-        return say("airframe not known")
-    if not claim.airframe:
+    """Return on which grounds a flight is analysed with an airframe, as `airframe x, given`."""
+    if not claim.airframe and claim.basis == "given":
         return say("a plan")
+    return say("airframe {grounds}", grounds=Verbatim(grounds_words(claim)))
+
+
+def grounds_words(claim: AirframeClaim) -> str:
+    """Return the grounds of a claim behind the word airframe, as `x, given`."""
+    if claim.basis == "not known":
+        return say("not known")
     names = ", ".join(say(_RESTS_ON[name]) for name in claim.guessed)
     guessed = say("; guessed in it: {names}", names=Verbatim(names)) if names else ""
     own = {"airframe": Verbatim(claim.airframe), "guessed": guessed}
     if claim.basis == "given":
-        return say("airframe {airframe}, given{guessed}", **own)
+        return say("{airframe}, given{guessed}", **own)
     by = _Listed([statement_words(one) for one in claim.recognised_by])
-    words = "airframe {airframe}, recognised ({by}); none was given{guessed}"
-    return say(words, by=by, **own)
+    return say("{airframe}, recognised ({by}); none was given{guessed}", by=by, **own)
 
 
 def withheld_words(claim: AirframeClaim) -> list[str]:

@@ -14,7 +14,8 @@ from functools import cache
 from importlib import resources
 
 from thrustmargin.gcs_plugin.wording.alarm_words import ONE_LOST, ONE_MORE_LOST, SPINS
-from thrustmargin.gcs_plugin.wording.language import margin_or_beyond, say, translations
+from thrustmargin.gcs_plugin.wording.check_words import source_words
+from thrustmargin.gcs_plugin.wording.language import Verbatim, margin_or_beyond, say, translations
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
 PREDICTED = "predicted"
@@ -259,12 +260,13 @@ def not_followed_words(rates: Mapping[str, tuple[float, float]]) -> str:
 
 def no_escs(source: Provenance) -> str:
     """Return the line about rotor speeds from `source` without ESC telemetry."""
-    return f"no ESC telemetry: rotor speeds {source.words}"
+    speeds = Verbatim(source_words(source))
+    return say("no ESC telemetry: rotor speeds {speeds}", speeds=speeds)
 
 
 def tank_by(source: Provenance) -> str:
     """Return the words for the source of the tank level."""
-    return f"tank {by_source(source)}"
+    return say("tank {source}", source=Verbatim(by_source(source)))
 
 
 def by_source(source: Provenance) -> str:
@@ -272,7 +274,8 @@ def by_source(source: Provenance) -> str:
     if source.kind is SourceKind.ABSENT:
         return ""
     reported = source.kind is not SourceKind.STATED and source.meaning is not Meaning.HOVER_THRUST
-    return f"by {source.words}" if reported else source.words
+    words = source_words(source)
+    return say("by {source}", source=Verbatim(words)) if reported else words
 
 
 def order_assumed(words: str, asked: Collection[str]) -> str:

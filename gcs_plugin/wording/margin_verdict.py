@@ -14,7 +14,12 @@ import numpy as np
 from thrustmargin.gcs_plugin.wording import language
 from thrustmargin.gcs_plugin.wording.advice_words import action, facts, fault_found, no_ground
 from thrustmargin.gcs_plugin.wording.alarm_words import place_words
-from thrustmargin.gcs_plugin.wording.check_words import claim_words, remedy_words, withheld_words
+from thrustmargin.gcs_plugin.wording.check_words import (
+    grounds_words,
+    remedy_words,
+    source_words,
+    withheld_words,
+)
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.advice import Advice, FlightLevel, pauses_in_flight
@@ -67,7 +72,7 @@ def verdict_facts(
     `not_flown` says why the log has no flight to check; empty where it has one, and `basis` what
     thrust utilisation rests on.
     """
-    airframe = Fact("airframe", claim_words(claim).removeprefix("airframe "))
+    airframe = Fact("airframe", grounds_words(claim))
     found = tuple(Fact("alarm", fault_found(advice, one)) for one in advice.faults)
     if FlightLevel.LOST in advice.levels:
         # What was left before it went wrong explains nothing, and advises no fill.
@@ -127,7 +132,7 @@ def load_facts(track: FlightTrack) -> tuple[Fact, ...]:
     start, end = language.number(float(known[0]), "", 1), language.number(float(known[-1]), "kg", 1)
     falls = not end.startswith(f"{start} ")
     load = f"{start} {say('to')} {end}" if falls else end
-    return (Fact("load", f"{load}, {source.words}"),)
+    return (Fact("load", f"{load}, {source_words(source)}"),)
 
 
 def voltage_facts(analysis: FlightAnalysis) -> tuple[Fact, ...]:
@@ -235,5 +240,7 @@ def basis_words(
         silent = _outputs_go_on(analysis) if measured_s < 0.95 * known_s else ""
         return f"{words}{silent}{tail}"
     if np.any(analysis.from_outputs):
-        return f"{say('rotor speeds')} {analysis.track.source('rotor_speed_rpm').words}{tail}"
+        return (
+            f"{say('rotor speeds')} {source_words(analysis.track.source('rotor_speed_rpm'))}{tail}"
+        )
     return f"{say('measured rotor speeds')}{tail}"

@@ -162,6 +162,7 @@ def _print(console: Console, inspection: Inspection) -> None:
     from thrustmargin.gcs_plugin.wording.check_words import (
         claim_words,
         note_words,
+        source_words,
         statement_words,
     )
     from thrustmargin.gcs_plugin.wording.flight_words import not_flown
@@ -186,7 +187,7 @@ def _print(console: Console, inspection: Inspection) -> None:
         say("vehicle: {words}", words=Verbatim(statement_words(log.facts.statement))),
         soft_wrap=True,
     )
-    source = Verbatim(track.source("flying").words)
+    source = Verbatim(source_words(track.source("flying")))
     by = not_flown(track) or say("in flight by: {source}", source=source)
     console.print(by, soft_wrap=True)
     wide = console.width >= _WIDE
@@ -196,7 +197,9 @@ def _print(console: Console, inspection: Inspection) -> None:
     findings = Table(show_header=False, box=None, pad_edge=False)
     for finding in inspection.findings:
         mark, colour = MARK[finding.level]
-        findings.add_row(Text(mark, style=colour), Text(say(finding.check)), Text(finding.words))
+        findings.add_row(
+            Text(say(mark), style=colour), Text(say(finding.check)), Text(finding.words)
+        )
     console.print(findings)
     for note in note_words(track):
         console.print(Text(say("note: {note}", note=Verbatim(note))), soft_wrap=True)
