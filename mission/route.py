@@ -141,7 +141,7 @@ SLOWEST = 0.2
 #: s of the rest that are flown: about as long as a battery lasts.
 LONGEST_S = 900.0
 #: A planned route is no flight: it has no measurement that could contradict the airframe.
-AHEAD = AirframeClaim(words="a route ahead")
+AHEAD = AirframeClaim()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from thrustmargin.models.errors import TrackError
 from thrustmargin.models.provenance import NOT_REPORTED, Provenance
+from thrustmargin.models.statement import Statement
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -198,7 +199,8 @@ class FlightTrack:
     origin: Origin | None = None
     start_unix_s: float | None = None
     sources: Mapping[str, Provenance] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # of the reader, for people
+    statements: tuple[Statement, ...] = ()  # of the checks
     standard_errors: Mapping[str, Floats] = field(default_factory=dict)  # of inferred channels
 
     def __post_init__(self) -> None:

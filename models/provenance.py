@@ -7,7 +7,7 @@ reads: another text, or another name of a log, changes no number.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import lru_cache
@@ -103,26 +103,32 @@ class Provenance:
     @property
     def words(self) -> str:
         """Return the source for people, as `BATTERY_STATUS voltages of id 0`."""
-        remarks = "; ".join(self.remarks)
+        return self.described()
+
+    def described(self, say: Callable[[str], str] = str) -> str:
+        """Return the source for people; `say` translates what is not a name."""
+        remarks = "; ".join(map(say, self.remarks))
         if self.kind is SourceKind.ABSENT:
-            return "not in the log"
+            return say("not in the log")
         if self.kind is SourceKind.STATED:
-            return f"stated: {remarks}" if remarks else "stated"
+            return f"{say('stated')}: {remarks}" if remarks else say("stated")
         if self.kind is SourceKind.INFERRED:
-            of = ", ".join(part.words for part in self.parts if part.meaning is not self.meaning)
-            named = _INFERRED.get(self.meaning, self.name)
+            parts = (part for part in self.parts if part.meaning is not self.meaning)
+            of = ", ".join(part.described(say) for part in parts)
+            named = say(_INFERRED.get(self.meaning, self.name))
             if named and of and self.meaning is Meaning.MOTOR_OUTPUTS:
                 named = f"{of}; {named}"
             return f"{named} ({remarks})" if named and remarks else named or remarks
         if self.parts:
-            named = ", ".join(part.words for part in self.parts)
+            named = ", ".join(part.described(say) for part in self.parts)
         else:
             fields = f" {', '.join(self.fields)}" if self.fields else ""
             before = _NAMED_BEFORE.get(self.kind, "")
-            named = f"{before}{self.name}{fields}"
+            named = f"{say(before) if before else ''}{self.name}{fields}"
         if self.instance:
-            named = f"{named} of id {self.instance}"
-        known = [text for text in (_MEANINGS.get(self.meaning, ""), remarks) if text]
+            named = f"{named}{say(' of id ')}{self.instance}"
+        meaning = _MEANINGS.get(self.meaning, "")
+        known = [text for text in (say(meaning) if meaning else "", remarks) if text]
         return f"{named} ({'; '.join(known)})" if known else named
 
     def remarked(self, *remarks: str) -> Self:

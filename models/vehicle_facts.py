@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from thrustmargin.models.provenance import NOT_REPORTED, Provenance
+from thrustmargin.models.statement import Statement, state
 
 #: V of one lithium cell in use: from a worn one, or of 3.6 V, to 4.35 V full on a gauge 3 % off.
 CELL_IN_USE = (2.9, 4.5)
@@ -36,15 +37,15 @@ class StatedBattery:
     source: Provenance = NOT_REPORTED
 
     @property
-    def words(self) -> str:
-        """Return the facts for people, as "14 cells, 51.8 V, 16000 mAh by BATTERY_INFO
-        cells_in_series of id 0"."""
-        facts = (
-            (self.cells, f"{self.cells} cells"),
-            (self.nominal_voltage, f"{self.nominal_voltage:.4g} V"),
-            (self.capacity_mah, f"{self.capacity_mah:.0f} mAh"),
-        )
-        return f"{', '.join(words for number, words in facts if number)} by {self.source.words}"
+    def statement(self) -> Statement:
+        """Return what is known, as 14 cells, 51.8 V, 16000 mAh by BATTERY_INFO."""
+        numbers = {
+            "battery cells": self.cells,
+            "battery voltage": self.nominal_voltage,
+            "battery capacity": self.capacity_mah,
+        }
+        known = tuple(state(kind, number=number) for kind, number in numbers.items() if number)
+        return state("battery", known=known, source=self.source.words)
 
 
 def can_be_cells(cells: int, volts: float) -> bool:
@@ -54,7 +55,7 @@ def can_be_cells(cells: int, volts: float) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleFacts:
-    """The kind of vehicle and its number of lifting rotors, with evidence in words, as
+    """The kind of vehicle and its number of lifting rotors, with evidence, as
     "FRAME_CLASS 1"."""
 
     kind: VehicleKind = "unknown"
@@ -69,26 +70,42 @@ class VehicleFacts:
         """Return False for a vehicle known to be no multirotor; an unknown kind may be one."""
         return self.kind in ("multirotor", "quadplane", "unknown")
 
-    def refusal(self, name: str) -> str:
-        """Return why vehicle `name` cannot have a thrust margin, in words; empty if it can."""
-        article = "an" if self.kind[0] in "aeiou" else "a"
-        is_a = f"{name}: this is {article} {self.kind} (by {self.evidence})"
+    def refusal(self, name: str) -> Statement | None:
+        """Return why vehicle `name` cannot have a thrust margin; None if it can."""
         if not self.has_lifting_rotors:
-            return f"{is_a}, and thrustmargin is for multirotors"
-        if self.kind == "quadplane" and not self.rotor_count:
-            return f"{is_a}, and nothing says which outputs are its hover motors (SERVOn_FUNCTION)"
-        return ""
+            clause = "for multirotors"
+        elif self.kind == "quadplane" and not self.rotor_count:
+            clause = "hover motors not known"
+        else:
+            return None
+        article = "an" if self.kind[0] in "aeiou" else "a"
+        kind = f"{article} {self.kind}"
+        return state("vehicle is", clause, name=name, vehicle=kind, evidence=self.evidence)
 
     @property
-    def words(self) -> str:
-        """Return kind and number of rotors with their evidence, for people."""
-        kind = (
-            f"{self.kind} by {self.evidence}" if self.evidence else "kind of vehicle: not reported"
-        )
+    def statement(self) -> Statement:
+        """Return kind and number of rotors with their evidence."""
+        kind = "vehicle by" if self.evidence else "vehicle not reported"
         if not self.has_lifting_rotors:
-            return kind
-        rotors = f"{self.rotor_count} rotors by {self.rotor_evidence}"
-        if self.rotor_conflict:
-            rotors += f", but {self.rotor_conflict}"
-        battery = f"; battery of {self.battery.words}" if self.battery.source.name else ""
-        return f"{kind}; {rotors if self.rotor_count else 'rotors: not reported'}{battery}"
+            return state(kind, vehicle=self.kind, evidence=self.evidence)
+        rotors = "of rotors" if self.rotor_count else "no rotors reported"
+        return state(
+            kind,
+            rotors,
+            *(("of battery",) if self.battery.source.name else ()),
+            vehicle=self.kind,
+            evidence=self.evidence,
+            rotors=rotors_reported(self),
+            battery=self.battery.statement,
+        )
+
+
+def rotors_reported(facts: VehicleFacts) -> Statement:
+    """Return the number of rotors that a vehicle reports, its evidence, and what contradicts it."""
+    return state(
+        "rotors by",
+        *(("but",) if facts.rotor_conflict else ()),
+        count=facts.rotor_count,
+        evidence=facts.rotor_evidence,
+        conflict=facts.rotor_conflict,
+    )

@@ -59,6 +59,7 @@ from thrustmargin.gcs_plugin.telemetry.position import airborne
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.gcs_plugin.telemetry.resample import plausible
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options, stated_track
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.checks.motion_units import motion_units
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import (
@@ -532,8 +533,8 @@ def _track(
     )
     if wrong := motion_units(replace(track, **plausible_channels(track)[0])):
         raise LogError(
-            f"{path.name}: {wrong}; a file columns.toml beside it states other units "
-            "(docs/tables.md)"
+            f"{path.name}: {statement_words(wrong)}; a file columns.toml beside it states other "
+            "units (docs/tables.md)"
         )
     return track
 

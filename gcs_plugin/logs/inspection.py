@@ -19,6 +19,13 @@ from thrustmargin.gcs_plugin.logs.findings import (
     takeoff_findings,
 )
 from thrustmargin.gcs_plugin.mavlink.text import clean
+from thrustmargin.gcs_plugin.wording.check_words import (
+    note_words,
+    remedy_words,
+    source_words,
+    statement_words,
+    withheld_words,
+)
 from thrustmargin.gcs_plugin.wording.flight_words import LEFT_OUT, TOO_SELDOM
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.checks.held import attitude_denied
@@ -31,7 +38,7 @@ from thrustmargin.models.checks.speed_readings import (
     check_speed_scale,
     late_speeds,
     reading_scatter,
-    resolution_words,
+    speed_resolution,
 )
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.json_values import to_json_values
@@ -124,8 +131,10 @@ def inspect_log(
     findings += takeoff_findings(log.track, known)
     if known is None:
         if log.facts.rotor_conflict:
-            findings.append(Finding("motors", Severity.WARNING, log.facts.words))
-        for reason in filter(None, (*claim.withheld, claim.unlike, claim.remedy)):
+            words = statement_words(log.facts.statement)
+            findings.append(Finding("motors", Severity.WARNING, words))
+        unlike = [] if claim.unlike is None else [statement_words(claim.unlike)]
+        for reason in (*withheld_words(claim), *unlike, remedy_words(claim)):
             findings.append(Finding("airframe", Severity.UNKNOWN, reason))
         findings += [_compared(c) for c in compared if c.check in OF_ANY_AIRFRAME]
     else:
@@ -140,7 +149,7 @@ def inspect_log(
     findings += [*left_out_findings(log.track), _speed_readings(log), _sensor(log.track)]
     findings += _gyro(log.track)
     if late := late_speeds(log.track):
-        findings.append(Finding("rotor speed clock", Severity.WARNING, late))
+        findings.append(Finding("rotor speed clock", Severity.WARNING, statement_words(late)))
     findings += [
         Finding("ESC voltage", Severity.WARNING, words) for words in instrument_offsets(log)
     ]
@@ -159,7 +168,9 @@ def inspect_log(
 
 
 def _compared(one: Comparison) -> Finding:
-    return Finding(one.check, _LEVELS.get(one.verdict, Severity.WARNING), one.words)
+    return Finding(
+        one.check, _LEVELS.get(one.verdict, Severity.WARNING), statement_words(one.found)
+    )
 
 
 def _vehicles(log: FlightLog) -> list[Finding]:
@@ -224,7 +235,7 @@ def _continuous(log: FlightLog) -> Finding:
 
 
 def _order(order: MotorOrder) -> Finding:
-    words = order.words
+    words = statement_words(order.found)
     if all(math.isfinite(c) for c in order.correlation):
         named = zip(("roll", "pitch", "yaw"), order.correlation, strict=True)
         parts = {name: f"{value:.2f}" for name, value in named}
@@ -251,7 +262,8 @@ def _speed_readings(log: FlightLog) -> Finding:
         level = Severity.OK
         if reading_scatter(log.track).notable:
             level, words = Severity.WARNING, ""
-        words = "; ".join(filter(None, (words, resolution_words(log.track))))
+        if coarse := speed_resolution(log.track):
+            words = "; ".join(filter(None, (words, statement_words(coarse))))
         rate = next(c.rate_hz for c in log.channels if c.name == "rotor_speed_rpm")
         if rate < SLOWEST_HZ:
             level, words = Severity.WARNING, say(TOO_SELDOM, seconds=f"{1.0 / rate:.2g}")
@@ -272,7 +284,7 @@ def _tank(track: FlightTrack, airframe: Airframe) -> list[Finding]:
         full=f"{airframe.tank_capacity_kg:.1f}",
     )
     if "tank_kg" in track.standard_errors:
-        words += f": {track.source('tank_kg').words}"
+        words += f": {source_words(track.source('tank_kg'))}"
     return [Finding("tank", Severity.OK if good else Severity.WARNING, words)]
 
 
@@ -366,7 +378,7 @@ def _airspeed(track: FlightTrack) -> list[Finding]:
     source = track.source("airspeed")
     if source.meaning is not Meaning.GROUND_SPEED:
         return []
-    words = f"{source.words}; {say('in wind it is not the speed through the air')}"
+    words = f"{source_words(source)}; {say('in wind it is not the speed through the air')}"
     return [Finding("airspeed", Severity.WARNING, words)]
 
 
@@ -402,14 +414,14 @@ def as_json(inspection: Inspection) -> dict[str, Any]:
         "rotor_count_by": log.facts.rotor_evidence,
         "airframe": None if inspection.airframe is None else inspection.airframe.name,
         "airframe_basis": inspection.claim.basis,
-        "withheld": list(inspection.claim.withheld),
+        "withheld": withheld_words(inspection.claim),
         "rows": int(log.track.time_s.size),
         "duration_s": log.track.duration,
         "flying_s": log.track.flying_s,
         "rotor_count": log.track.rotor_count,
         "start_unix_s": log.track.start_unix_s,
         "clock_start_s": log.clock_start_s,
-        "notes": list(log.track.notes),
+        "notes": note_words(log.track),
         "engineer_notes": to_json_values(log.engineer_notes),
         "channels": to_json_values(log.channels),
         "quality": {
@@ -421,13 +433,17 @@ def as_json(inspection: Inspection) -> dict[str, Any]:
         if order is None
         else {
             "verdict": order.verdict,
-            "words": order.words,
+            "words": statement_words(order.found),
             "motors": [place + 1 for place in order.places],
             "correlation": to_json_values(order.correlation),
             "lead": to_json_values(order.lead),
         },
         "speed_scale": None
         if scale is None
-        else {"verdict": scale.verdict, "words": scale.words, "ratio": to_json_values(scale.ratio)},
+        else {
+            "verdict": scale.verdict,
+            "words": statement_words(scale.found),
+            "ratio": to_json_values(scale.ratio),
+        },
         "findings": to_json_values(inspection.findings),
     }

@@ -13,6 +13,7 @@ from typing import Any
 
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, NotThisFormat
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.whole_file import regular
 
@@ -95,7 +96,7 @@ def read_sorties(
         raise LogError(f"{path} cannot be read: {error.strerror or error}") from error
     for refusal in (log.facts.refusal(path.name) for log in logs):
         if refusal and not any_vehicle:
-            raise LogError(refusal)
+            raise LogError(statement_words(refusal))
     if path.suffix.lower() not in kind.suffixes:
         note = f"{path.name} is a {kind.name} file by its content, whatever its name says"
         logs = tuple(

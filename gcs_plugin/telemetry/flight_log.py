@@ -36,7 +36,8 @@ from thrustmargin.gcs_plugin.telemetry.vehicle_events import (
     flag_events,
     text_events,
 )
-from thrustmargin.models.checks.speed_readings import resolution_words
+from thrustmargin.gcs_plugin.wording.check_words import source_words
+from thrustmargin.models.checks.speed_readings import speed_resolution
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.physics.airframe import Airframe
@@ -200,8 +201,9 @@ def _with_absences(track: FlightTrack) -> FlightTrack:
         if not np.isfinite(track.rotor_speed_rpm[:, k]).any()
     ]
     notes = [f"no rotor speed of motor {', '.join(silent)}"] if silent else []
-    notes += [words] if (words := resolution_words(track)) else []
-    return replace(track, notes=(*track.notes, *notes))
+    coarse = speed_resolution(track)
+    statements = (*track.statements, *((coarse,) if coarse else ()))
+    return replace(track, notes=(*track.notes, *notes), statements=statements)
 
 
 def with_track(log: FlightLog, track: FlightTrack) -> FlightLog:
@@ -246,7 +248,7 @@ def channel_report(
     return ChannelReport(
         name=name,
         unit=TRACK_CHANNELS[name].unit,
-        source=(unused if signal is None else "") or source.words,
+        source=(unused if signal is None else "") or source_words(source),
         provenance=source,
         samples=known_s.size,
         rate_hz=1.0 / known_median(step) if step.size else float("nan"),

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.mavlink.rules import Columns
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import VehicleEvent
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.gcs_plugin.wording.flight_words import sortie_suffix
 from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.models.errors import LogError
@@ -200,7 +201,8 @@ class FlightLog(LogHeader):
         skipped = f"{quality.bytes_skipped} bytes in {quality.damaged_places} damaged place(s)"
         lines = (
             f"FlightLog {self.path.name}: {self.format}, vehicle {self.vehicle} ({self.autopilot})",
-            f"{track.duration:.1f} s in {track.time_s.size} rows; {self.facts.words}",
+            f"{track.duration:.1f} s in {track.time_s.size} rows; "
+            f"{statement_words(self.facts.statement)}",
             f"channels: {present or 'none'}",
             f"not in the log: {absent or 'nothing'}",
             f"file: {quality.frames} messages in {quality.bytes} bytes, skipped: "

@@ -9,6 +9,8 @@ from types import MappingProxyType
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
+from thrustmargin.gcs_plugin.wording.check_words import SENTENCES
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.checks.speed_readings import (
     LONE,
     MEASURED,
@@ -169,7 +171,7 @@ def rejected_words(
         for rotor, count in sorted(whole.items()):
             whose = "every rotor" if rotor < 0 else f"rotor {rotor + 1}"
             many = f"{count} readings in flight, " if counted else ""
-            sentences.append(f"{whose}: {many}no measurement: {REASONS[why]}")
+            sentences.append(f"{whose}: {many}no measurement: {say(SENTENCES[REASONS[why]])}")
     rows = np.isfinite(speeds[flying & np.isfinite(speeds).any(axis=1)])
     lacks = 1.0 - rows.mean(axis=0) if counted and len(rows) else np.zeros(speeds.shape[1])
     rejected = {rotor for rotors in rows_by_rotor.values() for rotor in rotors}

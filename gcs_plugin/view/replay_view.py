@@ -43,6 +43,7 @@ from thrustmargin.gcs_plugin.view.scene.surroundings import Camera
 from thrustmargin.gcs_plugin.wording import live_words as words
 from thrustmargin.gcs_plugin.wording import thrust_left
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
+from thrustmargin.gcs_plugin.wording.check_words import withheld_words
 from thrustmargin.gcs_plugin.wording.forecast_words import fill_words, verdict
 from thrustmargin.gcs_plugin.wording.glance_words import alarm_then
 from thrustmargin.gcs_plugin.wording.language import say, spoken
@@ -384,7 +385,7 @@ class ReplayView(ViewPage):
             recorded=True,
             row=row,
             seconds_to_empty=recorded_seconds_to_empty(row.track, row.row),
-            problem="; ".join(self._analysis.claim.withheld),
+            problem="; ".join(withheld_words(self._analysis.claim)),
             pending=say(self._alarms_pending),
             message=self._message_at(time_s),
             alarms=tuple(

@@ -123,6 +123,13 @@ def in_spoken(text: str) -> str:
     return text.now() if isinstance(text, Sentence) else text
 
 
+class _Number(float):
+    """A number that a sentence fills in by a format, with the signs of the language."""
+
+    def __format__(self, how: str) -> str:
+        return super().__format__(how).replace(",", " ").replace(".", ",")
+
+
 class Verbatim(str):
     """A text that `say` fills in unchanged: a name of a file, or a text in the language already."""
 
@@ -141,8 +148,10 @@ def decimal(text: str) -> str:
 
 
 def _comma(value: object) -> object:
-    """Return a text with the decimal sign and the `to` of intervals in the language; other values
-    unchanged."""
+    """Return a text or number with the decimal sign and the `to` of intervals in the language;
+    other values unchanged."""
+    if isinstance(value, float):
+        return _Number(value)
     if not isinstance(value, str) or isinstance(value, Verbatim):
         return value
     text = re.sub(r"(?<=\d)\.(?=\d)", ",", value)

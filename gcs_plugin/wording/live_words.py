@@ -14,7 +14,13 @@ from functools import cache
 from importlib import resources
 
 from thrustmargin.gcs_plugin.wording.alarm_words import ONE_LOST, ONE_MORE_LOST, SPINS
-from thrustmargin.gcs_plugin.wording.language import Verbatim, percent, say, translations
+from thrustmargin.gcs_plugin.wording.check_words import claim_words, source_words
+from thrustmargin.gcs_plugin.wording.language import (
+    Verbatim,
+    percent,
+    say,
+    translations,
+)
 from thrustmargin.gcs_plugin.wording.thrust_left import left_words
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
@@ -50,13 +56,12 @@ def page_words(language: str) -> dict[str, dict[str, str]]:
     }
 
 
-def claim_words(claim: AirframeClaim, name: str) -> str:
-    """Return in a few words why a vehicle counts as one of the airframe called `name`."""
+def brief_claim(claim: AirframeClaim) -> str:
+    """Return in a few words why a vehicle counts as one of its airframe: without the evidence."""
     if claim.basis == "recognised":
-        return say("airframe {name}: nobody named it, and the flight fits it", name=Verbatim(name))
-    if claim.basis == "given":
-        return say("airframe {name}, given", name=Verbatim(name))
-    return say(claim.words)
+        name = Verbatim(claim.airframe)
+        return say("airframe {name}: nobody named it, and the flight fits it", name=name)
+    return claim_words(claim)
 
 
 def wind_words(speed: float) -> str:
@@ -278,12 +283,13 @@ def not_followed_words(rates: Mapping[str, tuple[float, float]]) -> str:
 
 def no_escs(source: Provenance) -> str:
     """Return the line about rotor speeds from `source` without ESC telemetry."""
-    return say("no ESC telemetry: rotor speeds {how}", how=say(source.words))
+    speeds = Verbatim(source_words(source))
+    return say("no ESC telemetry: rotor speeds {speeds}", speeds=speeds)
 
 
 def tank_by(source: Provenance) -> str:
     """Return the words for the source of the tank level."""
-    return say("tank {how}", how=by_source(source))
+    return say("tank {source}", source=Verbatim(by_source(source)))
 
 
 def by_source(source: Provenance) -> str:
@@ -291,7 +297,8 @@ def by_source(source: Provenance) -> str:
     if source.kind is SourceKind.ABSENT:
         return ""
     reported = source.kind is not SourceKind.STATED and source.meaning is not Meaning.HOVER_THRUST
-    return say("by {source}", source=source.words) if reported else say(source.words)
+    words = source_words(source)
+    return say("by {source}", source=Verbatim(words)) if reported else words
 
 
 def order_assumed(words: str, asked: Collection[str]) -> str:

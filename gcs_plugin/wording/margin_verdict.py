@@ -14,6 +14,12 @@ import numpy as np
 from thrustmargin.gcs_plugin.wording import language
 from thrustmargin.gcs_plugin.wording.advice_words import action, facts, fault_found, no_ground
 from thrustmargin.gcs_plugin.wording.alarm_words import place_words
+from thrustmargin.gcs_plugin.wording.check_words import (
+    grounds_words,
+    remedy_words,
+    source_words,
+    withheld_words,
+)
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.thrust_left import left_words
 from thrustmargin.models.flight import FlightTrack
@@ -67,7 +73,7 @@ def verdict_facts(
     `not_flown` says why the log has no flight to check; empty where it has one, and `basis` what
     thrust utilisation rests on.
     """
-    airframe = Fact("airframe", claim.words.removeprefix("airframe "))
+    airframe = Fact("airframe", grounds_words(claim))
     found = tuple(Fact("alarm", fault_found(advice, one)) for one in advice.faults)
     if FlightLevel.LOST in advice.levels:
         # What was left before it went wrong explains nothing, and advises no fill.
@@ -76,9 +82,9 @@ def verdict_facts(
     if not_flown:
         return (Fact("why", not_flown), airframe)
     if claim.withheld:
-        why = (Fact("why", reason) for reason in claim.withheld)
+        why = (Fact("why", reason) for reason in withheld_words(claim))
         of = () if claim.basis == "not known" else (airframe,)  # the reason says that already
-        return (*_to_do(advice), *found, *why, Fact("what helps", claim.remedy), *of)
+        return (*_to_do(advice), *found, *why, Fact("what helps", remedy_words(claim)), *of)
     if worst is None:
         why = "neither rotor speeds nor what a prediction needs is in this log"
         return (Fact("why", say(why)), airframe)
@@ -127,7 +133,7 @@ def load_facts(track: FlightTrack) -> tuple[Fact, ...]:
     start, end = language.number(float(known[0]), "", 1), language.number(float(known[-1]), "kg", 1)
     falls = not end.startswith(f"{start} ")
     load = f"{start} {say('to')} {end}" if falls else end
-    return (Fact("load", f"{load}, {source.words}"),)
+    return (Fact("load", f"{load}, {source_words(source)}"),)
 
 
 def voltage_facts(analysis: FlightAnalysis) -> tuple[Fact, ...]:
@@ -238,5 +244,7 @@ def basis_words(
         silent = _outputs_go_on(analysis) if measured_s < 0.95 * known_s else ""
         return f"{words}{silent}{tail}"
     if np.any(analysis.from_outputs):
-        return f"{say('rotor speeds')} {analysis.track.source('rotor_speed_rpm').words}{tail}"
+        return (
+            f"{say('rotor speeds')} {source_words(analysis.track.source('rotor_speed_rpm'))}{tail}"
+        )
     return f"{say('measured rotor speeds')}{tail}"

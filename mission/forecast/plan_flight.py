@@ -56,7 +56,7 @@ from thrustmargin.models.physics.margin import ceiling, utilisation
 from thrustmargin.models.provenance import Provenance, SourceKind
 
 #: A plan is no flight: it has no measurement that could contradict the airframe.
-PLANNED = AirframeClaim(words="a plan")
+PLANNED = AirframeClaim()
 
 
 Assumption = Literal[

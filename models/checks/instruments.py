@@ -37,6 +37,7 @@ from thrustmargin.models.physics.atmosphere import pressure_altitude
 from thrustmargin.models.physics.motor_output import output_curve
 from thrustmargin.models.physics.smoothing import known_median
 from thrustmargin.models.provenance import Provenance, Reason, Rejected, SourceKind
+from thrustmargin.models.statement import Statement, state
 
 LEAST_S = 60.0  # s in flight before a voltage must have moved
 #: Share of its voltage by which a battery that carries an aircraft moves within a minute at least:
@@ -296,8 +297,8 @@ class Stand:
 def without_frozen(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> FlightTrack:
-    """Set NaN where an instrument is frozen, faulty or the voltage broke down, and add a note
-    that says so."""
+    """Set NaN where an instrument is frozen, faulty or the voltage broke down, and add a
+    statement of it."""
     track, _ = without_broken_voltage(track)
     return drop_readings(track, frozen_channels(track, airframe, parameters))
 
@@ -377,11 +378,11 @@ def _contradictions(
 
 
 def drop_readings(track: FlightTrack, frozen: Mapping[str, Stand]) -> FlightTrack:
-    """Set NaN in the rows of faulty readings, by channel, and note the reason in source and
-    notes."""
+    """Set NaN in the rows of faulty readings, by channel, with the reason in source and
+    statements."""
     if not frozen:
         return track
-    channels, sources, notes = {}, {}, []
+    channels, sources, statements = {}, {}, list(track.statements)
     for channel, stand in frozen.items():
         source, values = track.source(channel), getattr(track, channel)
         if stand.rotors:
@@ -393,26 +394,25 @@ def drop_readings(track: FlightTrack, frozen: Mapping[str, Stand]) -> FlightTrac
         sources[channel] = replace(source, rejected=(*source.rejected, gone))
         if not np.isfinite(channels[channel]).any():
             sources[channel] = Provenance(kind=SourceKind.ABSENT, rejected=(gone,))
-        notes.append(
-            f"{INSTRUMENTS[channel]} {_fault_words(channel, stand)}: no measurement, and left out"
-        )
-    return replace(
-        track, **channels, sources={**track.sources, **sources}, notes=(*track.notes, *notes)
+        statements.append(_left_out(channel, stand))
+    sources = {**track.sources, **sources}
+    return replace(track, **channels, sources=sources, statements=tuple(statements))
+
+
+def _left_out(channel: str, stand: Stand) -> Statement:
+    """Return the fault for which a reading was dropped."""
+    kind = stand.reason.name.lower()
+    if stand.reason is Reason.FROZEN:
+        kind = "stood throughout" if stand.throughout else "stood"
+    return state(
+        "instrument",
+        kind,
+        "left out",
+        instrument=INSTRUMENTS[channel],
+        value=stand.value,
+        unit=TRACK_CHANNELS[channel].unit,
+        rotors=tuple(state("rotor", rotor=rotor + 1) for rotor in stand.rotors),
     )
-
-
-def _fault_words(channel: str, stand: Stand) -> str:
-    """Describe the fault of a reading, for people."""
-    value = f"{stand.value:.4g} {TRACK_CHANNELS[channel].unit}"
-    if stand.reason is Reason.BROKEN:
-        return f"{stand.reason}, to {value}"
-    if stand.rotors:
-        which = " and ".join(str(rotor + 1) for rotor in stand.rotors)
-        return f"of rotors {which}: one {stand.reason}"
-    if stand.reason is not Reason.FROZEN:
-        return f"{stand.reason}, {value} in flight"
-    lasted = "throughout the flight" if stand.throughout else "for a minute or more"
-    return f"stood at {value} {lasted}"
 
 
 def _frozen_runs(track: FlightTrack, channel: str) -> list[Bools]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.smoothing import known_median
+from thrustmargin.models.statement import Statement, state
 
 #: ratios that noise or lag may explain: knots and feet are 1.9 and 3.3 off
 POSSIBLE = (0.6, 1.7)
@@ -34,7 +35,7 @@ LEAST_OF_AIR = 0.5
 Bounds = tuple[float, float]
 
 
-def motion_units(track: FlightTrack, *, by_table: bool = True) -> str | None:
+def motion_units(track: FlightTrack, *, by_table: bool = True) -> Statement | None:
     """Return why the units of a flight's rates or airspeed cannot be right, and what to check; else
     None.
 
@@ -55,31 +56,30 @@ def motion_units(track: FlightTrack, *, by_table: bool = True) -> str | None:
     }
     if not wrong:
         return _air_units(track) if by_table else None
-    rates = {"position": "velocity", "heading": "yaw rate"}
-    rates |= {"height": "vertical velocity", "tilt": "roll and pitch rate"}
-    metres, angles = "m and m/s", "rad and rad/s"
-    units = {"position": metres, "height": f"{metres}, down", "heading": angles, "tilt": angles}
-    factors = {
-        name: float(f"{np.copysign(np.sqrt(low * high), low):.2g}")
+    changes = tuple(
+        state(f"{name} changes", factor=_two_digits(np.copysign(np.sqrt(low * high), low)))
         for name, (low, high) in wrong.items()
-    }
-    found = " and ".join(
-        f"{name} changes {factor:g} times as much as {rates[name]} says"
-        for name, factor in factors.items()
     )
-    step = known_median(np.diff(track.time_s))
-    own = "" if len(wrong) > 1 else "".join(f", these in {units[name]}" for name in wrong)
-    time = "time_s must be in s" if by_table else "the clock of the log does not count seconds"
-    return f"{found}, with rows {step:.3g} s apart: {time}{own}"
+    return state(
+        "units of motion",
+        "table in seconds" if by_table else "clock not in seconds",
+        *(f"{name} units" for name in wrong if len(wrong) == 1),
+        changes=changes,
+        step=known_median(np.diff(track.time_s)),
+    )
 
 
-def _air_units(track: FlightTrack) -> str | None:
+def _air_units(track: FlightTrack) -> Statement | None:
     """Return why the unit of airspeed cannot be that of velocity less wind; else None."""
     bounds = airspeed_ratio(track)
     if bounds is None or (bounds[0] <= POSSIBLE[1] and bounds[1] >= POSSIBLE[0]):
         return None
-    factor = float(f"{np.sqrt(bounds[0] * bounds[1]):.2g}")
-    return f"airspeed changes {factor:g} times as much as velocity less wind: all must be in m/s"
+    return state("airspeed changes", factor=_two_digits(np.sqrt(bounds[0] * bounds[1])))
+
+
+def _two_digits(factor: float) -> float:
+    """Round a factor to the two digits that it is known to."""
+    return float(f"{factor:.2g}")
 
 
 def airspeed_ratio(track: FlightTrack) -> Bounds | None:

@@ -28,6 +28,7 @@ from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import mixer
 from thrustmargin.models.physics.smoothing import running_mean
+from thrustmargin.models.statement import Statement, state
 
 #: How much more likely the best assignment must be than the next one, and than chance: e^10.
 DECISIVE = 10.0
@@ -59,7 +60,7 @@ class MotorOrder:
     """The result of the test of motor order."""
 
     verdict: Literal["agrees", "differs", "other layout", "unclear"]
-    words: str
+    found: Statement
     #: place of the airframe, from 0, to which each reported rotor speed belongs by the response
     places: tuple[int, ...]
     #: pairs of rotors, from 0, whose exchange is not DECISIVE less likely than the airframe's order
@@ -83,7 +84,7 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
     if rows < FEWEST_ROWS or track.rotor_count != airframe.rotor_count:
         return MotorOrder(
             verdict="unclear",
-            words="cannot tell: rotor speeds and body rates are not reported together in flight",
+            found=state("order without speeds"),
             places=same,
             open_pairs=tuple(combinations(same, 2)),
             correlation=(nan, nan, nan),
@@ -106,18 +107,15 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
         if order.verdict == "differs" and not (
             seen and _persists_in_means(track, order.places, arms)
         ):
-            words = f"cannot tell: it shakes faster than the {rows} rows show"
-            order = replace(order, verdict="unclear", words=words, places=same)
+            found = state("order of vibration", rows=rows)
+            order = replace(order, verdict="unclear", found=found, places=same)
     if (
         order.verdict in ("agrees", "unclear")
         and _is_resolved(track)
         and _is_half_rotated(track, arms)
     ):
-        words = (
-            "roll and pitch answer as if every rotor sat half way to its neighbour of airframe "
-            f"{airframe.name} ({airframe.layout}): its arms are turned, as plus is against X"
-        )
-        return replace(order, verdict="other layout", words=words, places=same)
+        found = state("arms turned", airframe=airframe.name, layout=airframe.layout)
+        return replace(order, verdict="other layout", found=found, places=same)
     if (
         order.verdict == "unclear"
         and _is_resolved(track)
@@ -127,11 +125,8 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
             for axis in range(2)
         )
     ):
-        words = (
-            "roll and pitch answer to the rotors, but not from the places that airframe "
-            f"{airframe.name} gives them ({airframe.layout}): its layout is another one"
-        )
-        return replace(order, verdict="other layout", words=words)
+        found = state("other layout", airframe=airframe.name, layout=airframe.layout)
+        return replace(order, verdict="other layout", found=found)
     return order
 
 
@@ -374,19 +369,16 @@ def _decide(
     same = np.array_equal(chosen, np.arange(chosen.size))
     verdict: Literal["agrees", "differs", "unclear"] = "differs"
     if flat[best] < DECISIVE or lead < DECISIVE:
-        verdict = "unclear"
-        words = "cannot tell: too little manoeuvring to distinguish one motor order from another"
+        verdict, found = "unclear", state("order not shown")
     elif same and not reversed_spins:
-        verdict = "agrees"
-        words = "roll, pitch and yaw response agree with the airframe's motor order"
+        verdict, found = "agrees", state("order agrees")
     elif same:
-        words = f"yaw responds the wrong way: spins look reversed against airframe {airframe.name}"
+        found = state("spins reversed", airframe=airframe.name)
     else:
-        spins = ", with every spin reversed" if reversed_spins else ""
-        words = f"{_difference_words(chosen)}{spins} against airframe {airframe.name}"
+        found = _difference(chosen, airframe, *(("with every spin",) if reversed_spins else ()))
     return MotorOrder(
         verdict=verdict,
-        words=words,
+        found=found,
         places=tuple(int(place) for place in chosen),
         open_pairs=_open_pairs(places, likelihood[0], layouts[:, : len(places)]),
         correlation=correlation,
@@ -414,10 +406,11 @@ def _open_pairs(
     return tuple(found)
 
 
-def _difference_words(places: np.ndarray) -> str:
-    """Describe an assignment that is not the airframe's, for people."""
-    moved = np.flatnonzero(places != np.arange(places.size))
-    if moved.size == 2:
-        return f"motors {moved[0] + 1} and {moved[1] + 1} look swapped"
-    listed = ", ".join(f"{k + 1} is motor {places[k] + 1}" for k in moved)
-    return f"rotor speeds look out of order ({listed})"
+def _difference(places: np.ndarray, airframe: Airframe, *clauses: str) -> Statement:
+    """Describe an assignment that is not the airframe's."""
+    clauses, own = (*clauses, "against airframe"), airframe.name
+    moved = np.flatnonzero(places != np.arange(places.size)).tolist()
+    if len(moved) == 2:
+        return state("swapped", *clauses, first=moved[0] + 1, second=moved[1] + 1, airframe=own)
+    listed = tuple(state("is motor", rotor=k + 1, motor=int(places[k]) + 1) for k in moved)
+    return state("out of order", *clauses, listed=listed, airframe=own)

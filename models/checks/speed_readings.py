@@ -9,7 +9,7 @@ Invalid readings (`checked_readings`). A reading is rejected where
 Only earlier readings decide, so that live and recorded data give the same result, unless the whole
 flight is there to look ahead in.
 
-Scatter and resolution (`reading_scatter`, `resolution_words`). Slow or coarse readings are used
+Scatter and resolution (`reading_scatter`, `speed_resolution`). Slow or coarse readings are used
 like any others, but reported, since they look like a speed that lags or a rotor that jumps.
 
 Unit (`check_speed_scale`). In flight the rotors together make m f, f the upward specific force
@@ -26,6 +26,7 @@ manoeuvres would be explained by impossible inertias. Delays up to `LARGEST_DELA
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Literal
@@ -40,6 +41,7 @@ from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Float
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0, track_air
 from thrustmargin.models.physics.smoothing import known_median, row_step, running_mean
+from thrustmargin.models.statement import Statement, state
 
 TURNING = 30.0  # rpm; no propeller that lifts an aircraft turns slower
 HELD_S = 3.0  # s; slow ESC telemetry repeats a value for one or two
@@ -52,13 +54,8 @@ SLOW = 1000.0  # rpm up to which a rotor idles; a jump below it is a rotor that 
 SOUND = 343.0  # m/s: no propeller of an aircraft turns with its tips at the speed of sound
 
 MEASURED, ZERO, HELD, LONE = range(4)
-REASONS = MappingProxyType(
-    {
-        ZERO: "zero speed while thrust was asked (its ESC does not measure, or it stood still)",
-        HELD: "one value held while what drives the rotor changed",
-        LONE: "a lone value that no rotor can have",
-    }
-)
+#: Why a reading is rejected -> the kind of its sentence.
+REASONS: Mapping[int, str] = MappingProxyType({ZERO: "zero", HELD: "held", LONE: "lone"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,33 +251,21 @@ def _compute_scatter(track: FlightTrack) -> ReadingScatter:
 _NORMAL = 1.4826  # standard deviation of a normal distribution over its median absolute deviation
 
 
-def resolution_words(track: FlightTrack) -> str:
-    """Describe slow, coarse or scattered rotor speeds in flight, as a sentence; empty if there
-    are none."""
+def speed_resolution(track: FlightTrack) -> Statement | None:
+    """Return in what rotor speeds in flight are slow, coarse or scattered; None if they are not."""
     rows = track.flying & np.isfinite(track.rotor_speed_rpm).all(axis=1)
     rpm = track.rotor_speed_rpm[rows]
     if rpm.shape[0] < LEAST_ROWS or not rpm.shape[1]:
-        return ""
+        return None
     step = float(np.median([_step(values) for values in rpm.T]))
     share = step / float(np.median(np.abs(rpm)) or np.inf)
     if share > FINE:
-        return (
-            f"rotor speeds come in steps of {step:.0f} rpm ({100 * share:.1f} %): they are used, "
-            "and what is smaller shows in their mean only"
-        )
+        return state("speeds in steps", step=step, percent=100.0 * share)
     if (scatter := reading_scatter(track)).notable:
-        return (
-            f"rotor speeds scatter by {100 * scatter.share.max():.0f} % from one reading to the "
-            "next: single ones say little, check the ESC telemetry"
-        )
+        return state("speeds scatter", percent=float(100.0 * scatter.share.max()))
     changed = float(np.median(np.mean(np.diff(rpm, axis=0) != 0.0, axis=0)))
     interval = row_step(track.time_s) / changed if changed > 0.0 else np.inf
-    if interval <= OFTEN:
-        return ""
-    return (
-        f"rotor speeds are new every {interval:.1f} s only, and repeated in between: they are "
-        "used, as readings that come late"
-    )
+    return None if interval <= OFTEN else state("speeds slow", interval=interval)
 
 
 def _step(values: Floats) -> float:
@@ -292,14 +277,9 @@ def _step(values: Floats) -> float:
 
 #: Pole pairs of motors that carry sprayers and their trainers.
 POLE_PAIRS = (4, 6, 7, 10, 11, 12, 14, 15, 16, 18, 20, 21)
-#: reported over true -> what that unit is
-OTHER_UNITS = {
-    1.0 / 60.0: "revolutions per second",
-    2.0 * math.pi / 60.0: "rad/s",
-    0.1: "tens of rpm",
-    0.01: "hundreds of rpm",
-    100.0: "hundredths of rpm",
-}
+#: Reported over true, of units that are not rpm: rev/s, rad/s, and rpm in tens, hundreds and
+#: hundredths.
+OTHER_UNITS = (1.0 / 60.0, 2.0 * math.pi / 60.0, 0.1, 0.01, 100.0)
 #: A ratio within this of 1 is a rotor's own speed: payload, wear and air explain it.
 USUAL_RATIO = (0.75, 1.35)
 #: A factor fits when the ratio over it is within this of 1.
@@ -312,7 +292,7 @@ class SpeedScale:
     """The ratio of the reported rotor speed to the speed that the weight needs."""
 
     verdict: Literal["rotor", "electrical", "unit", "odd", "unknown"]
-    words: str
+    found: Statement
     ratio: float  # with the tank as reported, else with half a tank
     low: float  # with a full tank where the level is unknown
     high: float  # with an empty one
@@ -327,7 +307,7 @@ def check_speed_scale(track: FlightTrack, airframe: Airframe) -> SpeedScale:
     nan = float("nan")
     unknown = SpeedScale(
         verdict="unknown",
-        words="cannot tell: too few rows in flight with every rotor's speed",
+        found=state("too few speeds"),
         ratio=nan,
         low=nan,
         high=nan,
@@ -359,8 +339,8 @@ def check_speed_scale(track: FlightTrack, airframe: Airframe) -> SpeedScale:
     else:
         full, empty = ratio_with(airframe.tank_capacity_kg), ratio_with(0.0)
         ratio = ratio_with(0.5 * airframe.tank_capacity_kg)
-    verdict, words = _scale_verdict(ratio, full, empty, airframe)
-    return SpeedScale(verdict=verdict, words=words, ratio=ratio, low=full, high=empty, rows=rows)
+    verdict, found = _scale_verdict(ratio, full, empty, airframe)
+    return SpeedScale(verdict=verdict, found=found, ratio=ratio, low=full, high=empty, rows=rows)
 
 
 def lifted_mass(track: FlightTrack, thrust: Floats) -> Floats:
@@ -375,31 +355,23 @@ def lifted_mass(track: FlightTrack, thrust: Floats) -> Floats:
 
 def _scale_verdict(
     ratio: float, low: float, high: float, airframe: Airframe
-) -> tuple[Literal["rotor", "electrical", "unit", "odd"], str]:
-    """Return the verdict on a ratio of speeds, with the ends of its range, and its words."""
+) -> tuple[Literal["rotor", "electrical", "unit", "odd"], Statement]:
+    """Return the verdict on a ratio of speeds, with the ends of its range, and its statement."""
     if low <= USUAL_RATIO[1] and high >= USUAL_RATIO[0]:
-        return "rotor", f"rotor speeds fit the weight (ratio {ratio:.2f})"
+        return "rotor", state("speeds fit", ratio=ratio)
     unit = min(OTHER_UNITS, key=lambda factor: abs(math.log(ratio / factor)))
     if abs(math.log(ratio / unit)) <= math.log(1 + CLOSE):
-        return "unit", (
-            f"rotor speeds are {ratio:.3g} times what the weight needs: they look like "
-            f"{OTHER_UNITS[unit]}, not rpm"
-        )
+        return "unit", state("other unit", f"unit {unit:.3g}", ratio=ratio)
     own = airframe.motor_poles / 2.0
     pairs = sorted({float(p) for p in POLE_PAIRS} | {own})
     fitting = [p for p in pairs if low / (1 + CLOSE) <= p <= high * (1 + CLOSE)]
     if fitting:
         nearest = own if own in fitting else min(fitting, key=lambda p: abs(math.log(ratio / p)))
-        words = (
-            f"rotor speeds are {ratio:.1f} times what the weight needs: the ESC looks to report "
-            f"electrical rpm; set its pole count ({2 * nearest:g} poles fits"
-        )
-        others = [f"{2 * p:g}" for p in fitting if p != nearest]
-        return "electrical", words + (f", so would {', '.join(others)})" if others else ")")
-    return "odd", (
-        f"rotor speeds are {ratio:.2f} times what the weight and the thrust curve of "
-        f"{airframe.name} need: wrong airframe, wrong unit, or a load that it does not know"
-    )
+        others = tuple(state("poles", poles=2.0 * p) for p in fitting if p != nearest)
+        clause = "other poles fit" if others else "one pole count fits"
+        found = state("electrical", clause, ratio=ratio, poles=2.0 * nearest, others=others)
+        return "electrical", found
+    return "odd", state("odd speeds", ratio=ratio, airframe=airframe.name)
 
 
 LARGEST_DELAY = 1.4  # s, either way
@@ -408,9 +380,8 @@ TREND = 5.0  # s of the running mean that is subtracted: tank and climbs drift
 SMOOTH_ROWS = 3  # rows of smoothing: the body responds within them, and noise averages out
 
 
-def late_speeds(track: FlightTrack) -> str | None:
-    """Return by how much rotor speeds and acceleration have different clocks, and the remedy, in
-    words.
+def late_speeds(track: FlightTrack) -> Statement | None:
+    """Return by how much rotor speeds and acceleration have different clocks.
 
     None where they agree, or with too little movement.
     """
@@ -422,11 +393,14 @@ def late_speeds(track: FlightTrack) -> str | None:
     lead = likelihood[best] - likelihood[at_usual]
     if usual[best] or correlation[best] < ANSWERS or lead < DECISIVE:
         return None
-    late = delay_s[best]
-    return (
-        f"rotor speeds come {abs(late):.1f} s {'after' if late > 0 else 'before'} the acceleration "
-        f"that they make (correlation {correlation[best]:.2f}; {correlation[at_usual]:.2f} within "
-        f"{LARGEST_DELAY:g} s): they have another clock; move them by {-late:+.1f} s"
+    late = float(delay_s[best])
+    return state(
+        "speeds late" if late > 0.0 else "speeds early",
+        delay=abs(late),
+        correlation=float(correlation[best]),
+        usual=float(correlation[at_usual]),
+        most=LARGEST_DELAY,
+        shift=-late,
     )
 
 

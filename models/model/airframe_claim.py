@@ -22,18 +22,14 @@ from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.airframe import QUANTITIES, Airframe, Quantity
 from thrustmargin.models.physics.atmosphere import SEA_LEVEL_DENSITY
 from thrustmargin.models.physics.motor_layouts import motor_layouts
+from thrustmargin.models.statement import Statement, state
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 #: m, propeller diameter of an unknown aircraft, for drawing
 DRAWN_PROPELLER = 0.9
 USUAL_LAYOUTS = {4: "quad-x", 6: "hexa-x", 8: "octo-x"}
-#: Quantities that widen the interval of a margin if guessed -> their name for people
-RESTS_ON = {
-    "empty_mass": "mass",
-    "thrust_coefficient": "thrust coefficient",
-    "max_rotor_speed_rpm": "largest rotor speed",
-    "ceiling_voltage": "voltage of the largest rotor speed",
-}
+#: Quantities that widen the interval of a margin if guessed.
+RESTS_ON = ("empty_mass", "thrust_coefficient", "max_rotor_speed_rpm", "ceiling_voltage")
 AirframeBasis = Literal["given", "recognised", "not known"]
 
 
@@ -42,53 +38,30 @@ class AirframeClaim:
     """The grounds on which a flight is analysed with an airframe, or the reasons why it is not."""
 
     basis: AirframeBasis = "given"
-    words: str = ""  # for people
-    withheld: tuple[str, ...] = ()  # why no margin is claimed; empty if nothing contradicts
+    airframe: str = ""  # its name; empty of a flight that is only calculated
+    guessed: tuple[str, ...] = ()  # quantities of `RESTS_ON` that the airframe file guesses
+    recognised_by: tuple[Statement, ...] = ()  # what matches it, if nobody gave it
+    withheld: tuple[Statement, ...] = ()  # why no margin is claimed; empty if nothing contradicts
     contradicted: tuple[str, ...] = ()  # names of the comparisons that contradict a given airframe
-    unlike: str = ""  # why the flight is not recognised, if no airframe was given
+    unlike: Statement | None = None  # why the flight is not recognised, if no airframe was given
     source: str = "LOG"  # log or link of the flight, as a shell takes it
     #: Contradictions found later in a flight that was accepted before: findings.
-    misfit: tuple[str, ...] = ()
+    misfit: tuple[Statement, ...] = ()
     other_order: bool = False  # its motors are not in the airframe's order
-    odd_voltage: bool = False  # only the voltage contradicts the airframe
     #: Pairs of rotors, from 0, that the flight's manoeuvres cannot distinguish.
     open_pairs: tuple[tuple[int, int], ...] = ()
     outputs: OutputEvidence | None = None  # thrust by motor outputs, independent of the gauge
 
-    @property
-    def described(self) -> str:
-        """Return the grounds for people, or the reasons why there is no verdict."""
-        words = "; ".join((self.words, *(f"no longer fits: {why}" for why in self.misfit)))
-        return f"NO VERDICT: {'; '.join(self.withheld)}" if self.withheld else words
+    def __str__(self) -> str:
+        """Return the claim as data, for programmers."""
+        if self.withheld:
+            return f"no margin: {'; '.join(map(str, self.withheld))}"
+        return f"{self.airframe} {self.basis}".strip()
 
     @property
-    def remedy(self) -> str:
-        """Return what the pilot can do about a missing claim, for people."""
-        if self.odd_voltage:
-            return (
-                "set the voltmeter's scale right if it reads wrong (BATT_VOLT_MULT, BAT1_V_DIV); "
-                "of another battery state its cells: "
-                f"`thrustmargin airframe new --from {self.source} --cells COUNT`, or name "
-                "another with --airframe"
-            )
-        other, first = (
-            ("one", "")
-            if self.basis != "given"
-            else (
-                "another",
-                "set right what reads wrong; if nothing does, ",
-            )
-        )
-        return (
-            f"{first}make the aircraft's own airframe with "
-            f"`thrustmargin airframe new --from {self.source}`, or name {other} with --airframe"
-        )
-
-
-def _guessed_words(airframe: Airframe) -> str:
-    """Return a clause for people that lists guessed quantities; empty without one."""
-    guesses = [words for name, words in RESTS_ON.items() if name in airframe.guessed]
-    return f"; guessed in it: {', '.join(guesses)}" if guesses else ""
+    def odd_voltage(self) -> bool:
+        """Return whether only the voltage contradicts the airframe."""
+        return self.contradicted == ("voltage",)
 
 
 def airframe_claim(
@@ -106,31 +79,35 @@ def airframe_claim(
     """
     found = comparisons(track, airframe, facts, parameters)
     outputs = output_evidence(track, airframe, parameters)
-    against = tuple(c.words for c in found if c.verdict == "contradicts")
+    against = [c for c in found if c.verdict == "contradicts"]
+    guessed = tuple(name for name in RESTS_ON if name in airframe.guessed)
     if given:
-        words = f"airframe {airframe.name}, given{_guessed_words(airframe)}"
-        odd = {c.check for c in found if c.verdict == "contradicts"} == {"voltage"}
         return AirframeClaim(
-            words=words,
-            withheld=against,
-            contradicted=tuple(c.check for c in found if c.verdict == "contradicts"),
+            airframe=airframe.name,
+            guessed=guessed,
+            withheld=tuple(c.found for c in against),
+            contradicted=tuple(c.check for c in against),
             source=track.name,
-            odd_voltage=odd,
             outputs=outputs,
         )
     if by := recognition(found):
-        words = (
-            f"airframe {airframe.name}: nobody named it, and the flight fits it ({by})"
-            f"{_guessed_words(airframe)}"
+        return AirframeClaim(
+            basis="recognised",
+            airframe=airframe.name,
+            guessed=guessed,
+            recognised_by=by,
+            outputs=outputs,
         )
-        return AirframeClaim(basis="recognised", words=words, outputs=outputs)
-    unlike = (c.words for c in found if c.verdict != "close" and c.check != "frame")
-    why = against[0] if against else next(unlike, "too little in it to compare")
+    unlike = [c for c in found if c.verdict != "close" and c.check != "frame"]
+    first = (*against, *unlike)[:1]
     return AirframeClaim(
         basis="not known",
-        words="airframe not known",
-        withheld=("this aircraft is not known: no airframe was given",),
-        unlike=f"the flight is not recognised as one of {airframe.name}: {why}",
+        withheld=(state("no airframe given"),),
+        unlike=state(
+            "not recognised",
+            airframe=airframe.name,
+            why=first[0].found if first else state("too little to compare"),
+        ),
         source=track.name,
     )
 

@@ -298,7 +298,7 @@ class FlightAnalysis:
             f"  least thrust margin {worst(self.utilisation)} {self.speed_basis}, "
             f"{worst(self.utilisation_predicted)} predicted; rotor speed error {off} RMS\n"
             f"  air: {self.density_basis}\n  ceiling: {self.voltage_basis}"
-            + (f"\n  {self.claim.described}" if self.claim.described else "")
+            f"\n  airframe: {self.claim}"
         )
 
     def state_at(self, row: int) -> FlightState:

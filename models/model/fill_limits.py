@@ -47,7 +47,7 @@ REASONS: tuple[Reason, ...] = ("utilisation", "one rotor lost", "take-off mass",
 #: Fills at which thrust is predicted; between them it is interpolated linearly.
 STEPS = 17
 APART = 2.0  # s between them, longer than the time window of any effect
-BEFORE = AirframeClaim(words="before take-off")
+BEFORE = AirframeClaim()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -177,6 +177,12 @@ def _inspect(inputs: Inputs, console: Console) -> list[Inspection]:
 
 
 def _print(console: Console, inspection: Inspection) -> None:
+    from thrustmargin.gcs_plugin.wording.check_words import (
+        claim_words,
+        note_words,
+        source_words,
+        statement_words,
+    )
     from thrustmargin.gcs_plugin.wording.flight_words import not_flown
 
     log, track = inspection.log, inspection.log.track
@@ -194,9 +200,12 @@ def _print(console: Console, inspection: Inspection) -> None:
         flown=f"{track.flying_s:.1f}",
         count=track.time_s.size,
     )
-    console.print(f"{first}; {inspection.claim.words}", soft_wrap=True)
-    console.print(say("vehicle: {words}", words=Verbatim(log.facts.words)), soft_wrap=True)
-    source = Verbatim(track.source("flying").words)
+    console.print(f"{first}; {claim_words(inspection.claim)}", soft_wrap=True)
+    console.print(
+        say("vehicle: {words}", words=Verbatim(statement_words(log.facts.statement))),
+        soft_wrap=True,
+    )
+    source = Verbatim(source_words(track.source("flying")))
     by = not_flown(track) or say("in flight by: {source}", source=source)
     console.print(by, soft_wrap=True)
     wide = console.width >= _WIDE
@@ -206,13 +215,15 @@ def _print(console: Console, inspection: Inspection) -> None:
     findings = Table(show_header=False, box=None, pad_edge=False)
     for finding in inspection.findings:
         mark, colour = MARK[finding.level]
-        findings.add_row(Text(mark, style=colour), Text(say(finding.check)), Text(finding.words))
+        findings.add_row(
+            Text(say(mark), style=colour), Text(say(finding.check)), Text(finding.words)
+        )
     console.print(findings)
     for noted in log.engineer_notes:
         when = clock(max(noted.time_s, 0.0))
         words = say("noted at {clock}: {text}", clock=when, text=Verbatim(noted.text))
         console.print(Text(words), soft_wrap=True)
-    for note in track.notes:
+    for note in note_words(track):
         console.print(Text(say("note: {note}", note=Verbatim(note))), soft_wrap=True)
     unknown = log.quality.unknown_ids
     if unknown:

@@ -323,11 +323,12 @@ def _show(
 def _summary(live: LiveMonitor) -> None:
     """Print what was heard and the answer of each flight, at the end of the watch."""
     from thrustmargin.gcs_plugin.live.console import answer_lines, status_lines
+    from thrustmargin.gcs_plugin.wording.check_words import described_words
     from thrustmargin.gcs_plugin.wording.live_words import copies_words, of_vehicle
 
     out = Terminal(stderr=True)
     for number, watch in live.fleet.vehicles.items():
-        lines = [f"{watch.rows} samples, {watch.problem or watch.claim.described}"]
+        lines = [f"{watch.rows} samples, {watch.problem or described_words(watch.claim)}"]
         lines += answer_lines(watch)
         if watch.link.doubled:
             lines.append(copies_words(watch.link.doubled))

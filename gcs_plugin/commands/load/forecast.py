@@ -28,6 +28,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
 )
 from thrustmargin.gcs_plugin.commands.shared.plan_source import pump_of, pump_rule_of
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.gcs_plugin.wording.check_words import statement_words, withheld_words
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import DataError, LogError
 from thrustmargin.models.whole_file import whole_file
@@ -415,7 +416,7 @@ def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
         parameters=dict(log.parameters),
         faults=[(0.0, found)] if found else None,
         other_order=other_order,
-        unlike=(claim.unlike,) if claim.unlike else claim.withheld,
+        unlike=(statement_words(claim.unlike),) if claim.unlike else tuple(withheld_words(claim)),
         day=replace(day_before_take_off(answer.whole), wind=wind),
         wind_from_deg=from_deg,
         nose_deg=math.degrees(yaw_before(log.track)),

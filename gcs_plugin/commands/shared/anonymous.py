@@ -20,6 +20,7 @@ from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.reports.margin.accuracy import trained_on
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.statement import Statement, Value
 from thrustmargin.models.whole_file import regular, whole_file
 
 
@@ -39,11 +40,12 @@ def anonymous(
         position_ned=track.position_ned - start,
         altitude=np.full(track.time_s.size, np.nan),
         notes=tuple(without_name(note, log.path.name) for note in track.notes),
+        statements=tuple(_without_name(one, log.path.name) for one in track.statements),
     )
     if domain is not None:  # that the model has seen this flight must still be known
         domain = replace(domain, flights=(name,) if trained_on(analysis) else ())
     claim = analysis.claim
-    reasons = tuple(without_name(reason, log.path.name) for reason in claim.withheld)
+    reasons = tuple(_without_name(reason, log.path.name) for reason in claim.withheld)
     analysis = replace(
         analysis,
         track=track,
@@ -51,7 +53,7 @@ def anonymous(
         claim=replace(
             claim,
             withheld=reasons,
-            unlike=without_name(claim.unlike, log.path.name),
+            unlike=None if claim.unlike is None else _without_name(claim.unlike, log.path.name),
             source="LOG",
         ),
     )
@@ -71,6 +73,19 @@ def anonymous(
 def without_name(text: str, name: str) -> str:
     """Return a text without the log's name."""
     return text.replace(name, "the log").replace(Path(name).stem, "the log")
+
+
+def _without_name(one: Statement, name: str) -> Statement:
+    """Return a statement without the log's name in any of its values."""
+
+    def cleaned(value: Value) -> Value:
+        if isinstance(value, Statement):
+            return _without_name(value, name)
+        if isinstance(value, tuple):
+            return tuple(_without_name(part, name) for part in value)
+        return without_name(value, name) if isinstance(value, str) else value
+
+    return replace(one, values=tuple((key, cleaned(value)) for key, value in one.values))
 
 
 def pseudonym(key: str, text: str) -> str:

@@ -390,6 +390,7 @@ def claimed(
     """
     from thrustmargin.gcs_plugin.logs.inspection import left_out_findings
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.gcs_plugin.wording.check_words import remedy_words, withheld_words
     from thrustmargin.gcs_plugin.wording.flight_words import lost_rows, not_flown
     from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
     from thrustmargin.models.model.inferred.speed_basis import measured_only
@@ -397,7 +398,7 @@ def claimed(
     for log, claim in read:
         reason = not_flown(log.track)  # no airframe helps a log without a flight
         if reason or claim.withheld:
-            reason = reason or f"{'; '.join(claim.withheld)}; {claim.remedy}"
+            reason = reason or "; ".join([*withheld_words(claim), remedy_words(claim)])
             unused.append(UnusedLog(name=log.name, reason=reason))
             continue
         for one in left_out_findings(log.track):

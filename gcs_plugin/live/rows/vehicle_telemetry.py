@@ -56,6 +56,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
 )
 from thrustmargin.gcs_plugin.telemetry.tank_source import LEFT_OUT
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.gcs_plugin.wording.live_words import (
     FIELD_WORDS,
     NEXT_SORTIE,
@@ -362,7 +363,8 @@ class VehicleTelemetry:
         if known == self._known:
             return self._motors
         self._known = known
-        self.problem, self._motors = facts.refusal(name), None
+        refusal, self._motors = facts.refusal(name), None
+        self.problem = "" if refusal is None else statement_words(refusal)
         for craft in () if self.problem else (self._airframe, None):
             with suppress(AirframeError):  # another aircraft is shown without this airframe
                 self._motors = motor_map(

@@ -22,14 +22,16 @@ from numpy.typing import NDArray
 from thrustmargin.gcs_plugin.live.watch.outlook import Outlook
 from thrustmargin.gcs_plugin.wording import live_words as words
 from thrustmargin.gcs_plugin.wording.alarm_words import ONE_LOST
-from thrustmargin.gcs_plugin.wording.live_words import AIRFRAME_NOT_YET, AIRFRAME_UNKNOWN
 from thrustmargin.models.checks.speed_readings import FEWEST_ROWS
 from thrustmargin.models.checks.voltage import ceiling_too_high, highest_voltages
 from thrustmargin.models.flight import FlightTrack, join_tracks
 from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe
+from thrustmargin.models.statement import state
 from thrustmargin.models.vehicle_facts import VehicleFacts
+
+NOT_YET = state("not yet")  # why no margin is claimed before the first seconds in flight
 
 
 def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, words.WhyUnknown]:
@@ -110,13 +112,8 @@ class AirframeWatch:
 
     def _first(self) -> AirframeClaim:
         if self._given:
-            return AirframeClaim(
-                words=f"airframe {self._airframe.name}, given", source=self._source
-            )
-        withheld = (AIRFRAME_NOT_YET,)
-        return AirframeClaim(
-            basis="not known", words=AIRFRAME_UNKNOWN, withheld=withheld, source=self._source
-        )
+            return AirframeClaim(airframe=self._airframe.name, source=self._source)
+        return AirframeClaim(basis="not known", withheld=(NOT_YET,), source=self._source)
 
     def look(
         self, track: FlightTrack, facts: VehicleFacts, parameters: Mapping[str, float]
@@ -191,7 +188,7 @@ class AirframeWatch:
 
     def _decide(self, now: AirframeClaim) -> None:
         before = self.claim
-        if before.withheld == (AIRFRAME_NOT_YET,):
+        if before.withheld == (NOT_YET,):
             self.claim = now
             return
         held = not before.withheld and self._last_s - self._opened_s > OPENING
@@ -208,5 +205,5 @@ class AirframeWatch:
         if held:
             now = replace(before, misfit=now.withheld)
         elif before.basis == "recognised":  # and was given by nobody
-            now = replace(now, basis="not known", words=AIRFRAME_UNKNOWN)
+            now = replace(now, basis="not known")
         self.claim = now

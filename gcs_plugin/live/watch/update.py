@@ -23,6 +23,7 @@ from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightSoFar
 from thrustmargin.gcs_plugin.live.watch.outlook import Outlook
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
+from thrustmargin.gcs_plugin.wording.check_words import described_words, remedy_words
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.live_words import NO_ALARM, no_escs, tank_by
 from thrustmargin.models.checks.takeoff import TakeoffCheck
@@ -138,8 +139,8 @@ class Update:
     def remarks(self) -> tuple[str, ...]:
         """Sentences on the sources of the numbers."""
         claim = self.analysis.claim
-        helps = (claim.remedy,) if claim.withheld else ()
-        return (claim.described, *helps, *self.beside_the_airframe)
+        helps = (remedy_words(claim),) if claim.withheld else ()
+        return (described_words(claim), *helps, *self.beside_the_airframe)
 
     @property
     def beside_the_airframe(self) -> tuple[str, ...]:

@@ -43,6 +43,11 @@ from thrustmargin.gcs_plugin.live.watch.update import (
     with_rows,
 )
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
+from thrustmargin.gcs_plugin.wording.check_words import (
+    described_words,
+    remedy_words,
+    statement_words,
+)
 from thrustmargin.gcs_plugin.wording.live_words import NO_ROWS, stale_words, two_vehicles
 from thrustmargin.mission.plan import MissionPlan
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
@@ -327,7 +332,8 @@ class VehicleMonitor:
         before them, None where the airframe was newly recognised or lost."""
         parameters, reported = self.state.parameters, new.track
         measured = self._frozen.without_frozen(reported, parameters)
-        notes = (*new.notes, *measured.notes[len(reported.notes) :])
+        found = measured.statements[len(reported.statements) :]
+        notes = (*new.notes, *map(statement_words, found))
         new = replace(new, track=measured, notes=notes)
         start = self._decide_claim(new, start)
         airframe = None if self.claim.withheld else identified_airframe(self._model)
@@ -376,8 +382,8 @@ class VehicleMonitor:
         claim = self._airframe.look(new.track, self.telemetry.facts, self.state.parameters)
         if replace(claim, outputs=before.outputs) == before and self.last is not None:
             return start
-        helps = [claim.remedy] if claim.withheld else []
-        self.notes.append((int(new.stamp_us[-1]), "; ".join([claim.described, *helps])))
+        helps = [remedy_words(claim)] if claim.withheld else []
+        self.notes.append((int(new.stamp_us[-1]), "; ".join([described_words(claim), *helps])))
         return None if bool(before.withheld) != bool(claim.withheld) else start
 
     def _window(self, last: Update) -> tuple[slice, FlightState | None]:

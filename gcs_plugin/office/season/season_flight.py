@@ -35,6 +35,7 @@ from thrustmargin.gcs_plugin.store.season_store import (
     layout,
 )
 from thrustmargin.gcs_plugin.store.staging import SeasonFlight, stage
+from thrustmargin.gcs_plugin.wording.check_words import note_words
 from thrustmargin.gcs_plugin.wording.flight_words import not_flown
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.errors import DataError, ThrustMarginError
@@ -270,7 +271,7 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         **{name: flight[name] for name in REPORT_COLUMNS},
         "latitude_deg": track.origin.latitude_deg if track.origin else nan,
         "longitude_deg": track.origin.longitude_deg if track.origin else nan,
-        "notes": list(track.notes),
+        "notes": note_words(track),
         "findings": _findings_json(report),
         "no_flight_of": [],
         "missing_channels": [c.name for c in log.channels if not c.samples],

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.commands.shared.inputs import ReadingOptions, reading_keywords
+from thrustmargin.gcs_plugin.wording.check_words import claim_words, described_words, remedy_words
 from thrustmargin.gcs_plugin.wording.language import BEYOND_CEILING
 
 if TYPE_CHECKING:
@@ -265,8 +266,8 @@ def reading(update: Update, stamp: float) -> NewestFigures:
         seconds_to_empty=outlook.seconds_to_empty,
         margin_full=outlook.margin_full,
         margin_ahead=outlook.margin_ahead,
-        withheld=f"{claim.described}; {claim.remedy}" if claim.withheld else "",
-        airframe="" if claim.withheld else claim.words,
+        withheld=f"{described_words(claim)}; {remedy_words(claim)}" if claim.withheld else "",
+        airframe="" if claim.withheld else claim_words(claim),
         unknown=tuple(unknown_lines(unknown_figures(analysis, outlook))),
         answer=update.answer,
     )

@@ -16,6 +16,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.reports.margin.data import Accuracy, JsonObject, RotorAccuracy
 from thrustmargin.gcs_plugin.wording import report_words as words
+from thrustmargin.gcs_plugin.wording.check_words import claim_words
 from thrustmargin.gcs_plugin.wording.effect_sentences import effect_things
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models import scores
@@ -38,7 +39,7 @@ def model_use(analysis: FlightAnalysis) -> JsonObject:
     return {
         "airframe": airframe.name,
         "airframe_title": airframe.title,
-        "airframe_words": analysis.claim.words,
+        "airframe_words": claim_words(analysis.claim),
         "rotor_count": airframe.rotor_count,
         "rotor_names": analysis.places,
         "empty_mass": airframe.empty_mass,

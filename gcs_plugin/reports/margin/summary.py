@@ -27,6 +27,7 @@ from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version, 
 from thrustmargin.gcs_plugin.wording import margin_verdict
 from thrustmargin.gcs_plugin.wording.advice_words import action, several_headline
 from thrustmargin.gcs_plugin.wording.aircraft_words import change_words
+from thrustmargin.gcs_plugin.wording.check_words import note_words, source_words, withheld_words
 from thrustmargin.gcs_plugin.wording.fill_words import safe_kg
 from thrustmargin.gcs_plugin.wording.flight_words import loss_words, not_flown, too_short
 from thrustmargin.gcs_plugin.wording.report_words import (
@@ -136,7 +137,7 @@ def report_flight(
         margin_check=check,
         quality=_quality(log),
         airframe_basis=analysis.claim.basis,
-        withheld=analysis.withheld,
+        withheld=tuple(withheld_words(analysis.claim)),
         beside_plan=against,
         rows=rows,
     )
@@ -215,7 +216,7 @@ def _flight(analysis: FlightAnalysis, speed: Floats, seconds: Floats) -> data.Js
         "tank_start_kg": start_kg,
         "tank_end_kg": end_kg,
         "liquid_used_kg": start_kg - end_kg,
-        "tank_source": track.source("tank_kg").words,
+        "tank_source": source_words(track.source("tank_kg")),
         "tank_error_kg": known_median(track.standard_errors.get("tank_kg", np.empty(0))),
         "spraying_s": float(seconds[spraying].sum()) if knows_spraying else np.nan,
         "sprayed_distance": _path_length(speed, seconds, spraying) if knows_spraying else np.nan,
@@ -292,7 +293,7 @@ def _quality(log: FlightLog) -> data.JsonObject:
         "longest_silence_s": max((float(length) for _, length in log.silences), default=0.0),
         "channels": log.channels,
         "missing": tuple(text for name, text in WITHOUT.items() if not track.reports(name)),
-        "notes": track.notes,
+        "notes": tuple(note_words(track)),
         "messages": log.messages,
     }
 

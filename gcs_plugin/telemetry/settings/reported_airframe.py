@@ -17,6 +17,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import motor_outputs, whole_number
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.physics.airframe import Quantity
 from thrustmargin.models.physics.airframe_draft import lower_effectiveness
@@ -89,7 +90,7 @@ def reported_airframe(
     """
     facts = vehicle_facts(parameters, texts=texts) if facts is None else facts
     if refusal := facts.refusal("the vehicle"):
-        raise AirframeError(refusal)
+        raise AirframeError(statement_words(refusal))
     quantities = _battery(parameters, highest_voltage, facts.battery)
     if layout is None and (whole_number(parameters, "CA_ROTOR_COUNT") or 0) >= 3:
         return _px4(parameters, quantities)

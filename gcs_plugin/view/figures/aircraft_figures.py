@@ -15,8 +15,9 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording import palette as colours
+from thrustmargin.gcs_plugin.wording.check_words import remedy_words, withheld_words
 from thrustmargin.gcs_plugin.wording.language import say
-from thrustmargin.gcs_plugin.wording.live_words import claim_words
+from thrustmargin.gcs_plugin.wording.live_words import brief_claim
 from thrustmargin.gcs_plugin.wording.thrust_left import below, percent_down, percent_up
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.advice import cell_count
@@ -69,9 +70,9 @@ def aircraft_figures(
         "title": say(airframe.title),
         "name": track.name,
         "flying": row.flying,
-        "withheld": [say(why) for why in claim.withheld],
-        "remedy": claim.remedy if claim.withheld else "",
-        "claim": claim_words(claim, airframe.name),
+        "withheld": withheld_words(claim),
+        "remedy": remedy_words(claim) if claim.withheld else "",
+        "claim": brief_claim(claim),
         "rotors": rotors,
         "placed": placed,
         "radius": round(radius, 3),

@@ -15,6 +15,7 @@ from viser.transforms import SO3
 
 from thrustmargin.gcs_plugin.wording import live_words as words
 from thrustmargin.gcs_plugin.wording import palette, thrust_left
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.flight import Bools, FlightTrack, Floats, Origin
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
@@ -170,7 +171,7 @@ class ShownRow:
     def why_unknown(self) -> str:
         """Sentence on why there is no worst margin; empty where there is one."""
         if self.analysis.withheld:
-            return self.analysis.withheld[0]
+            return statement_words(self.analysis.withheld[0])
         return words.NOTHING_KNOWN if self.worst[1] is None else ""
 
 

@@ -160,6 +160,7 @@ def logs_to_fit(
     from thrustmargin.gcs_plugin.commands.shared.inputs import claimed, listed, read_logs
     from thrustmargin.gcs_plugin.logs.inspection import instrument_offsets
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.gcs_plugin.wording.check_words import statement_words
     from thrustmargin.models.identification.rows.usable_flights import too_little, wrong_speeds
 
     tracks = TracksOnDisk(folder)
@@ -171,7 +172,7 @@ def logs_to_fit(
         for words in instrument_offsets(log):
             offsets.setdefault(words, []).append(log.name)
         wrong = wrong_speeds(log.track, model.airframe)
-        lacking = wrong or too_little(log.track, model)
+        lacking = statement_words(wrong) if wrong else too_little(log.track, model)
         if lacking is None:
             tracks.append(log.track)
         else:

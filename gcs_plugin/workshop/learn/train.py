@@ -228,6 +228,7 @@ def _usable_flights(
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import listed
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.gcs_plugin.wording.check_words import statement_words
     from thrustmargin.models.identification.rows.usable_flights import too_little, wrong_speeds
     from thrustmargin.models.physics.flight_phases import training_rows
 
@@ -235,7 +236,9 @@ def _usable_flights(
     for track in tracks:
         reason = None
         if training_rows(track, model.inputs).any():
-            reason = too_little(track, model) or wrong_speeds(track, model.airframe)
+            reason = too_little(track, model)
+            if reason is None and (wrong := wrong_speeds(track, model.airframe)):
+                reason = statement_words(wrong)
         if reason is None:
             kept.append(track)
         else:

@@ -8,6 +8,7 @@ log was read.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from hashlib import sha256
 from typing import Protocol
 
@@ -23,6 +24,7 @@ from thrustmargin.models.model.rotor_model import RotorModel, identified_airfram
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.provenance import Meaning
+from thrustmargin.models.statement import Statement
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 ENDS = 5  # times LEAST_ROWS: with more rows, those lost to windows at the ends do not matter
@@ -48,7 +50,7 @@ def require_airframe(flights: Sequence[Flown], model: RotorModel, *, given: bool
     Without a `given` model, each flight must be recognised as of its airframe. Raises AirframeError
     for another number of rotors.
     """
-    reasons: list[str] = []
+    reasons: list[str] = []  # as data: only commands have sentences
     for flown in flights:
         if isinstance(flown, FlightTrack):
             track, facts, parameters = flown, VehicleFacts(), {}
@@ -57,13 +59,13 @@ def require_airframe(flights: Sequence[Flown], model: RotorModel, *, given: bool
         require_rotors(track, model.airframe)
         claim = airframe_claim(track, identified_airframe(model), facts, parameters, given=given)
         wrong = claim.withheld or [w for w in [wrong_speeds(track, model.airframe)] if w]
-        reasons += [f"{track.name}: {words}" for words in wrong]
+        reasons += [f"{track.name}: {one}" for one in wrong]
     if reasons:
         raise DataError("; ".join(reasons))
 
 
-def wrong_speeds(track: FlightTrack, airframe: Airframe) -> str | None:
-    """Explain why a flight's rotor speeds are late or in the wrong motor order; None if they are
+def wrong_speeds(track: FlightTrack, airframe: Airframe) -> Statement | None:
+    """Return why a flight's rotor speeds are late or in the wrong motor order; None if they are
     not.
 
     None for speeds from motor outputs too, which are commands, not readings.
@@ -71,13 +73,10 @@ def wrong_speeds(track: FlightTrack, airframe: Airframe) -> str | None:
     if track.source("rotor_speed_rpm").meaning is Meaning.MOTOR_OUTPUTS:
         return None
     if late := late_speeds(track):
-        return f"{late}; nothing was fitted"
+        return replace(late, clauses=("not fitted",))
     order = check_motor_order(track, airframe)
     if order.verdict == "differs":
-        return (
-            f"{order.words}; nothing was fitted: put the rotor speeds in motor order, or give the "
-            "right --airframe"
-        )
+        return replace(order.found, clauses=(*order.found.clauses, "not fitted in this order"))
     return None
 
 

@@ -29,6 +29,7 @@ from thrustmargin.models.model.inferred.load_evidence import (
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import track_air
 from thrustmargin.models.provenance import Meaning, Provenance, Reason, Rejected, SourceKind
+from thrustmargin.models.statement import Statement, state
 
 #: What may be wrong where thrust shows more load than a gauge.
 THEN_CHECK = "check gauge and empty mass, and with the battery off the propellers"
@@ -71,6 +72,11 @@ class ShownLoad:
         """Return the load and its interval for people."""
         return f"hover thrust shows {self.usual:.1f} ± {NINETY * self.usual_error:.1f} kg (90 %)"
 
+    def note(self, lacks: str) -> Statement:
+        """Return that the load is not used, with the kind of the reason."""
+        within = NINETY * self.usual_error
+        return state("load by thrust", lacks, "state load", load=self.usual, within=within)
+
     def beyond(self, tank_kg: Floats) -> float:
         """Return by how many standard errors the load exceeds a tank level (T,) kg; NaN without
         a level."""
@@ -103,17 +109,15 @@ def with_load(
     if gauge and (shown is None or shown.usual_error > _largest_error(airframe, shown.usual)):
         return track
     if shown is None:
-        return _with_note(track, "no level flight with every rotor's speed to show the load")
+        return _with_note(track, state("no load shown", "state load"))
     off, usual = shown.usual_error, shown.usual
     if off > _largest_error(airframe, usual):
-        return _with_note(track, f"{shown.words}, too unsure to be used")
+        return _with_note(track, shown.note("too unsure"))
     if usual < -NINETY * off:
-        lacks = "less than nothing: check mass and thrust of the airframe"
-        return _with_note(track, f"{shown.words}, {lacks}")
+        return _with_note(track, shown.note("less than nothing"))
     most = airframe.tank_capacity_kg + OVERLOAD * (airframe.empty_mass + airframe.tank_capacity_kg)
     if usual > most + NINETY * off:
-        lacks = "more than the aircraft can carry: check the airframe"
-        return _with_note(track, f"{shown.words}, {lacks}")
+        return _with_note(track, shown.note("more than carried"))
     by_thrust = _thrust_source(off, _fall_words(shown.fit))
     if gauge:
         little = f"{source.words} covers {_gauge_coverage(track):.0%} of the flight"
@@ -252,10 +256,9 @@ def _with_load(track: FlightTrack, load: Floats, error: Floats, source: Provenan
     )
 
 
-def _with_note(track: FlightTrack, why: str) -> FlightTrack:
-    """Add a note that the load is unknown, and why."""
-    note = f"load not known: {why}; state it with --load"
-    return replace(track, notes=(*track.notes, note))
+def _with_note(track: FlightTrack, note: Statement) -> FlightTrack:
+    """Add that the load is unknown, and why."""
+    return replace(track, statements=(*track.statements, note))
 
 
 def _thrust_source(error: float, *remarks: str) -> Provenance:

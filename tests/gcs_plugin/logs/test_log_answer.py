@@ -26,11 +26,14 @@ from thrustmargin.gcs_plugin.wording.report_words import (
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.statement import state
 
 ROOT = Path(__file__).resolve().parents[3]
 PATH = ROOT / "sitl_logs/campaign/v2_m4_q1.5.tlog"
 LOG = read_log(PATH)
-UNKNOWN = AirframeClaim(basis="not known", withheld=("not known",), source=shlex.quote(str(PATH)))
+UNKNOWN = AirframeClaim(
+    basis="not known", withheld=(state("no airframe given"),), source=shlex.quote(str(PATH))
+)
 #: What each option of the line to copy is replaced by, for the simulated sprayer of the log.
 TRUTH = {
     "KG": "21.1",

@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from tests.gcs_plugin.logs.log_files import DataFlashWriter, UlogWriter
 from tests.gcs_plugin.logs.tlog_files import link, stamped, written
 from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.errors import LogError
 
 NAN = float("nan")
@@ -97,7 +98,7 @@ def test_parameters_that_are_no_whole_numbers_tell_nothing(tmp_path, value):
         found = read_log(path)
         assert (found.facts.kind, found.facts.rotor_count) == ("multirotor", 0)
         assert found.track.rotor_speed_rpm.shape[1] == found.track.throttle.shape[1] == 0
-        assert found.facts.words.endswith("rotors: not reported")
+        assert statement_words(found.facts.statement).endswith("rotors: not reported")
         assert any("reports the number of rotors" in note for note in found.track.notes)
 
 

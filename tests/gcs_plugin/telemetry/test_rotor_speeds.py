@@ -21,6 +21,7 @@ from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
     rejected_words,
     standing_in_flight,
 )
+from thrustmargin.gcs_plugin.wording.check_words import SENTENCES
 from thrustmargin.models.checks.speed_readings import REASONS
 from thrustmargin.models.checks.speed_readings import ZERO as SPEED_ZERO
 from thrustmargin.models.physics.airframe import load_airframe
@@ -235,7 +236,7 @@ def test_what_was_no_measurement_is_counted_by_rotor_and_reason():
     hidden = np.zeros((4, 3), dtype=bool)
     hidden[2:, 2] = True
     none = np.full((4, 3), np.nan)
-    held, zero = REASONS[HELD], REASONS[SPEED_ZERO]
+    held, zero = (SENTENCES[REASONS[why]] for why in (HELD, SPEED_ZERO))
     assert sorted(rejected_words(measured, none, hidden, clock, flying, counted=True)) == [
         f"rotor 1: 2 readings in flight, no measurement: {held}",
         f"rotor 3: 2 readings in flight, no measurement: {zero}",

@@ -15,6 +15,7 @@ from tests.made_sources import sent
 from thrustmargin.gcs_plugin.logs import FlightLog, read_log
 from thrustmargin.gcs_plugin.mavlink.frame import checksum
 from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import reported_airframe
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.checks.plausible import comparisons
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import load_airframe
@@ -59,7 +60,10 @@ def test_what_it_states_is_a_fact_with_its_source(tmp_path, frame, name, nominal
     assert (stated.cells, stated.capacity_mah) == (14, 16_000.0)
     assert stated.nominal_voltage == pytest.approx(nominal)
     assert (stated.source.name, stated.source.instance) == (name, "0")
-    assert f"battery of 14 cells, {'51.8 V, ' if nominal else ''}16000 mAh by {name}" in facts.words
+    assert (
+        f"battery of 14 cells, {'51.8 V, ' if nominal else ''}16000 mAh by {name}"
+        in statement_words(facts.statement)
+    )
 
 
 def test_a_listener_has_the_same(tmp_path):
@@ -73,7 +77,7 @@ def test_a_listener_has_the_same(tmp_path):
 def test_a_pack_of_other_cells_is_no_pack_of_the_airframe(tmp_path, cells, verdict):
     log = read_log(flight(tmp_path, info(cells)), airframe=F16)
     assert voltage_of(log).verdict == verdict
-    assert ("3.98 V a cell" in voltage_of(log).words) == (cells == 13)
+    assert ("3.98 V a cell" in statement_words(voltage_of(log).found)) == (cells == 13)
     unknown = replace(log.track, voltage=np.full_like(log.track.voltage, np.nan))
     assert voltage_of(log, unknown).verdict == ("contradicts" if cells == 13 else "unknown")
 

@@ -128,7 +128,7 @@ def test_no_words_of_a_page_are_written_past_the_table():
 
 
 def placeholders(text: str) -> list[str]:
-    return sorted(re.findall(r"\{(\w*)\}", text))
+    return sorted(re.findall(r"\{(\w*(?::[^}]*)?)\}", text))
 
 
 @pytest.mark.parametrize("language", OTHERS)

@@ -40,7 +40,7 @@ def flown(*, power: float = 1.0, speed: float = 1.0, seconds: float = 1e9) -> Fl
         origin=Origin(latitude_deg=latitude, longitude_deg=longitude, altitude=altitude),
     ).rows(made.track.time_s < seconds)
     density = made.density[: track.time_s.size]
-    return analyse(track, MODEL, density, claim=AirframeClaim(words="made by hand"))
+    return analyse(track, MODEL, density, claim=AirframeClaim())
 
 
 def test_a_mission_flown_as_forecast_differs_in_nothing():

@@ -37,7 +37,7 @@ MODEL = physics_model(load_airframe("topxgun-f16-sitl"))
 LIMITS = flight_limits({"WPNAV_ACCEL": 150.0})
 PLAN = plan_of(*TWO_LINES)
 COURSE = course(plan_legs(PLAN, plan_steps(PLAN), LIMITS), LIMITS)
-CLAIM = AirframeClaim(words="made by hand")
+CLAIM = AirframeClaim()
 TRUE = PlanConditions(fill_kg=8.0, density=1.15, flow=0.05, battery=FlightBattery(voltage=54.0))
 FOUND = ShownDay(wind_ned=(0.0, 0.0, 0.0), fill_kg=8.0, density=1.15)
 

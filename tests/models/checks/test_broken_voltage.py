@@ -46,7 +46,7 @@ def test_what_the_motors_do_not_feel_is_no_voltage(volts, output, speed_rpm, bro
     track, _ = without_broken_voltage(flight(volts, output, speed_rpm))
     assert np.isnan(track.voltage[FALLEN]).all() == broke == np.isnan(track.voltage).any()
     assert np.isfinite(track.voltage[TIME_S < 19.0]).all()
-    assert bool(track.notes) == broke
+    assert bool(track.statements) == broke
     reasons = [one.reason for one in track.source("voltage").rejected]
     assert reasons == ([Reason.BROKEN] if broke else [])
 

@@ -8,6 +8,7 @@ import pytest
 
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.logs.read import read_log
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.checks.instruments import (
     barometer_fault,
     copied_rotors,
@@ -130,7 +131,7 @@ def test_two_speeds_that_are_equal_in_every_sample_are_both_left_out():
     assert np.array_equal(found.rotor_speed_rpm[:, [1, 3]], speeds[:, [1, 3]], equal_nan=True)
     reasons = [r.reason for r in found.source("rotor_speed_rpm").rejected]
     assert Reason.COPIED in reasons
-    assert "rotors 1 and 3" in found.notes[-1]
+    assert "rotors 1 and 3" in statement_words(found.statements[-1])
 
 
 def test_speeds_that_are_equal_as_their_outputs_are_may_be_measured():

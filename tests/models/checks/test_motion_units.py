@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.checks.motion_units import (
     airspeed_ratio,
     heading_ratio,
@@ -44,6 +45,12 @@ def test_a_flight_in_si_is_right_by_both():
         assert bounds == pytest.approx((1.0, 1.0), rel=2e-4)
 
 
+def unit_words(track: FlightTrack, *, by_table: bool = True) -> str:
+    found = motion_units(track, by_table=by_table)
+    assert found is not None
+    return statement_words(found)
+
+
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
@@ -70,12 +77,11 @@ def test_a_flight_in_si_is_right_by_both():
     ],
 )
 def test_another_unit_is_said_with_its_factor(wrong, words):
-    assert motion_units(flight(**wrong)) == words
+    assert unit_words(flight(**wrong)) == words
 
 
 def test_degrees_are_57_times_too_many():
-    found = motion_units(flight(attitude=np.degrees(1.0), reported=("heading",)))
-    assert found is not None
+    found = unit_words(flight(attitude=np.degrees(1.0), reported=("heading",)))
     assert found.startswith("heading changes ")
 
 
@@ -178,8 +184,7 @@ def swaying(*, height=1.0, tilt=1.0) -> FlightTrack:
 )
 def test_height_and_tilt_are_held_against_their_rates(wrong, begins):
     assert motion_units(swaying()) is None
-    found = motion_units(swaying(**wrong))
-    assert found is not None
+    found = unit_words(swaying(**wrong))
     assert found.startswith(begins)
     # Roll and pitch that are seen too seldom are off by less than that.
     assert motion_units(swaying(tilt=5.0)) is None
@@ -204,7 +209,7 @@ def in_wind(unit: float, *, noise: float = 0.3, blocked: bool = False) -> Flight
 def test_an_airspeed_in_another_unit_is_said_with_its_factor(unit, factor):
     """Of 2 m²/s² of changes 0.09 are noise: the mean of both bounds is 2 % above the unit."""
     said = f"airspeed changes {factor} times as much as velocity less wind: all must be in m/s"
-    assert motion_units(in_wind(unit)) == said
+    assert unit_words(in_wind(unit)) == said
 
 
 def test_an_airspeed_in_its_unit_and_a_blocked_tube_are_let_pass():
@@ -241,8 +246,7 @@ def test_a_banked_turn_turns_as_its_yaw_and_pitch_rates_together_say():
 
 
 def test_a_clock_of_double_speed_is_at_fault_in_the_log_of_an_autopilot():
-    words = motion_units(banked(clock=0.5), by_table=False)
-    assert words is not None
+    words = unit_words(banked(clock=0.5), by_table=False)
     assert "heading changes 2 times as much as yaw rate says" in words
     assert "the clock of the log does not count seconds" in words
     assert motion_units(banked(), by_table=False) is None

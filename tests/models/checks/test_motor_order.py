@@ -9,6 +9,7 @@ import pytest
 from scipy.ndimage import uniform_filter1d
 
 from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.checks.motor_order import (
     _correlations,
     _decide,
@@ -74,7 +75,7 @@ def test_two_swapped_motors_are_named():
     track = read_log(ROOT / "sitl_logs/campaign/v4_m10_q2.5.tlog", airframe=F16).track
     swapped = with_speeds(track, track.rotor_speed_rpm[:, [2, 1, 0, 3]])
     order = check_motor_order(swapped, F16)
-    assert order.words.startswith("motors 1 and 3 look swapped")
+    assert statement_words(order.found).startswith("motors 1 and 3 look swapped")
 
 
 def test_reversed_spin_directions_are_named():
@@ -82,7 +83,9 @@ def test_reversed_spin_directions_are_named():
     mirrored = replace(F16, rotor_spin=-F16.rotor_spin)
     order = check_motor_order(track, mirrored)
     assert order.verdict == "differs"
-    assert order.words.startswith("yaw responds the wrong way: spins look reversed")
+    assert statement_words(order.found).startswith(
+        "yaw responds the wrong way: spins look reversed"
+    )
     assert order.places == (0, 1, 2, 3)
     assert order.correlation[2] < -0.9
 
@@ -166,7 +169,7 @@ def test_a_flight_without_manoeuvres_says_that_it_cannot_tell():
     noise = np.random.default_rng(1).normal(0, 0.01, (calm.time_s.size, 3))
     order = check_motor_order(replace(calm, angular_rate_frd=noise), F16)
     assert order.verdict == "unclear"
-    assert order.words.startswith("cannot tell: too little manoeuvring")
+    assert statement_words(order.found).startswith("cannot tell: too little manoeuvring")
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -214,7 +217,7 @@ def test_a_quad_plus_read_as_quad_x_is_another_layout(bearings):
     order = check_motor_order(track, F16)
     assert (order.verdict, order.places) == ("other layout", (0, 1, 2, 3))
     assert order.correlation[0] > 0.5
-    assert "its arms are turned, as plus is against X" in order.words
+    assert "its arms are turned, as plus is against X" in statement_words(order.found)
 
 
 def test_a_hexacopter_x_read_as_hexacopter_plus_is_another_layout():
@@ -242,7 +245,7 @@ def test_a_hexacopter_x_read_as_hexacopter_plus_is_another_layout():
     assert check_motor_order(track, flown).correlation[0] > 0.9
     found = check_motor_order(track, hexa(0.0, 180.0, -120.0, 60.0, -60.0, 120.0))
     assert found.verdict == "other layout"
-    assert "its layout is another one" in found.words
+    assert "its layout is another one" in statement_words(found.found)
 
 
 def test_the_likelihood_of_an_order_is_that_of_three_correlations():

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from tests.models.checks.test_motor_order import made_flight
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.checks.motor_order import (
     _assignments,
     _correlations,
     _detrend,
-    _difference_words,
+    _difference,
     _exchange,
     _samples,
     check_motor_order,
@@ -41,9 +42,12 @@ def test_all_orders_of_up_to_eight_rotors_and_two_exchanges_beyond():
 
 def test_an_exchange_and_its_words():
     assert _exchange((0, 1, 2, 3), (1, 3)) == (0, 3, 2, 1)
-    assert _difference_words(np.array([0, 3, 2, 1])) == "motors 2 and 4 look swapped"
-    told = _difference_words(np.array([1, 2, 0, 3]))
-    assert told == "rotor speeds look out of order (1 is motor 2, 2 is motor 3, 3 is motor 1)"
+    two, three = (_difference(np.array(p), F16) for p in ((0, 3, 2, 1), (1, 2, 0, 3)))
+    against = " against airframe topxgun-f16-sitl"
+    assert statement_words(two) == f"motors 2 and 4 look swapped{against}"
+    assert statement_words(three) == (
+        f"rotor speeds look out of order (1 is motor 2, 2 is motor 3, 3 is motor 1){against}"
+    )
 
 
 def samples_flight(rows=FEWEST_ROWS + 2, **given) -> FlightTrack:
@@ -185,7 +189,7 @@ def test_swapped_and_reversed_is_said_of_both():
     swapped = replace(track, rotor_speed_rpm=track.rotor_speed_rpm[:, [1, 0, 2, 3]])
     reversed_spins = replace(F16, rotor_spin=-F16.rotor_spin)
     order = check_motor_order(swapped, reversed_spins)
-    assert order.words == (
+    assert statement_words(order.found) == (
         "motors 1 and 2 look swapped, with every spin reversed against airframe topxgun-f16-sitl"
     )
     assert order.places == (1, 0, 2, 3)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.made_sources import pulses
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.checks.instruments import without_frozen
 from thrustmargin.models.checks.output_evidence import output_evidence
 from thrustmargin.models.flight import FlightTrack
@@ -118,7 +119,7 @@ def test_a_load_from_slow_speeds_reaches_to_what_the_outputs_lift():
     assert 1.645 * error > 5.7
     slower = fill_channels(without(hover(16.0, speeds=0.9), "tank_kg"), F16, SQUARE)
     assert not slower.reports("tank_kg")
-    assert "too unsure to be used" in slower.notes[-1]
+    assert "too unsure to be used" in statement_words(slower.statements[-1])
     assert np.nanmedian(sure.standard_errors["tank_kg"]) < 2.0
 
 
@@ -137,7 +138,9 @@ def test_a_voltage_that_stands_still_is_none_and_widens_the_margin():
     assert np.isnan(found.voltage).all()
     assert found.source("voltage").kind is SourceKind.ABSENT
     assert [r.reason for r in found.source("voltage").rejected] == [Reason.FROZEN]
-    assert found.notes[-1].startswith("battery voltage stood at 58.8 V throughout")
+    assert statement_words(found.statements[-1]).startswith(
+        "battery voltage stood at 58.8 V throughout"
+    )
     assert without_frozen(hover(9.0), F16, SQUARE).reports("voltage")
     short = track.rows(slice(0, 590))  # 59 s
     assert without_frozen(short, F16, SQUARE) is short
@@ -150,7 +153,7 @@ def test_a_gauge_that_stands_still_while_the_aircraft_grows_lighter_is_none(sile
     emptied = hover(np.linspace(16.0, 4.0, 900), gauge=4.0)
     found = without_frozen(without(emptied, *silent), F16, SQUARE)
     assert not found.reports("tank_kg")
-    assert "tank gauge stood at 4 kg throughout" in found.notes[-1]
+    assert "tank gauge stood at 4 kg throughout" in statement_words(found.statements[-1])
     # A load that is carried and not sprayed stays where it is.
     carried = hover(9.0, gauge=4.0)
     assert without_frozen(carried, F16, SQUARE) is carried
@@ -272,7 +275,9 @@ def test_rows_in_which_a_voltage_stands_still_are_left_out_and_others_are_not():
     assert np.isnan(found.voltage[200:]).all()
     assert np.array_equal(found.voltage[:200], volts[:200])
     assert [r.reason for r in found.source("voltage").rejected] == [Reason.FROZEN]
-    assert found.notes[-1].startswith("battery voltage stood at 57 V for a minute or more")
+    assert statement_words(found.statements[-1]).startswith(
+        "battery voltage stood at 57 V for a minute or more"
+    )
     # One that shows whole volts stands for long, and is no worse than it says.
     coarse = replace(moving, voltage=np.repeat([59.0, 58.0, 57.0], [100, 700, 100]))
     assert without_frozen(coarse, F16, SQUARE) is coarse

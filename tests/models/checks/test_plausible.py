@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.checks.plausible import comparisons, recognition
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.provenance import Provenance, SourceKind
@@ -24,11 +25,13 @@ def verdicts(track=TRACK, airframe=F16, facts=FACTS, parameters=PARAMETERS) -> d
 
 def doubts_of(track, airframe, facts, parameters) -> tuple[str, ...]:
     found = comparisons(track, airframe, facts, parameters)
-    return tuple(c.words for c in found if c.verdict == "contradicts")
+    return tuple(statement_words(c.found) for c in found if c.verdict == "contradicts")
 
 
 def known_as(track=TRACK, airframe=F16, facts=FACTS, parameters=PARAMETERS) -> str:
-    return recognition(comparisons(track, airframe, facts, parameters))
+    return ", ".join(
+        map(statement_words, recognition(comparisons(track, airframe, facts, parameters)))
+    )
 
 
 def lacking(*channels: str):
@@ -89,7 +92,7 @@ def test_a_contradicting_voltage_says_how_far_the_same_battery_goes():
     (words,) = doubts_of(just, F16, FACTS, PARAMETERS)
     assert "77.8 % of the" in words  # not 78, which it says would do
     (fits,) = (c for c in comparisons(TRACK, F16, FACTS, PARAMETERS) if c.check == "voltage")
-    assert fits.words.endswith("of airframe topxgun-f16-sitl")
+    assert statement_words(fits.found).endswith("of airframe topxgun-f16-sitl")
 
 
 def test_another_number_of_rotors_ends_the_comparison():
@@ -116,8 +119,8 @@ def test_a_vehicle_that_says_two_numbers_of_motors_is_no_known_aircraft():
     facts = VehicleFacts(rotor_count=4, rotor_evidence="x", rotor_conflict="6 by MAV_TYPE 13")
     found = comparisons(TRACK, F16, facts, {})
     assert found[0].verdict == "contradicts"
-    assert "but 6 by MAV_TYPE 13" in found[0].words
-    assert recognition(found) == ""
+    assert "but 6 by MAV_TYPE 13" in statement_words(found[0].found)
+    assert recognition(found) == ()
 
 
 def test_motors_in_other_places_are_a_doubt():
@@ -146,7 +149,11 @@ def test_speeds_beyond_the_ceiling_are_a_doubt_for_long_and_not_for_a_moment():
 @pytest.mark.parametrize("factor", [0.5, 0.7, 1.4])
 def test_one_esc_that_reads_otherwise_than_the_others_is_named(factor):
     odd = replace(TRACK, rotor_speed_rpm=TRACK.rotor_speed_rpm * [1.0, factor, 1.0, 1.0])
-    (words,) = (c.words for c in comparisons(odd, F16, FACTS, PARAMETERS) if c.check == "one ESC")
+    (words,) = (
+        statement_words(c.found)
+        for c in comparisons(odd, F16, FACTS, PARAMETERS)
+        if c.check == "one ESC"
+    )
     assert words.startswith(f"rotor 2 reads {factor:.2f} times the speed")
     assert "one ESC" not in verdicts()
     # A worn or another propeller, and a battery that hangs forward.
@@ -163,7 +170,7 @@ def test_the_one_rotor_beyond_its_ceiling_is_named():
     for factors, named in (([1.0, 2.0, 1.0, 1.0], "rotor 2 turns"), ([2.0] * 4, "a rotor turns")):
         fast = replace(TRACK, rotor_speed_rpm=TRACK.rotor_speed_rpm * factors)
         found = comparisons(fast, F16, FACTS, PARAMETERS)
-        (words,) = (c.words for c in found if c.check == "rotor speed limit")
+        (words,) = (statement_words(c.found) for c in found if c.check == "rotor speed limit")
         assert words.startswith(named)
 
 

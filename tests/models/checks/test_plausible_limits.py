@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.checks.plausible import comparisons
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
@@ -94,13 +95,13 @@ def test_without_a_load_the_outputs_must_give_the_speeds_within_eight_percent(ra
 
 
 def test_why_rotor_speeds_that_fit_are_not_close_is_said():
-    fast = words_of(hover(rotor_speed_rpm=np.full((200, 4), 1.2 * SPEED)), "rotor speed").words
+    fast = words_of(hover(rotor_speed_rpm=np.full((200, 4), 1.2 * SPEED)), "rotor speed")
     assert fast == "rotor speeds fit the weight (ratio 1.20), but not closely"
     unloaded = hover(tank_kg=UNKNOWN, throttle=np.full((200, 4), 0.8 * OUTPUT))
-    assert words_of(unloaded, "rotor speed").words.endswith(
+    assert words_of(unloaded, "rotor speed").endswith(
         " of some load, but no tank level says which, and no motor outputs confirm them"
     )
-    assert words_of(hover(), "rotor speed").words == "rotor speeds fit the weight (ratio 1.00)"
+    assert words_of(hover(), "rotor speed") == "rotor speeds fit the weight (ratio 1.00)"
 
 
 @pytest.mark.parametrize(
@@ -191,29 +192,40 @@ def test_an_empty_tank_is_a_known_load():
         throttle=np.full((200, 4), np.nan),
     )
     assert verdicts(track)["rotor speed"] == "close"
-    assert words_of(track, "rotor speed").brief.endswith("for 20 kg within 1 %")
+    assert brief_of(track, "rotor speed").endswith("for 20 kg within 1 %")
 
 
-def words_of(track: FlightTrack, check: str, **more: float):
-    return next(c for c in comparisons(track, CRAFT, FACTS, SQUARE | more) if c.check == check)
+def brief_of(track: FlightTrack, check: str) -> str:
+    (found,) = (c for c in comparisons(track, CRAFT, FACTS, SQUARE) if c.check == check)
+    assert found.brief is not None
+    return statement_words(found.brief)
+
+
+def words_of(track: FlightTrack, check: str, **more: float) -> str:
+    return next(
+        statement_words(c.found)
+        for c in comparisons(track, CRAFT, FACTS, SQUARE | more)
+        if c.check == check
+    )
 
 
 def test_what_is_said_has_the_numbers_of_the_flight():
     speeds = np.full((200, 4), SPEED)
     speeds[:50, 2] = np.sqrt(1.21 * 200.0 / 2e-5)
-    limit = words_of(hover(rotor_speed_rpm=speeds), "rotor speed limit").words
+    limit = words_of(hover(rotor_speed_rpm=speeds), "rotor speed limit")
     assert "turns at up to 3,479 rpm" in limit  # sqrt(1.21 x 1e7)
     assert "at most 3,162 rpm at this voltage: 121 % of its thrust" in limit
     output = words_of(hover(throttle=np.full((200, 4), 1.05 * OUTPUT)), "motor output")
-    assert output.brief == "motor outputs of 58 % for 25 kg within 5 %"  # 1.05 x 0.5536
+    brief = brief_of(hover(throttle=np.full((200, 4), 1.05 * OUTPUT)), "motor output")
+    assert brief == "motor outputs of 58 % for 25 kg within 5 %"  # 1.05 x 0.5536
     lifts = 25.0 * 1.05**2
-    assert f"would lift {lifts:.3g} kg with" in output.words
-    assert output.words.endswith("which weighs 25 kg by the gauge")
+    assert f"would lift {lifts:.3g} kg with" in output
+    assert output.endswith("which weighs 25 kg by the gauge")
     little = words_of(hover(tank_kg=np.full(200, 0.5)), "motor output")
-    assert little.words.endswith("which weighs 20.5 kg by the gauge")
-    assert "for 20 kg within" in little.brief
+    assert little.endswith("which weighs 20.5 kg by the gauge")
+    assert "for 20 kg within" in brief_of(hover(tank_kg=np.full(200, 0.5)), "motor output")
     blind = words_of(hover(tank_kg=UNKNOWN), "motor output")
-    assert blind.words.endswith("which weighs 30 kg full")
-    assert blind.brief.endswith("for 20 to 30 kg")
+    assert blind.endswith("which weighs 30 kg full")
+    assert brief_of(hover(tank_kg=UNKNOWN), "motor output").endswith("for 20 to 30 kg")
     frame = words_of(hover(), "frame", FRAME_CLASS=1.0, FRAME_TYPE=1.0)
-    assert frame.words.startswith("FRAME_CLASS 1 and FRAME_TYPE 1 are quad-x, as in airframe")
+    assert frame.startswith("FRAME_CLASS 1 and FRAME_TYPE 1 are quad-x, as in airframe")

@@ -9,8 +9,9 @@ from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.models.made_flights import F16, made_flight
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.checks.motor_order import check_motor_order
-from thrustmargin.models.checks.speed_readings import reading_scatter, resolution_words
+from thrustmargin.models.checks.speed_readings import reading_scatter, speed_resolution
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.model.rotor_model import physics_model
@@ -41,6 +42,11 @@ def some_repeated(rpm: Floats) -> Floats:
     return rpm[np.maximum.accumulate(np.where(new, np.arange(len(rpm)), 0))]
 
 
+def resolution(track: FlightTrack) -> str:
+    found = speed_resolution(track)
+    return statement_words(found) if found else ""
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -57,22 +63,22 @@ def some_repeated(rpm: Floats) -> Floats:
 )
 def test_what_is_slow_or_coarse_is_said_and_all_of_it_is_used(tmp_path, change, words):
     track = told(change)
-    assert (words in resolution_words(track)) if words else resolution_words(track) == ""
+    assert (words in resolution(track)) if words else resolution(track) == ""
     assert check_motor_order(track, F16).verdict != "differs"
     whole = assemble(physics_model(F16), [made_flight(1, duration=90.0)]).measured_rpm.shape[0]
     write_csv(track, tmp_path / "slow.csv")
     log = read_log(tmp_path / "slow.csv", airframe=F16)
     assert assemble(physics_model(F16), [log.track]).measured_rpm.shape[0] > 0.98 * whole
-    assert resolution_words(track) in (*log.track.notes, "")
+    assert resolution(track) in (*map(statement_words, log.track.statements), "")
     (sensors,) = [f for f in inspect_log(log, F16).findings if f.check == "rotor speed sensors"]
     assert (sensors.level, words in sensors.words) == ("ok", True)
 
 
 def test_too_few_rows_say_nothing_and_a_sensor_that_never_changes_is_not_divided_by():
     track = told(every(10_000))
-    assert resolution_words(track.rows(slice(0, 90))) == ""
-    assert "new every inf s" in resolution_words(track)
-    assert resolution_words(replace(track, rotor_speed_rpm=np.full((900, 4), np.nan))) == ""
+    assert resolution(track.rows(slice(0, 90))) == ""
+    assert "new every inf s" in resolution(track)
+    assert resolution(replace(track, rotor_speed_rpm=np.full((900, 4), np.nan))) == ""
 
 
 def test_a_hundred_rows_in_flight_say_something_from_steps_of_four_in_a_thousand_on():
@@ -87,7 +93,7 @@ def test_a_hundred_rows_in_flight_say_something_from_steps_of_four_in_a_thousand
             rotor_speed_rpm=np.repeat(rpm[:, None], 4, axis=1),
             flying=rows < count,
         )
-        return resolution_words(track)
+        return resolution(track)
 
     assert "steps of 9 rpm (0.4 %)" in flown(9.0)
     assert flown(9.0, count=99) == ""
@@ -113,7 +119,7 @@ def test_scatter_of_single_readings_is_seen_beyond_what_rotors_do(noise, shown, 
     assert found.interval_s == pytest.approx(0.1 * every, abs=0.02)
     # A mean of n readings scatters by 1/sqrt(n).
     assert found.of_mean(3.0) == pytest.approx(found.share / np.sqrt(30.0 / every), rel=0.1)
-    assert ("scatter by" in resolution_words(track)) is (shown > 0.04)
+    assert ("scatter by" in resolution(track)) is (shown > 0.04)
     assert found.notable is (shown > 0.04)
 
 

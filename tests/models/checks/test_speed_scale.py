@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.checks.speed_readings import check_speed_scale
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import load_airframe
@@ -33,11 +34,11 @@ def test_electrical_rpm_is_found_with_its_pole_count(pairs):
     scale = times(pairs)
     assert scale.verdict == "electrical"
     assert scale.ratio == pytest.approx(pairs, rel=0.02)
-    assert f"{2 * pairs}" in scale.words
+    assert f"{2 * pairs}" in statement_words(scale.found)
 
 
 def test_the_airframes_own_pole_count_is_named_first():
-    assert f"({F16.motor_poles:g} poles fits" in times(F16.motor_poles / 2).words
+    assert f"({F16.motor_poles:g} poles fits" in statement_words(times(F16.motor_poles / 2).found)
 
 
 @pytest.mark.parametrize(
@@ -46,7 +47,7 @@ def test_the_airframes_own_pole_count_is_named_first():
 def test_other_units_are_named(factor, unit):
     scale = times(factor)
     assert scale.verdict == "unit"
-    assert unit in scale.words
+    assert unit in statement_words(scale.found)
 
 
 def test_what_fits_nothing_is_called_odd():
@@ -165,7 +166,8 @@ def test_units_and_pole_counts_in_words():
         (6.4, "(12 poles fits, so would 14)"),  # nearest to 6.4 by ratio is 6
         (2.0, "2.00 times what the weight and the thrust curve of topxgun-f16-sitl need"),
     ):
-        assert words in check_speed_scale(hover(factor * needed_rpm(24.0)), ROUND).words
+        found = check_speed_scale(hover(factor * needed_rpm(24.0)), ROUND).found
+        assert words in statement_words(found)
 
 
 def test_rows_that_push_hard_down_or_are_on_the_ground_do_not_count():

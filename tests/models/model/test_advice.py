@@ -14,6 +14,7 @@ from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.model_file import shipped_model
+from thrustmargin.models.statement import state
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +118,7 @@ def test_a_battery_that_collapses_comes_before_that(sound):
 
 def test_a_battery_collapses_in_an_aircraft_that_is_not_known_too(sound):
     track = sound.track
-    unknown = replace(sound, claim=AirframeClaim(withheld=("no airframe was given",)))
+    unknown = replace(sound, claim=AirframeClaim(withheld=(state("no airframe given"),)))
 
     def volts(healthy: float, later: float) -> FlightAnalysis:
         read = np.where(track.time_s > 100.0, later, healthy)
@@ -198,7 +199,7 @@ def test_a_rotor_that_stood_still_is_never_below_the_limit(sound):
         both = advise(replace(sound, track=stood), history=[(found_s, (pair,))]).advice
         assert [one.fault.kind for one in both.faults] == kinds
     # It needs no airframe, and of one that is not known it has no place.
-    unknown = replace(sound, claim=AirframeClaim(withheld=("another battery",)))
+    unknown = replace(sound, claim=AirframeClaim(withheld=(state("no voltage"),)))
     made = advise(replace(unknown, track=stood)).advice
     assert made.level is FlightLevel.DAMAGED
     assert headline(made).startswith("ROTOR 3: STOOD STILL IN FLIGHT")

@@ -7,12 +7,20 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.wording.check_words import (
+    claim_words,
+    described_words,
+    remedy_words,
+    statement_words,
+    withheld_words,
+)
 from thrustmargin.models.flight import TRACK_CHANNELS
-from thrustmargin.models.model.airframe_claim import airframe_claim, unknown_aircraft
+from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim, unknown_aircraft
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.motor_layouts import motor_layouts
+from thrustmargin.models.statement import state
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -25,40 +33,46 @@ def claim(track=LOG.track, *, given: bool):
     return airframe_claim(track, F16, LOG.facts, LOG.parameters, given=given)
 
 
+def unlike_words(made: AirframeClaim) -> str:
+    assert made.unlike is not None
+    return statement_words(made.unlike)
+
+
 def test_an_airframe_that_nobody_gave_is_taken_when_it_is_recognised_and_this_is_said():
     found = claim(given=False)
     assert (found.basis, found.withheld) == ("recognised", ())
-    assert found.words.startswith("airframe topxgun-f16-sitl: nobody named it, and the flight fits")
-    assert "(4 rotors by FRAME_CLASS" in found.words
-    assert found.described == found.words
-    assert "name one with" in found.remedy
+    assert claim_words(found).startswith(
+        "airframe topxgun-f16-sitl: nobody named it, and the flight fits it (4 rotors by FRAME"
+    )
+    assert described_words(found) == claim_words(found)
+    assert "name one with" in remedy_words(found)
 
 
 def test_without_grounds_there_is_no_airframe_and_the_reason_and_the_command_are_said():
     found = claim(SMALL, given=False)
     assert found.basis == "not known"
-    assert found.withheld == ("this aircraft is not known: no airframe was given",)
-    assert "not recognised as one of topxgun-f16-sitl: 16.0 V in flight" in found.unlike
-    assert f"`thrustmargin airframe new --from {SMALL.name}`" in found.remedy
+    assert withheld_words(found) == ["this aircraft is not known: no airframe was given"]
+    assert "not recognised as one of topxgun-f16-sitl: 16.0 V in flight" in unlike_words(found)
+    assert f"`thrustmargin airframe new --from {SMALL.name}`" in remedy_words(found)
 
 
 def test_the_reason_is_the_first_thing_that_is_not_close():
     silent = replace(LOG.track, voltage=np.full(LOG.track.time_s.size, np.nan))
-    assert ": no battery voltage in flight" in claim(silent, given=False).unlike
+    assert ": no battery voltage in flight" in unlike_words(claim(silent, given=False))
 
 
 def test_of_several_contradictions_the_first_is_the_reason_and_a_given_airframe_hears_all():
     plus = {**LOG.parameters, "FRAME_TYPE": 0.0}
     unknown = airframe_claim(SMALL, F16, LOG.facts, plus, given=False)
-    assert ": FRAME_CLASS 1 and FRAME_TYPE 0 are quad-plus" in unknown.unlike
+    assert ": FRAME_CLASS 1 and FRAME_TYPE 0 are quad-plus" in unlike_words(unknown)
     given = airframe_claim(SMALL, F16, LOG.facts, plus, given=True)
-    assert [words.split()[0] for words in given.withheld] == ["FRAME_CLASS", "16.0"]
+    assert [words.split()[0] for words in withheld_words(given)] == ["FRAME_CLASS", "16.0"]
 
 
 def test_what_is_guessed_of_the_airframe_and_widens_the_margin_is_said():
     real = load_airframe("topxgun-f16")
     found = airframe_claim(LOG.track, real, LOG.facts, LOG.parameters, given=True)
-    assert found.words.endswith("given; guessed in it: voltage of the largest rotor speed")
+    assert claim_words(found).endswith("given; guessed in it: voltage of the largest rotor speed")
 
 
 def test_a_given_airframe_stays_unless_something_speaks_against_it():
@@ -67,19 +81,19 @@ def test_a_given_airframe_stays_unless_something_speaks_against_it():
     assert claim(nothing, given=True).withheld == ()
     doubted = claim(SMALL, given=True)
     assert doubted.basis == "given"
-    assert "16.0 V" in doubted.withheld[0]
-    assert doubted.described == f"NO VERDICT: {doubted.withheld[0]}"
-    assert "name another with --airframe" in doubted.remedy
+    assert "16.0 V" in withheld_words(doubted)[0]
+    assert described_words(doubted) == f"NO VERDICT: {withheld_words(doubted)[0]}"
+    assert "name another with --airframe" in remedy_words(doubted)
 
 
 def test_a_voltage_of_no_battery_of_the_airframe_asks_for_voltmeter_and_cells():
     """An airframe made anew from the same log has the same voltage: no way out."""
-    remedy = claim(SMALL, given=True).remedy
+    remedy = remedy_words(claim(SMALL, given=True))
     assert remedy.startswith("set the voltmeter's scale right")
     assert "--cells COUNT" in remedy
     hexacopter = replace(LOG.facts, rotor_count=6)
     other = airframe_claim(SMALL, F16, hexacopter, LOG.parameters, given=True)
-    assert other.remedy.startswith("set right what reads wrong")
+    assert remedy_words(other).startswith("set right what reads wrong")
 
 
 @pytest.mark.filterwarnings("error")
@@ -92,7 +106,9 @@ def test_no_number_of_a_withheld_analysis_needs_an_airframe(rotors):
         track = replace(track, **changed | {"throttle": wide / 3000.0})
     facts = VehicleFacts(rotor_count=rotors, rotor_evidence="a test")
     doubted = airframe_claim(SMALL, F16, facts, {}, given=True)
-    flight = analyse(track, physics_model(F16), claim=replace(doubted, withheld=("another",)))
+    flight = analyse(
+        track, physics_model(F16), claim=replace(doubted, withheld=(state("no voltage"),))
+    )
     plain = {"track", "model", "claim", "start", "density_error", "density_given"}
     plain |= {"density", "density_basis", "voltage_basis", "beyond_gauge_kg", "bad_part"}
     for field in fields(flight):

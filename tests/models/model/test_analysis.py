@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim
@@ -13,6 +14,7 @@ from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.atmosphere import isa_density
 from thrustmargin.models.physics.margin import ceiling, hover_use
+from thrustmargin.models.statement import state
 
 G0 = 9.80665  # m/s²
 
@@ -178,7 +180,7 @@ def test_a_flight_with_another_number_of_rotors_is_refused_with_both_counts():
 
 
 def test_with_a_reason_to_withhold_no_margin_is_claimed_and_the_speeds_stay():
-    claim = AirframeClaim(basis="not known", withheld=("another aircraft",))
+    claim = AirframeClaim(basis="not known", withheld=(state("no voltage"),))
     flight = analyse(hovering(), MODEL, claim=claim)
     for number in (
         flight.utilisation,
@@ -195,15 +197,15 @@ def test_with_a_reason_to_withhold_no_margin_is_claimed_and_the_speeds_stay():
     ):
         assert np.isnan(number).all()
     assert not flight.above_limit(0.0).any()
-    assert flight.withheld == ("another aircraft",)
+    assert flight.withheld == (state("no voltage"),)
     assert np.isfinite(flight.track.rotor_speed_rpm).all()
-    assert "NO VERDICT: another aircraft" in repr(flight)
+    assert "airframe: no margin: no voltage" in repr(flight)
 
 
 def test_a_flight_of_another_aircraft_is_withheld_without_being_asked_for():
     # The speeds and the battery of a small quad, analysed as an F16.
     flight = analyse(hovering(voltage=np.full(ROWS, 16.0)), MODEL)
-    assert "16.0 V in flight" in flight.withheld[0]
+    assert "16.0 V in flight" in statement_words(flight.withheld[0])
     assert np.isnan(flight.utilisation).all()
 
 

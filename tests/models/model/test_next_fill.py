@@ -17,6 +17,7 @@ from thrustmargin.models.model.fill_limits import (
 )
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.statement import state
 
 CRAFT = load_airframe("topxgun-f16-sitl")
 ROWS = 600
@@ -82,5 +83,5 @@ def test_nothing_is_advised_without_an_airframe_or_a_flight():
     analysis = flown()
     grounded = replace(analysis.track, flying=np.zeros(ROWS, dtype=np.bool_))
     assert np.isnan(filled(replace(analysis, track=grounded)).kg)
-    doubted = replace(analysis, claim=AirframeClaim(words="", withheld=("6 rotors",)))
+    doubted = replace(analysis, claim=AirframeClaim(withheld=(state("no voltage"),)))
     assert np.isnan(filled(doubted).kg)

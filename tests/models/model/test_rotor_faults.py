@@ -28,6 +28,7 @@ from thrustmargin.models.model.rotor_faults import (
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import airframe_from_table, load_airframe
 from thrustmargin.models.physics.motor_output import output_curve
+from thrustmargin.models.statement import state
 
 FAULT_SIZES = 0.03 * 1.06 ** np.arange(52)  # by hand
 
@@ -246,7 +247,7 @@ def test_the_history_of_a_flight_has_every_change_once():
     assert all(a < b for a, b in pairwise(times))
     assert all(a != b for a, b in pairwise(standing))
     assert {(f.kind, f.rotor) for faults in standing for f in faults} == {("propeller", 2)}
-    withheld = AirframeClaim(withheld=("another aircraft",))
+    withheld = AirframeClaim(withheld=(state("no voltage"),))
     assert fault_history(analyse(flown, MODEL, claim=withheld)) == []
 
 

@@ -13,6 +13,7 @@ from thrustmargin.gcs_plugin.logs import FlightLog, read_log
 from thrustmargin.gcs_plugin.logs.inspection import as_json, inspect_log
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.physics.airframe import Airframe, airframe_names, load_airframe
+from thrustmargin.models.statement import state
 
 ROOT = Path(__file__).resolve().parents[4]
 FLIGHT = ROOT / "sitl_logs/campaign/v4_m10_q2.5.tlog"
@@ -119,7 +120,7 @@ def test_what_does_not_fit_the_airframe_given_is_a_warning(log):
 
 
 def test_a_flight_of_no_known_airframe_is_compared_with_none(log):
-    claim = AirframeClaim(basis="not known", withheld=("not an F16",), source="my.tlog")
+    claim = AirframeClaim(basis="not known", withheld=(state("no voltage"),), source="my.tlog")
     found = inspect_log(log, F16, claim)
     assert {f.check for f in found.findings}.isdisjoint({"motor order", "voltage", "rotor speed"})
     assert next(f.words for f in found.findings if f.check == "airframe") == "not an F16"

@@ -25,6 +25,7 @@ from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.statement import state
 
 CRITICAL, NOTICE = 2, 5  # MAV_SEVERITY
 AIRFRAME = load_airframe("topxgun-f16-sitl")
@@ -402,7 +403,7 @@ def test_a_bad_rotor_stays_listed_without_a_verdict_speeds_or_link_and_is_confir
     track = replace(track, throttle=track.throttle * np.nan)
     part = lambda a, b: track.rows(slice(a, b))  # noqa: E731
     blind = replace(part(900, 960), rotor_speed_rpm=np.full((60, 4), np.nan))
-    doubted = AirframeClaim(withheld=("another battery",))
+    doubted = AirframeClaim(withheld=(state("no voltage"),))
     alarms = Alarms()
     assert flown([(part(0, 900), {})], alarms) == [("raised", "rotor", "")]
     assert flown([(blind, {})], alarms) == [("unconfirmed", "rotor", "speeds")]
@@ -569,7 +570,7 @@ def stopping(carried: float) -> FlightTrack:
     return with_rotors(hover(90.0), factor)
 
 
-@pytest.mark.parametrize("claim", [None, AirframeClaim(withheld=("another battery",))])
+@pytest.mark.parametrize("claim", [None, AirframeClaim(withheld=(state("no voltage"),))])
 def test_a_rotor_that_stands_still_is_named_within_seconds_and_kept_until_it_turns(claim):
     track, alarms, found = stopping(1.0), Alarms(), []
     for first in range(0, 900, 5):

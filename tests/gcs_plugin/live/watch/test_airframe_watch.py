@@ -22,8 +22,15 @@ from thrustmargin.gcs_plugin.office.stations.mavproxy_worker import fields, read
 from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures
 from thrustmargin.gcs_plugin.view.figures.charts import Speeds, chart_images
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
+from thrustmargin.gcs_plugin.wording.check_words import (
+    claim_words,
+    described_words,
+    statement_words,
+    withheld_words,
+)
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.statement import state
 
 AIRFRAME_NOT_YET = "airframe not known yet: hover 5 s"
 FILE = ROOT / "sitl_logs/campaign/v4_m10_q2.5.tlog"
@@ -51,12 +58,12 @@ def with_volts(volts: float, first: int, end: int) -> FlightTrack:
 
 def test_an_airframe_that_nobody_gave_is_known_after_some_seconds_in_flight_and_stays():
     made = claims(watched(given=False), LOG.track, 0, LOG.track.time_s.size)
-    waiting = [claim.withheld == (AIRFRAME_NOT_YET,) for claim in made]
+    waiting = [withheld_words(claim) == [AIRFRAME_NOT_YET] for claim in made]
     changes = np.flatnonzero(np.diff(waiting))
     assert changes.size == 1
     seconds = 0.5 * (changes[0] + 1) - 0.1 * START
     assert 4.0 < seconds < 8.0
-    known = [claim for claim in made if claim.withheld != (AIRFRAME_NOT_YET,)]
+    known = [claim for claim in made if withheld_words(claim) != [AIRFRAME_NOT_YET]]
     assert all(replace(claim, outputs=known[0].outputs) == known[0] for claim in known)
     assert known[0].basis == "recognised"
 
@@ -76,9 +83,8 @@ def test_a_voltmeter_that_reads_too_much_at_rest_widens_the_margin_in_flight(giv
 
 def test_on_the_ground_nothing_is_decided():
     ground = replace(LOG.track, flying=np.zeros_like(LOG.track.flying))
-    assert {c.withheld for c in claims(watched(given=False), ground, 0, 600)} == {
-        (AIRFRAME_NOT_YET,)
-    }
+    waiting = claims(watched(given=False), ground, 0, 600)
+    assert {tuple(withheld_words(c)) for c in waiting} == {(AIRFRAME_NOT_YET,)}
     assert {c.withheld for c in claims(watched(given=True), ground, 0, 600)} == {()}
 
 
@@ -87,7 +93,9 @@ def test_another_battery_from_the_start_withholds_the_margin(given):
     track = with_volts(16.0, 0, LOG.track.time_s.size)
     made = claims(watched(given=given), track, START, START + 200)
     assert made[-1].withheld
-    assert "16.0 V in flight" in (made[-1].withheld[0] if given else made[-1].unlike)
+    why = made[-1].withheld[0] if given else made[-1].unlike
+    assert why is not None
+    assert "16.0 V in flight" in statement_words(why)
     assert made[-1].basis == ("given" if given else "not known")
 
 
@@ -98,9 +106,9 @@ def test_a_battery_that_collapses_later_is_a_finding_and_takes_no_identity_away(
     track = with_volts(30.0, START + 200, START + 1400)
     made = claims(watch, track, START + 200, START + 1400)
     assert not any(claim.withheld for claim in made)
-    assert "30.0 V in flight" in made[-1].misfit[0]
-    assert "no longer fits" in made[-1].described
-    assert (made[-1].basis, made[-1].words) == (before.basis, before.words)
+    assert "30.0 V in flight" in statement_words(made[-1].misfit[0])
+    assert "no longer fits" in described_words(made[-1])
+    assert (made[-1].basis, claim_words(made[-1])) == (before.basis, claim_words(before))
     assert np.count_nonzero(np.diff([bool(claim.misfit) for claim in made])) == 1
     # The battery is well again: so is the claim.
     size = LOG.track.time_s.size
@@ -127,7 +135,7 @@ def test_a_doubt_that_has_gone_for_long_is_taken_back():
 
 
 def test_two_looks_on_end_speak_against_an_airframe_and_four_for_it_again(monkeypatch):
-    doubted = AirframeClaim(basis="given", withheld=("the battery is another",))
+    doubted = AirframeClaim(basis="given", withheld=(state("no voltage"),))
     looks = iter([True] * 3 + [False] * 3 + [True] + [False] * 5)
     made: list[bool] = []
 
@@ -216,7 +224,7 @@ def test_a_gauge_that_stood_still_is_left_out_of_the_flight_so_far_from_its_star
 def test_margins_are_withheld_on_every_screen_until_the_airframe_is_recognised():
     vehicle, updates = monitored(airframe_given=False)
     first = next(u for u in updates if u.analysis.track.flying[-1])
-    assert first.analysis.withheld == (AIRFRAME_NOT_YET,)
+    assert withheld_words(first.analysis.claim) == [AIRFRAME_NOT_YET]
     assert np.isnan(first.analysis.margin).all()
     assert numbers(first, 0.5)[0].plain == "NO VERDICT"
     assert AIRFRAME_NOT_YET in first.remarks[0]
@@ -238,7 +246,7 @@ def test_margins_are_withheld_on_every_screen_until_the_airframe_is_recognised()
 def test_an_alarm_about_the_margin_cannot_be_confirmed_when_the_margin_is_withheld():
     vehicle, updates = monitored()
     track = updates[-1].analysis.track
-    doubted = AirframeClaim(withheld=("another battery",))
+    doubted = AirframeClaim(withheld=(state("no voltage"),))
     analysis = updates[-1].analysis
     rows = track.time_s.size
     heavy = replace(analysis, utilisation=np.full_like(analysis.utilisation, 0.8))

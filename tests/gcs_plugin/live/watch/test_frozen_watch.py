@@ -12,6 +12,7 @@ from tests.models.checks.test_output_evidence import SQUARE, hover
 from thrustmargin.gcs_plugin.live.watch.frozen_watch import FrozenWatch
 from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.provenance import SourceKind
 
@@ -42,7 +43,9 @@ def test_a_voltage_that_stands_still_is_left_out_after_the_first_minute_until_it
 def test_the_rows_say_why_the_channel_is_none():
     frozen = replace(hover(9.0), voltage=np.full(900, 58.8))
     assert shown(frozen).source("voltage").kind is SourceKind.ABSENT
-    assert shown(frozen).notes[-1].startswith("battery voltage stood at 58.8 V")
+    assert statement_words(shown(frozen).statements[-1]).startswith(
+        "battery voltage stood at 58.8 V"
+    )
 
 
 def test_a_gauge_that_stands_still_while_the_aircraft_grows_lighter_is_left_out():
@@ -64,7 +67,7 @@ def test_an_airspeed_that_stands_while_the_aircraft_tilts_is_left_out():
     tilt[:, 1] = 0.1 * np.sin(np.arange(900) / 30.0)
     found = shown(replace(still, attitude=tilt))
     assert np.isnan(found.airspeed[-1])
-    assert found.notes[-1].startswith("airspeed reading stood at 4.8 m/s")
+    assert statement_words(found.statements[-1]).startswith("airspeed reading stood at 4.8 m/s")
 
 
 def test_the_next_flight_is_looked_at_by_itself():

@@ -13,6 +13,7 @@ from thrustmargin.models.checks.loss_of_control import loss_of_control
 from thrustmargin.models.model.advice import advise
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import analyse, unknown_aircraft
+from thrustmargin.models.statement import state
 
 ARMED, DISARMED, LANDED, NOT_LANDED = 10, 11, 18, 28
 RNG = np.random.default_rng(6)
@@ -67,7 +68,7 @@ class Boot(DataFlashWriter):
 
 
 def advice(log: FlightLog):
-    claim = AirframeClaim(basis="not known", withheld=("not known",))
+    claim = AirframeClaim(basis="not known", withheld=(state("no airframe given"),))
     model = unknown_aircraft(log.track.rotor_count)
     return advise(analyse(log.track, model, claim=claim)).advice
 

@@ -6,6 +6,8 @@ import pytest
 
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import motor_outputs, whole_number
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
+from thrustmargin.models.vehicle_facts import VehicleFacts
 
 FOUR = {f"SERVO{n}_FUNCTION": 32.0 + n for n in range(1, 5)}
 REAR = {f"SERVO{n}_FUNCTION": 28.0 + n for n in range(5, 9)}
@@ -156,20 +158,28 @@ def test_the_frame_text_tells_the_rotors():
 def test_two_numbers_of_rotors_are_both_said(parameters, mav_type, count, conflict):
     facts = vehicle_facts(parameters, mav_type=mav_type)
     assert (facts.rotor_count, facts.rotor_conflict) == (count, conflict)
-    assert facts.words.endswith(f", but {conflict}") if conflict else "but" not in facts.words
+    words = statement_words(facts.statement)
+    assert words.endswith(f", but {conflict}") if conflict else "but" not in words
+
+
+def refusal_words(facts: VehicleFacts, name: str) -> str:
+    refusal = facts.refusal(name)
+    assert refusal is not None
+    return statement_words(refusal)
 
 
 def test_what_is_refused_and_in_which_words():
     plane = vehicle_facts({}, texts=("ArduPlane V4.3.0",))
-    assert plane.refusal("north.BIN") == (
+    assert refusal_words(plane, "north.BIN") == (
         "north.BIN: this is a plane (by boot text 'ArduPlane V4.3.0'), "
         "and thrustmargin is for multirotors"
     )
     hidden = vehicle_facts({"Q_FRAME_CLASS": 1.0}, mav_type=20)
-    assert "nothing says which outputs are its hover motors" in hidden.refusal("x")
+    assert "nothing says which outputs are its hover motors" in refusal_words(hidden, "x")
     quad = vehicle_facts(FOUR, mav_type=2)
-    assert (quad.refusal("x"), quad.words) == (
-        "",
+    assert (quad.refusal("x"), statement_words(quad.statement)) == (
+        None,
         "multirotor by MAV_TYPE 2; 4 rotors by SERVOn_FUNCTION",
     )
-    assert vehicle_facts({}).words == "kind of vehicle: not reported; rotors: not reported"
+    words = statement_words(vehicle_facts({}).statement)
+    assert words == "kind of vehicle: not reported; rotors: not reported"

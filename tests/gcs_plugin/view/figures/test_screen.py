@@ -20,12 +20,14 @@ from thrustmargin.gcs_plugin.view.page.guard import guarded_server, stop_server
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording.alarm_words import margin_words
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
+from thrustmargin.gcs_plugin.wording.check_words import remedy_words
 from thrustmargin.gcs_plugin.wording.palette import MARGIN, css
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.statement import state
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 CRITICAL = 2
@@ -223,7 +225,7 @@ def test_a_replay_says_what_to_do_now_and_not_what_its_alarm_asked_then():
 
 
 def test_no_verdict_is_never_green():
-    claim = AirframeClaim(withheld=("airframe not known yet: hover 5 s",))
+    claim = AirframeClaim(withheld=(state("not yet"),))
     track = hover(2.0)
     on_ground = replace(track, flying=np.zeros_like(track.flying))
     assert standing_of(on_ground, claim=claim).first_line[2] == "grey"
@@ -266,12 +268,12 @@ ONE_WITHOUT_ROWS = replace(ONE, alarms=())
 
 
 def test_without_a_verdict_the_page_is_told_why():
-    claim = AirframeClaim(withheld=("airframe not known yet: hover 5 s",))
+    claim = AirframeClaim(withheld=(state("not yet"),))
     standing = standing_of(hover(2.0), claim=claim)
     (shown,) = screen_of(standing).state()["vehicles"]
-    assert shown["figures"]["withheld"] == [claim.withheld[0]]
-    assert shown["figures"]["why"] == claim.withheld[0]
-    assert shown["figures"]["remedy"] == claim.remedy
+    assert shown["figures"]["withheld"] == ["airframe not known yet: hover 5 s"]
+    assert shown["figures"]["why"] == "airframe not known yet: hover 5 s"
+    assert shown["figures"]["remedy"] == remedy_words(claim)
     assert standing.first_line[2] == "grey"
 
 

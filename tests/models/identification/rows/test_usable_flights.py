@@ -9,6 +9,7 @@ from tests.made_sources import FROM_OUTPUTS
 from tests.models.checks.test_late_speeds import flight as gusty_flight
 from tests.models.checks.test_motor_order import made_flight as turning_flight
 from tests.models.made_flights import F16, curve_model, made_flight
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.errors import AirframeError, DataError
 from thrustmargin.models.identification.rows.problem import assemble_flight
 from thrustmargin.models.identification.rows.usable_flights import (
@@ -82,10 +83,12 @@ def test_speeds_of_other_rotors_are_refused_and_outputs_are_not_asked():
     track = turning_flight(F16)
     assert wrong_speeds(track, F16) is None
     other = replace(track, rotor_speed_rpm=track.rotor_speed_rpm[:, [1, 0, 2, 3]])
-    words = wrong_speeds(other, F16)
-    assert words is not None
-    assert words.endswith("put the rotor speeds in motor order, or give the right --airframe")
-    with pytest.raises(DataError, match=r"made: .*nothing was fitted"):
+    found = wrong_speeds(other, F16)
+    assert found is not None
+    assert statement_words(found).endswith(
+        "put the rotor speeds in motor order, or give the right --airframe"
+    )
+    with pytest.raises(DataError, match=r"made: .*not fitted"):
         require_airframe([track, other], curve_model(), given=True)
     outputs = replace(other, sources={"rotor_speed_rpm": FROM_OUTPUTS})
     assert wrong_speeds(outputs, F16) is None
@@ -93,7 +96,9 @@ def test_speeds_of_other_rotors_are_refused_and_outputs_are_not_asked():
 
 def test_speeds_of_other_seconds_are_refused_and_outputs_are_not_asked():
     track = gusty_flight(late=3.0)
-    words = wrong_speeds(track, F16) or ""
+    found = wrong_speeds(track, F16)
+    assert found is not None
+    words = statement_words(found)
     assert words.startswith("rotor speeds come 3.0 s after the acceleration")
     assert words.endswith("move them by -3.0 s; nothing was fitted")
     outputs = replace(track, sources={"rotor_speed_rpm": FROM_OUTPUTS})

@@ -1,0 +1,338 @@
+"""Make the sentences of what checks found, from its data: one for each kind of `Statement`.
+
+A clause follows its sentence or the clause before it, with the values of both.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from thrustmargin.gcs_plugin.wording.language import Verbatim, say, spoken, translations
+from thrustmargin.models.statement import Statement, Value
+
+if TYPE_CHECKING:
+    from thrustmargin.models.flight import FlightTrack
+    from thrustmargin.models.model.airframe_claim import AirframeClaim
+    from thrustmargin.models.provenance import Provenance
+
+#: What a rotor speed of another unit, or wrong readings of an instrument, lead to.
+_REACH = "margin and fill reach to that: check voltmeter, gauge and empty mass, and the airframe's"
+_WRONG = "empty mass or the airframe's largest rotor speed is wrong"
+#: Kind of a statement or of a clause -> its sentence.
+SENTENCES: Mapping[str, str] = {
+    # Vehicle, rotors and frame
+    "vehicle is": "{name}: this is {vehicle} (by {evidence})",
+    "for multirotors": ", and thrustmargin is for multirotors",
+    "hover motors not known": (
+        ", and nothing says which outputs are its hover motors (SERVOn_FUNCTION)"
+    ),
+    "vehicle by": "{vehicle} by {evidence}",
+    "vehicle not reported": "kind of vehicle: not reported",
+    "of rotors": "; {rotors}",
+    "no rotors reported": "; rotors: not reported",
+    "of battery": "; battery of {battery}",
+    "quadplane": "a quadplane by {evidence}: it can be compared in hover alone",
+    "rotors by": "{count} rotors by {evidence}",
+    "rotors in flight": "{count} rotors in the flight",
+    "but": ", but {conflict}",
+    "rotors": "{of}; airframe {airframe} has {own}",
+    "rotors not reported": ("nothing reports the number of rotors; airframe {airframe} has {own}"),
+    "frame alike": (
+        "FRAME_CLASS {frame_class:.0f} and FRAME_TYPE {frame_type:.0f} are {layout}, as in "
+        "airframe {airframe} ({own})"
+    ),
+    "frame other": (
+        "FRAME_CLASS {frame_class:.0f} and FRAME_TYPE {frame_type:.0f} are {layout}, which puts "
+        "the motors elsewhere than airframe {airframe} ({own})"
+    ),
+    # Battery
+    "battery": "{known} by {source}",
+    "battery cells": "{number} cells",
+    "battery voltage": "{number:.4g} V",
+    "battery capacity": "{number:.0f} mAh",
+    "cells": (
+        "a battery of {battery}; the {nominal:.1f} V of airframe {airframe} would be {each:.2f} V "
+        "a cell"
+    ),
+    "no voltage": "no battery voltage in flight",
+    "volts": "{volts:.1f} V",
+    "voltage": (
+        "{volts:.1f} V in flight, {percent:g} % of the {nominal:.1f} V of airframe {airframe}"
+    ),
+    "voltage beyond": "; the same battery stays within {low:.0f} % to {high:.0f} %",
+    "beyond full": (
+        "{most:.1f} V at most, where a full battery of {nominal:.1f} V has {full:.1f}: the "
+        "voltmeter reads {percent:.0f} % too much, or nominal_voltage is of other cells; margin "
+        "and fill reach to what is left then"
+    ),
+    # Thrust by outputs, by rotor speeds and by weight
+    "outputs beyond speeds": (
+        f"motor outputs show {{percent:.0f}} % more thrust than the rotor speeds; {_REACH} "
+        "largest rotor speed and its voltage"
+    ),
+    "outputs beyond weight": (
+        f"motor outputs show {{percent:.0f}} % more thrust than the weight; {_REACH} "
+        "largest rotor speed and its voltage"
+    ),
+    "speeds beyond weight": (
+        f"rotor speeds show {{percent:.0f}} % more thrust than the weight; {_REACH} "
+        "largest rotor speed and its voltage"
+    ),
+    "outputs": "motor outputs of {percent:.0f} % {of}",
+    "outputs lift": (
+        "motor outputs of {percent:.0f} % would lift {lifts:.3g} kg with the rotors of airframe "
+        "{airframe}, which weighs {weighs:.3g} kg"
+    ),
+    "stated load": " with the load that is stated",
+    "by the gauge": " by the gauge",
+    "full": " full",
+    "load is wrong": f": load, {_WRONG}",
+    "gauge is wrong": f": gauge, {_WRONG}",
+    "outputs and speeds": "motor outputs make {ratio:.2f} times the thrust of the rotor speeds",
+    "outputs or speeds wrong": (
+        ", where {low:.2f} to {high:.2f} is possible: the rotor speeds, the voltage or the largest "
+        "rotor speed of airframe {airframe} are wrong, and which is not known"
+    ),
+    "for masses": "for {empty:.0f} to {full:.0f} kg",
+    "for mass": "for {mass:.0f} kg within {percent:.0f} %",
+    # Rotor speeds
+    "speed": "rotors at {speed:,.0f} rpm {of}",
+    "not closely": ", but not closely",
+    "of some load": (
+        " of some load, but no tank level says which, and no motor outputs confirm them"
+    ),
+    "one ESC": (
+        "rotor {rotor} reads {ratio:.2f} times the speed that the others have at its output: check "
+        "sensor and pole count of its ESC, or that the ESC is that motor's"
+    ),
+    "speed limit": (
+        "a rotor turns at up to {fastest:,.0f} rpm, where airframe {airframe} reaches at most "
+        "{most:,.0f} rpm at this voltage: {percent:.0f} % of its thrust would be in use"
+    ),
+    "speed limit of one": (
+        "rotor {rotor} turns at up to {fastest:,.0f} rpm, where airframe {airframe} reaches at "
+        "most {most:,.0f} rpm at this voltage: {percent:.0f} % of its thrust would be in use"
+    ),
+    "too few speeds": "cannot tell: too few rows in flight with every rotor's speed",
+    "speeds fit": "rotor speeds fit the weight (ratio {ratio:.2f})",
+    "other unit": "rotor speeds are {ratio:.3g} times what the weight needs: they look like ",
+    "unit 0.0167": "revolutions per second, not rpm",
+    "unit 0.105": "rad/s, not rpm",
+    "unit 0.1": "tens of rpm, not rpm",
+    "unit 0.01": "hundreds of rpm, not rpm",
+    "unit 100": "hundredths of rpm, not rpm",
+    "electrical": (
+        "rotor speeds are {ratio:.1f} times what the weight needs: the ESC looks to report "
+        "electrical rpm; set its pole count ({poles:g} poles fits"
+    ),
+    "one pole count fits": ")",
+    "other poles fit": ", so would {others})",
+    "poles": "{poles:g}",
+    "odd speeds": (
+        "rotor speeds are {ratio:.2f} times what the weight and the thrust curve of {airframe} "
+        "need: wrong airframe, wrong unit, or a load that it does not know"
+    ),
+    "speeds late": (
+        "rotor speeds come {delay:.1f} s after the acceleration that they make (correlation "
+        "{correlation:.2f}; {usual:.2f} within {most:g} s): they have another clock; move them by "
+        "{shift:+.1f} s"
+    ),
+    "speeds early": (
+        "rotor speeds come {delay:.1f} s before the acceleration that they make (correlation "
+        "{correlation:.2f}; {usual:.2f} within {most:g} s): they have another clock; move them by "
+        "{shift:+.1f} s"
+    ),
+    "speeds in steps": (
+        "rotor speeds come in steps of {step:.0f} rpm ({percent:.1f} %): they are used, and what "
+        "is smaller shows in their mean only"
+    ),
+    "speeds scatter": (
+        "rotor speeds scatter by {percent:.0f} % from one reading to the next: single ones say "
+        "little, check the ESC telemetry"
+    ),
+    "speeds slow": (
+        "rotor speeds are new every {interval:.1f} s only, and repeated in between: they are used, "
+        "as readings that come late"
+    ),
+    "zero": "zero speed while thrust was asked (its ESC does not measure, or it stood still)",
+    "held": "one value held while what drives the rotor changed",
+    "lone": "a lone value that no rotor can have",
+    # Motor order
+    "order agrees": "roll, pitch and yaw response agree with the airframe's motor order",
+    "order without speeds": (
+        "cannot tell: rotor speeds and body rates are not reported together in flight"
+    ),
+    "order of vibration": "cannot tell: it shakes faster than the {rows} rows show",
+    "order not shown": (
+        "cannot tell: too little manoeuvring to distinguish one motor order from another"
+    ),
+    "arms turned": (
+        "roll and pitch answer as if every rotor sat half way to its neighbour of airframe "
+        "{airframe} ({layout}): its arms are turned, as plus is against X"
+    ),
+    "other layout": (
+        "roll and pitch answer to the rotors, but not from the places that airframe {airframe} "
+        "gives them ({layout}): its layout is another one"
+    ),
+    "spins reversed": (
+        "yaw responds the wrong way: spins look reversed against airframe {airframe}"
+    ),
+    "swapped": "motors {first} and {second} look swapped",
+    "out of order": "rotor speeds look out of order ({listed})",
+    "is motor": "{rotor} is motor {motor}",
+    "with every spin": ", with every spin reversed",
+    "against airframe": " against airframe {airframe}",
+    "not fitted": "; nothing was fitted",
+    "not fitted in this order": (
+        "; nothing was fitted: put the rotor speeds in motor order, or give the right --airframe"
+    ),
+    # Units and clock
+    "units of motion": "{changes:and}, with rows {step:.3g} s apart: ",
+    "position changes": "position changes {factor:g} times as much as velocity says",
+    "height changes": "height changes {factor:g} times as much as vertical velocity says",
+    "heading changes": "heading changes {factor:g} times as much as yaw rate says",
+    "tilt changes": "tilt changes {factor:g} times as much as roll and pitch rate says",
+    "table in seconds": "time_s must be in s",
+    "clock not in seconds": "the clock of the log does not count seconds",
+    "position units": ", these in m and m/s",
+    "height units": ", these in m and m/s, down",
+    "heading units": ", these in rad and rad/s",
+    "tilt units": ", these in rad and rad/s",
+    "airspeed changes": (
+        "airspeed changes {factor:g} times as much as velocity less wind: all must be in m/s"
+    ),
+    # Instruments
+    "instrument": "{instrument} ",
+    "broken": "fell at once, and the motors felt nothing of it, to {value:.4g} {unit}",
+    "copied": "of rotors {rotors:and}: one equals another's in every sample",
+    "rotor": "{rotor}",
+    "unloaded": "did not fall under load, {value:.4g} {unit} in flight",
+    "unfollowed": "does not change as the thrust does, {value:.4g} {unit} in flight",
+    "impossible": "is not of the air, {value:.4g} {unit} in flight",
+    "stood": "stood at {value:.4g} {unit} for a minute or more",
+    "stood throughout": "stood at {value:.4g} {unit} throughout the flight",
+    "left out": ": no measurement, and left out",
+    # Load by thrust, where nothing reports it
+    "no load shown": ("load not known: no level flight with every rotor's speed to show the load"),
+    "load by thrust": "load not known: hover thrust shows {load:.1f} ± {within:.1f} kg (90 %)",
+    "too unsure": ", too unsure to be used",
+    "less than nothing": ", less than nothing: check mass and thrust of the airframe",
+    "more than carried": ", more than the aircraft can carry: check the airframe",
+    "state load": "; state it with --load",
+    # Grounds of an airframe
+    "no airframe given": "this aircraft is not known: no airframe was given",
+    "not yet": "airframe not known yet: hover 5 s",
+    "not recognised": "the flight is not recognised as one of {airframe}: {why}",
+    "too little to compare": "too little in it to compare",
+}
+#: Quantity of an airframe that widens the interval of a margin if it is guessed -> its name.
+_RESTS_ON: Mapping[str, str] = {
+    "empty_mass": "mass",
+    "thrust_coefficient": "thrust coefficient",
+    "max_rotor_speed_rpm": "largest rotor speed",
+    "ceiling_voltage": "voltage of the largest rotor speed",
+}
+
+
+def statement_words(one: Statement) -> str:
+    """Return the sentence of what was found; raise KeyError for a kind that has none."""
+    values = {name: _filled(value) for name, value in one.values}
+    return "".join(say(SENTENCES[kind], **values) for kind in (one.kind, *one.clauses))
+
+
+def note_words(track: FlightTrack) -> list[str]:
+    """Return the notes of a track, then what checks found, one sentence each."""
+    return [*map(say, track.notes), *map(statement_words, track.statements)]
+
+
+def source_words(source: Provenance) -> str:
+    """Return the source of a number: names of messages stay, what describes them is translated."""
+    return source.described(_of_source)
+
+
+def _of_source(text: str) -> str:
+    """Return a part of a source in the language: a word may mean another thing elsewhere."""
+    own = translations(spoken(), "source").get(text)
+    return own or re.sub(r"(?<=\d) to (?=\d)", f" {say('to')} ", say(text))
+
+
+class _Listed(Verbatim):
+    """Sentences to fill in, with commas between them, or with "and" where the format says so."""
+
+    def __new__(cls, parts: list[str]) -> _Listed:
+        listed = super().__new__(cls, ", ".join(parts))
+        listed.parts = parts
+        return listed
+
+    parts: list[str]
+
+    def __format__(self, how: str) -> str:
+        return f" {say('and')} ".join(self.parts) if how == "and" else str(self)
+
+
+def _filled(value: Value) -> object:
+    """Return a value as `say` fills it in: names that the catalogue has are translated."""
+    if isinstance(value, Statement):
+        return Verbatim(statement_words(value))
+    if isinstance(value, tuple):
+        return _Listed([statement_words(one) for one in value])
+    return Verbatim(say(value)) if isinstance(value, str) else value
+
+
+def claim_words(claim: AirframeClaim) -> str:
+    """Return on which grounds a flight is analysed with an airframe, as `airframe x, given`."""
+    if not claim.airframe and claim.basis == "given":
+        return say("a plan")
+    return say("airframe {grounds}", grounds=Verbatim(grounds_words(claim)))
+
+
+def grounds_words(claim: AirframeClaim) -> str:
+    """Return the grounds of a claim behind the word airframe, as `x, given`."""
+    if claim.basis == "not known":
+        return say("not known")
+    names = ", ".join(say(_RESTS_ON[name]) for name in claim.guessed)
+    guessed = say("; guessed in it: {names}", names=Verbatim(names)) if names else ""
+    own = {"airframe": Verbatim(claim.airframe), "guessed": guessed}
+    if claim.basis == "given":
+        return say("{airframe}, given{guessed}", **own)
+    by = _Listed([statement_words(one) for one in claim.recognised_by])
+    return say("{airframe}: nobody named it, and the flight fits it ({by}){guessed}", by=by, **own)
+
+
+def withheld_words(claim: AirframeClaim) -> list[str]:
+    """Return why no margin is claimed, one sentence a reason."""
+    return [statement_words(one) for one in claim.withheld]
+
+
+def described_words(claim: AirframeClaim) -> str:
+    """Return the grounds of a claim, or the reasons why there is no verdict."""
+    if claim.withheld:
+        why = Verbatim("; ".join(withheld_words(claim)))
+        return say("NO VERDICT: {why}", why=why)
+    misfits = (Verbatim(statement_words(one)) for one in claim.misfit)
+    return "; ".join([claim_words(claim), *(say("no longer fits: {why}", why=w) for w in misfits)])
+
+
+def remedy_words(claim: AirframeClaim) -> str:
+    """Return what the pilot can do about a margin that is not claimed."""
+    source = Verbatim(claim.source)
+    if claim.odd_voltage:
+        return say(
+            "set the voltmeter's scale right if it reads wrong (BATT_VOLT_MULT, BAT1_V_DIV); of "
+            "another battery state its cells: `thrustmargin airframe new --from {source} --cells "
+            "COUNT`, or name another with --airframe",
+            source=source,
+        )
+    if claim.basis == "given":
+        return say(
+            "set right what reads wrong; if nothing does, make the aircraft's own airframe with "
+            "`thrustmargin airframe new --from {source}`, or name another with --airframe",
+            source=source,
+        )
+    return say(
+        "make the aircraft's own airframe with `thrustmargin airframe new --from {source}`, or "
+        "name one with --airframe",
+        source=source,
+    )

@@ -1,0 +1,36 @@
+"""Say what was found as data: its kind, and the numbers and names that its sentence needs.
+
+`gcs_plugin/wording/check_words.py` has one sentence for each kind, which is translated. Code that
+decides reads numbers and verdicts, never a sentence.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """One thing found: the kind of its sentence, the clauses after it, and the values of both."""
+
+    kind: str
+    clauses: tuple[str, ...] = ()  # kinds of the clauses that follow the sentence
+    values: tuple[tuple[str, Value], ...] = ()
+
+    def __str__(self) -> str:
+        """Return the statement as data, for programmers: `swapped (first 1, second 2)`."""
+        values = ", ".join(f"{name} {value}" for name, value in self.values)
+        return f"{', '.join((self.kind, *self.clauses))} ({values})"
+
+    def value(self, name: str) -> Value:
+        """Return one value by its name; raise KeyError if the statement has none of it."""
+        return dict(self.values)[name]
+
+
+#: A number, a name, or what another sentence or a list of them holds.
+Value = float | str | Statement | tuple[Statement, ...]
+
+
+def state(kind: str, *clauses: str, **values: Value) -> Statement:
+    """Return a statement of a kind with its clauses and values."""
+    return Statement(kind, clauses, tuple(values.items()))
