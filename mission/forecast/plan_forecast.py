@@ -151,7 +151,7 @@ class PlanForecast:
     def grounded(self) -> bool:
         """Return whether a flight before forbids the take-off, more gravely than the plan does."""
         before = self.clearance.level
-        if before not in GROUNDING or self.battery_short:
+        if before is None or before not in GROUNDING or self.battery_short:
             return False
         return before.gravity <= self.planned_level.gravity
 

@@ -133,3 +133,18 @@ def test_a_hexacopter_given_as_a_quad_has_no_verdict(made, capsys, tmp_path):
     out = capsys.readouterr().out
     assert "NO VERDICT" in out.splitlines()[0]
     assert "6 rotors by FRAME_CLASS 2; airframe topxgun-f16-sitl has 4" in out
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("truncated", "ends in flight, at 1:54: the rest is unseen"),
+        ("never_flew", "by this log it never left the ground"),
+    ],
+)
+def test_the_record_of_a_job_says_what_its_log_lacks(kind, words, made, tmp_path, capsys):
+    assert run(["record", str(made.log(kind)), "--out", str(tmp_path)]) == 0
+    out = capsys.readouterr().out
+    assert f"left out: {kind}.tlog: {words}" in out
+    (left,) = json.loads((tmp_path / "record.json").read_text("utf-8"))["left_out"]
+    assert left["reason"].startswith(words)

@@ -246,11 +246,13 @@ def counted_once(
     """Return the flights, each from one log, and the unused logs with reasons.
 
     Unused are second logs of a flight, other vehicles, and stretches without a flight or that
-    cannot be read.
+    cannot be read. Parts of a flight that its log lacks are listed with them.
     """
     from thrustmargin.gcs_plugin.office.record.applied import better_logs
     from thrustmargin.gcs_plugin.office.record.record_words import other_vehicles, same_flight
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.gcs_plugin.wording.flight_words import not_flown
+    from thrustmargin.gcs_plugin.wording.margin_verdict import unseen_facts
 
     logs = [log for _, log in flights]
     kept, left_out = [], []
@@ -262,6 +264,10 @@ def counted_once(
         others = [one for one in log.vehicles if one != log.vehicle]
         reasons = (other_vehicles(log.vehicle, others),) if others else ()
         left_out += [UnusedLog(name=log.path.name, reason=r) for r in (*reasons, *log.unflown)]
+        # What the log does not show is not in the record either.
+        grounded = not_flown(log.track)
+        unseen = (grounded,) if grounded else (one.text for one in unseen_facts(log.track))
+        left_out += [UnusedLog(name=log.name, reason=reason) for reason in unseen]
     return kept, list(dict.fromkeys(left_out))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.models.checks.loss_of_control import LossOfControl
+from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
 from thrustmargin.models.model.advice import Advice, FlightLevel, advise
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.clearance import clearance, grounding_level
@@ -34,7 +34,8 @@ def damaged(sound: Advice) -> Advice:
 
 
 def lost(sound: Advice) -> Advice:
-    return with_levels(sound, "lost", losses=(LossOfControl(kind="tilt", time_s=9.0, value=2.0),))
+    sign = LossOfControl(kind=LossKind.TURNED_OVER, time_s=9.0, value=2.0)
+    return with_levels(sound, "lost", losses=(sign,))
 
 
 def test_a_sound_flight_leaves_nothing_open(sound):
