@@ -254,6 +254,9 @@ def run_ups(track: FlightTrack, *, from_rest: bool = True) -> Iterator[slice]:
             continue
         begin, end = row, row
         while end < time_s.size and not track.flying[end]:
+            if on[end]:
+                end += 1
+                continue
             still = on[end : int(np.searchsorted(time_s, time_s[end] + REST_S, side="right"))]
             if not still.any() and time_s[-1] - time_s[end] >= REST_S:
                 break
@@ -528,7 +531,7 @@ def _first_lasting(time_s: Floats, wrong: Bools, seconds: float, readings: int =
     """Return the first row at which `wrong` (T,) has been true for `seconds` and so many readings;
     None without one."""
     since, count = math.nan, 0
-    for row in range(time_s.size):
+    for row in range(time_s.size if wrong.any() else 0):
         if not wrong[row]:
             since, count = math.nan, 0
             continue
