@@ -75,8 +75,12 @@ LITTLE_YAW, YAW_S = 0.1, 1.0
 #: K of an ESC at which it is too hot to lift with: most limit their current from 373 K on.
 HOT_ESC = 363.0
 #: A at which the lead's drop is measured at least, and resistance of lead and lugs, ohm, above that
-#: of the median lead, from which a connector is bad: 10 A through it make 1 W, 100 A make 100 W.
-LEAD_CURRENT, BAD_LEAD = 5.0, 0.01
+#: of the median lead, from which a connector is bad: 20 A through it make 6 W, 100 A make 150 W. On
+#: a heavy quad sound leads differ by up to 6 mOhm in such means.
+LEAD_CURRENT, BAD_LEAD = 5.0, 0.015
+#: s over which drop and current are means and for which a lead must be bad, and the share by which
+#: that mean may have changed: while the current rises, voltages read one after the other differ.
+LEAD_S, STEADY = 1.0, 0.2
 #: Rows of a run-up that are kept for its check, five minutes.
 MOST_ROWS = 3000
 #: Channels of one ESC each that the check uses where the flight table has them.
@@ -254,6 +258,9 @@ def run_ups(track: FlightTrack, *, from_rest: bool = True) -> Iterator[slice]:
             continue
         begin, end = row, row
         while end < time_s.size and not track.flying[end]:
+            if on[end]:
+                end += 1
+                continue
             still = on[end : int(np.searchsorted(time_s, time_s[end] + REST_S, side="right"))]
             if not still.any() and time_s[-1] - time_s[end] >= REST_S:
                 break
@@ -494,9 +501,9 @@ def _off_output(speeds: Floats, outputs: Floats) -> float:
     return float(np.max(np.abs(y - power * x)))
 
 
-def _mean_before(time_s: Floats, values: Floats) -> Floats:
-    """Return the mean (T, R) over the MEAN_S up to each row; NaN where a value is unknown."""
-    first = np.searchsorted(time_s, time_s - MEAN_S - 1e-6)
+def _mean_before(time_s: Floats, values: Floats, seconds: float = MEAN_S) -> Floats:
+    """Return the mean (T, R) over the s up to each row; NaN where a value is unknown."""
+    first = np.searchsorted(time_s, time_s - seconds - 1e-6)
     total = np.vstack([np.zeros(values.shape[1]), np.cumsum(np.nan_to_num(values), axis=0)])
     gaps = np.vstack([np.zeros(values.shape[1]), np.cumsum(~np.isfinite(values), axis=0)])
     rows = np.arange(time_s.size) + 1
@@ -528,7 +535,7 @@ def _first_lasting(time_s: Floats, wrong: Bools, seconds: float, readings: int =
     """Return the first row at which `wrong` (T,) has been true for `seconds` and so many readings;
     None without one."""
     since, count = math.nan, 0
-    for row in range(time_s.size):
+    for row in range(time_s.size if wrong.any() else 0):
         if not wrong[row]:
             since, count = math.nan, 0
             continue
@@ -696,21 +703,26 @@ def bad_leads(
     ESC.
 
     `battery` (T,) V; `volts` and `amperes` (T, R) of the ESCs. The drop at the least current is an
-    offset of the instruments. The battery's own reading may lag: it is the same for all leads, and
-    the comparison with the median removes it.
+    offset of the instruments. ESCs report one after the other, so only means of a steady current
+    are compared: in most starts those of the first seconds of hover.
     """
     drop = battery[:, None] - volts
     with np.errstate(invalid="ignore"):
         offset = [
             known_median(d[a < LEAD_CURRENT / 2.0]) for d, a in zip(drop.T, amperes.T, strict=True)
         ]
-        loaded = amperes >= LEAD_CURRENT
-    ohm = np.where(loaded, (drop - np.array(offset)) / np.where(loaded, amperes, 1.0), np.nan)
+    lost = _mean_before(time_s, drop - np.array(offset), LEAD_S)
+    current = _mean_before(time_s, amperes, LEAD_S)
+    earlier = current[np.searchsorted(time_s, time_s - LEAD_S - 1e-6)]
+    with np.errstate(invalid="ignore"):
+        steady = (current >= LEAD_CURRENT) & (np.abs(current - earlier) < STEADY * current)
+    ohm = np.where(steady, lost / np.where(steady, current, 1.0), np.nan)
     found = []
     for motor in range(ohm.shape[1]):
         others = _median_of_known(np.delete(ohm, motor, axis=1))
         with np.errstate(invalid="ignore"):
-            row = _first_lasting(time_s, ohm[:, motor] - others > BAD_LEAD, LASTS_S)
+            bad = ohm[:, motor] - others > BAD_LEAD
+        row = _first_lasting(time_s, bad, LEAD_S, READINGS)
         if row is not None:
             found.append(
                 TakeoffFinding(

@@ -272,7 +272,7 @@ def test_a_hot_esc_is_named_with_the_others_beside_it():
 
 
 def test_resistance_of_a_lead_shows_beside_the_others_and_an_offset_does_not():
-    time_s = np.arange(0.0, 6.0, 0.5)
+    time_s = np.arange(0.0, 8.0, 0.5)
     amperes = np.tile(np.where(time_s < 2.0, 0.5, 30.0)[:, None], (1, 4))
     battery = np.where(time_s < 2.0, 58.8, 57.0)
     volts = battery[:, None] - 0.004 * amperes
@@ -283,7 +283,29 @@ def test_resistance_of_a_lead_shows_beside_the_others_and_an_offset_does_not():
     assert found.motors == (2,)
     assert found.value == pytest.approx(0.029, abs=0.002)
     assert found.reference == pytest.approx(0.004, abs=0.001)
-    assert found.time_s <= 2.5
+    assert found.time_s <= 2.0 + 3.0
+
+
+@pytest.mark.parametrize("hz", [2.0, 10.0])
+def test_escs_that_report_one_after_the_other_have_no_bad_lead(hz: float):
+    """While the current rises, a voltage that is 0.3 s older is some tenths of a volt higher."""
+    time_s = np.arange(0.0, 12.0, 1.0 / hz)
+
+    def amperes_at(when: np.ndarray) -> np.ndarray:
+        wobble = 4.0 * np.sin(2.0 * np.pi * 1.3 * when) * (when > 4.0)
+        return np.interp(when, [4.0, 5.5], [0.5, 25.0]) + wobble
+
+    def volts_at(when: np.ndarray) -> np.ndarray:
+        return 58.8 - 0.025 * 4.0 * amperes_at(when)
+
+    late_s = np.array([0.0, 0.3, 0.1, 0.2])
+    amperes = np.stack([amperes_at(time_s - late) for late in late_s], axis=1)
+    volts = np.stack([volts_at(time_s - late) for late in late_s], axis=1) - 0.004 * amperes
+    assert bad_leads(time_s, volts_at(time_s - 0.25), volts, amperes) == []
+    volts[:, 2] -= 0.03 * amperes[:, 2]
+    (found,) = bad_leads(time_s, volts_at(time_s - 0.25), volts, amperes)
+    assert (found.kind, found.motors) == (TakeoffKind.LEAD, (2,))
+    assert found.time_s < 5.5 + 4.0
 
 
 @pytest.mark.parametrize("hz", [2.0, 2.5, 10.0])
