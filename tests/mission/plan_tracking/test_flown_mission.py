@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.mission.plans_made import HOME, TWO_LINES, plan_of
+from tests.mission.plans_made import HOME, SECOND, TWO_LINES, plan_of, spot
 from thrustmargin.mission.forecast.battery import FlightBattery
 from thrustmargin.mission.forecast.limits import flight_limits
 from thrustmargin.mission.forecast.plan_flight import PlanConditions, fly_plan, known_pump
@@ -15,6 +15,7 @@ from thrustmargin.mission.steps import plan_steps
 from thrustmargin.models.flight import Origin
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
+from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -75,3 +76,27 @@ def test_a_flight_elsewhere_is_no_mission():
     track = analysis.track
     away = replace(track, position_ned=track.position_ned + np.array([5000.0, 0.0, 0.0]))
     assert flown_mission(PLAN, PARAMETERS, MODEL, replace(analysis, track=away), BATTERY) is None
+
+
+def test_the_forecast_turns_the_nose_from_where_it_was_before_take_off():
+    """Out along one line, and back without turning: the one turn is that of the take-off's
+    heading, by 150°. Without it the largest use is that of the climb."""
+    parameters = PARAMETERS | {"ATC_RAT_YAW_P": 1.0, "ATC_ACCEL_Y_MAX": 9000.0}
+    plan, model = plan_of((22, spot(*HOME[:2])), (16, spot(SECOND, 11.0)), (20,)), shipped_model()
+    limits = flight_limits(parameters, model=model)
+    legs = plan_legs(plan, plan_steps(plan), limits)
+    way = course(legs, limits, start_yaw=np.radians(150.0))
+    pump = known_pump(parameters, model.airframe).most
+    given = PlanConditions(fill_kg=2.0, density=1.2, flow=pump, most_flow=pump, battery=BATTERY)
+    made = fly_plan("made", way, model, given)
+    latitude, longitude, altitude = HOME
+    track = replace(
+        made.track,
+        rotor_speed_rpm=made.rotor_speed_rpm,
+        origin=Origin(latitude_deg=latitude, longitude_deg=longitude, altitude=altitude),
+    )
+    analysis = analyse(track, model, made.density, claim=AirframeClaim(words="made by hand"))
+    found = flown_mission(plan, parameters, model, analysis, BATTERY)
+    assert found is not None
+    assert found.peak_use.flown > 0.4
+    assert found.peak_use.said == pytest.approx(found.peak_use.flown, abs=0.02)
