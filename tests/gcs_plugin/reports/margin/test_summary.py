@@ -86,7 +86,7 @@ def test_a_log_that_ends_in_flight_says_so_and_one_that_ends_on_the_ground_does_
     said = report_flight(*short, max_utilisation=0.5).verdict
     last = clock(float(short[1].track.time_s[-1]))
     assert said["headline"] == f"THRUST LEFT ABOVE THE 50 % LIMIT UP TO {last} (LOG ENDS IN FLIGHT)"
-    assert said["action"].startswith("see how the flight ended; up to ")
+    assert said["action"].startswith("see how the flight ended; you may fill up to ")
     assert not any("all flight" in fact.text for fact in said["facts"])
     (ending,) = (fact.text for fact in said["facts"] if fact.label == "log")
     assert ending.startswith(f"ends in flight, at {last}")
@@ -97,7 +97,9 @@ def test_a_log_that_begins_in_flight_or_pauses_in_it_says_so():
     first = int(np.flatnonzero(analysis.track.flying)[0]) + 200
     begun = report_flight(*flight(log().track.rows(slice(first, None))), max_utilisation=0.5)
     assert begun.verdict["headline"] == "THRUST LEFT ABOVE THE 50 % LIMIT (LOG BEGINS IN FLIGHT)"
-    assert begun.verdict["action"].startswith("record the whole flight next time; up to ")
+    assert begun.verdict["action"].startswith(
+        "record the whole flight next time; you may fill up to "
+    )
     rows = np.delete(np.arange(analysis.track.time_s.size), slice(first, first + 301))  # 30 s
     paused = report_flight(*flight(log().track.rows(rows)), max_utilisation=0.5).verdict
     assert (
@@ -460,9 +462,8 @@ def test_a_gauge_that_stands_at_nothing_reassures_nobody(report):
         "disarmed on the ground, check gauge and empty mass, and with the battery off the "
         "propellers: thrust shows "
     )
-    assert (
-        f"{held['fill']['beyond_gauge_kg']:.1f} kg more than was reported; until then up to" in do
-    )
+    beyond = f"{held['fill']['beyond_gauge_kg']:.1f} kg"
+    assert f"{beyond} more than was reported; until then you may fill up to" in do
     assert sound["fill"]["beyond_gauge_kg"] == 0.0
     # Whether the tank was full or the aircraft is heavier than its file, nothing tells.
     beyond = np.nanmedian(log().track.tank_kg[log().track.flying])
