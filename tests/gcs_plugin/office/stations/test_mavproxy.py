@@ -485,7 +485,7 @@ def test_what_is_not_known_is_two_dashes():
 def test_the_rest_of_the_route_and_alarms_have_lines_of_their_own():
     more = replace(NOW, margin_ahead=0.31, alarms=("Tank empty, pump still on: switch it off",))
     assert summary(more, 0.5, 0.0)[3:] == [
-        "  rest of the route: margin 31 % that lasts, less for moments in turns",
+        "  rest of the route: thrust left 31 %, less for moments in turns",
         "  ALARM Tank empty, pump still on: switch it off",
     ]
 

@@ -461,9 +461,8 @@ def test_a_gauge_that_stands_at_nothing_reassures_nobody(report):
         "disarmed on the ground, check gauge and empty mass, and with the battery off the "
         "propellers: thrust shows "
     )
-    assert (
-        f"{held['fill']['beyond_gauge_kg']:.1f} kg more than was reported; until then up to" in do
-    )
+    beyond = f"{held['fill']['beyond_gauge_kg']:.1f} kg"
+    assert f"{beyond} more than was reported; until then you may fill up to" in do
     assert sound["fill"]["beyond_gauge_kg"] == 0.0
     # Whether the tank was full or the aircraft is heavier than its file, nothing tells.
     beyond = np.nanmedian(log().track.tank_kg[log().track.flying])
