@@ -261,6 +261,13 @@ class KnownAircraft:
         ]
         return ArmLaw(flights=tuple(figures)) if figures else None
 
+    @property
+    def arms_since_repair(self) -> tuple[ArmFigures, ...]:
+        """Return the figures of each arm in all flights since the last repair, by time."""
+        since = max(self.repairs, default=-math.inf)
+        rows = (row for row in self.flights if row.start_unix_s >= since)
+        return tuple(row.arms for row in rows if row.arms is not None)
+
     def experience_before(self, start_unix_s: float = math.inf) -> Experience | None:
         """Return how missions before a Unix time differed from their forecasts; None where too few
         were flown.

@@ -8,6 +8,7 @@ from thrustmargin.gcs_plugin.wording.actions import Action, at_desk, hands_on
 from thrustmargin.gcs_plugin.wording.language import percent, percent_within, say
 from thrustmargin.models.checks.arms.arm_causes import Cause
 from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer, ArmFinding, PossibleCause
+from thrustmargin.models.checks.arms.arm_trend import PowerTrend
 
 #: The part, as one of several that it may be.
 PARTS: Mapping[Cause, str] = {
@@ -103,6 +104,17 @@ def amount_words(one: PossibleCause) -> str:
     ends = (0.0 if one.lower < 0.0 < one.upper else least, most)
     amount = percent_within(abs(one.size), *ends)
     return say(more if one.size >= 0.0 or not less else less, amount=amount)
+
+
+def trend_sentence(trend: PowerTrend) -> str:
+    """Return how much more power an arm needs than in the first of the flights, and what to do."""
+    return say(
+        "arm {arm} needs {amount} more power at its speed than {flights} flights ago; {look}",
+        arm=trend.arm + 1,
+        amount=percent_within(trend.change, trend.lower, trend.upper),
+        flights=trend.flights - 1,
+        look=LOOKS[Cause.MOTOR].text,
+    )
 
 
 def arm_sentences(answer: ArmAnswer | None, weak: Collection[int] = ()) -> tuple[str, ...]:

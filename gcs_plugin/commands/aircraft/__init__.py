@@ -100,7 +100,9 @@ def _show(known: KnownAircraft, console: Console) -> None:
         mission_words,
         power_and_battery_words,
     )
+    from thrustmargin.gcs_plugin.wording.arm_words import trend_sentence
     from thrustmargin.gcs_plugin.wording.clearance_words import first_steps, grounding_words
+    from thrustmargin.models.checks.arms.arm_trend import power_trends
 
     steps, left = known.steps(), known.clearance()
     console.print(escape(f"{known.name}: {_counted(len(known.flights), known.days)}"), style="bold")
@@ -114,6 +116,8 @@ def _show(known: KnownAircraft, console: Console) -> None:
     )
     for line in power_and_battery_words(known.power_before(), known.battery_before()):
         console.print(f"  {line}")
+    for line in map(trend_sentence, power_trends(known.arms_since_repair)):
+        console.print(escape(f"  {line}"), soft_wrap=True)
     where = known.flights[-1].longitude_deg if known.flights else float("nan")
     lines = [(event.unix_s, f"changed: {event.changed}") for event in known.events]
     for row in known.flights:

@@ -5,6 +5,7 @@ arm_law.py        what each figure is on a sound aircraft, and how far a flight 
 arm_causes.py     what can be wrong with an arm, and what it does to the figures
 arm_posterior.py  one posterior over arms, causes and sizes
 arm_watch.py      in a flight: parts that pass their temperature's limit, leads that lose power
+arm_trend.py      an arm that needs more and more power, over all flights of an aircraft
 
 The caller makes `arm_figures.ArmReadings` of a flight and calls `arm_posterior.arm_answer`.
 """

@@ -64,10 +64,10 @@ class ArmLaw:
         if len(counts) > 1:
             raise ModelError(f"its arms' figures are of {sorted(counts)} arms")
 
-    @property
-    def days(self) -> int:
-        """Return the number of days of the flights."""
-        return len({one.day for one in self.flights})
+    def without(self, flights: Sequence[ArmFigures]) -> tuple[ArmFigures, ...]:
+        """Return the flights of the law that are none of `flights`: no flight proves itself."""
+        named = {one.flight for one in flights}
+        return tuple(one for one in self.flights if one.flight not in named)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -94,8 +94,7 @@ def departures(
     as the centre of gravity moves arms together. Quantities with fewer than LEAST_FLIGHTS earlier
     flights are left out, but for the offsets of instruments, which need none.
     """
-    named = {one.flight for one in flights}
-    earlier = [] if law is None else [one for one in law.flights if one.flight not in named]
+    earlier = () if law is None else law.without(flights)
     found = []
     for quantity in ArmQuantity:
         new, old = _Group.of(flights, quantity), _Group.of(earlier, quantity)

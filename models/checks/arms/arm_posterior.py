@@ -111,11 +111,12 @@ def arm_answer(
         findings.append(found)
         moved = [one.cause for one in found.causes]
         left = _without(left, found.arm, moved, own_voltage=own_voltage)
+    earlier = law.without(flights) if law is not None else ()
     return ArmAnswer(
         findings=tuple(findings),
         quantities=quantities,
-        flights=0 if law is None else len(law.flights),
-        days=0 if law is None else law.days,
+        flights=len(earlier),
+        days=len({one.day for one in earlier}),
     )
 
 

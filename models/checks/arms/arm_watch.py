@@ -24,7 +24,9 @@ LOOK_S = 30.0  # of readings from which a rise is measured
 LEAST_LOOK_S = 10.0
 LEAST_RISE = 2.0  # K in LOOK_S: readings are whole degrees
 FEWEST_ARMS = 3  # of which one can be distinguished from the others
-REST_READINGS = 5  # before take-off, from which the instruments' differences are known
+#: Readings before take-off, at least and at most, from which the instruments' differences are
+#: known: the last ones are of motors that spin up.
+LEAST_REST, MOST_REST = 5, 100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -87,8 +89,8 @@ class ArmWatch:
             return watts
         resting = volts[known & ~track.flying]
         resting = resting - np.median(resting, axis=1, keepdims=True)
-        self._rest = [*self._rest, *resting][-REST_READINGS:]
-        if len(self._rest) == REST_READINGS:
+        self._rest = [*self._rest, *resting][-MOST_REST:]
+        if len(self._rest) >= LEAST_REST:
             aloft = known & track.flying
             true = volts[aloft] - np.median(self._rest, axis=0)
             others = [[k for k in range(rotors) if k != arm] for arm in range(rotors)]

@@ -11,10 +11,12 @@ from thrustmargin.gcs_plugin.wording.arm_words import (
     amount_words,
     arm_sentence,
     arm_sentences,
+    trend_sentence,
 )
 from thrustmargin.gcs_plugin.wording.language import speaking
 from thrustmargin.models.checks.arms.arm_causes import PATTERNS, Cause
 from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer, ArmFinding, PossibleCause
+from thrustmargin.models.checks.arms.arm_trend import PowerTrend
 
 
 def possible(cause, probability=1.0, size=0.06):
@@ -71,6 +73,14 @@ def test_a_voltage_reading_alone_is_left_to_the_check_of_every_log():
     weak = replace(answer, findings=(finding(possible(Cause.PROPELLER), arm=0),))
     assert len(arm_sentences(weak)) == 1
     assert arm_sentences(weak, weak=[0]) == ()
+
+
+def test_a_trend_says_since_when_and_what_to_look_at():
+    trend = PowerTrend(arm=2, change=0.06, lower=0.04, upper=0.08, flights=21)
+    assert trend_sentence(trend) == (
+        "arm 3 needs 6 % (4 to 8) more power at its speed than 20 flights ago; with the battery "
+        "off, turn its motor by hand: it must run as freely as the others"
+    )
 
 
 def test_an_interval_that_includes_zero_says_so():

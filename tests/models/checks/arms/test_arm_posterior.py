@@ -134,7 +134,8 @@ def test_a_flight_is_not_compared_with_itself_and_few_flights_show_nothing():
     flights = tuple(figures(str(k), k, [0.0] * 4) for k in range(3))
     law = ArmLaw(flights=flights)
     assert arm_answer([figures("new", 9, [0.3, 0, 0, 0])], law).quantities == (ArmQuantity.POWER,)
-    assert arm_answer([figures("1", 1, [0.3, 0, 0, 0])], law).quantities == ()
+    again = arm_answer([figures("1", 1, [0.3, 0, 0, 0])], law)
+    assert (again.quantities, again.flights, again.days) == ((), 2, 2)
     assert arm_answer([figures("new", 9, [0.3, 0, 0, 0])], None).quantities == ()
 
 
