@@ -1,7 +1,8 @@
 """The extras of workshop and office, and what each registers in its `__init__`.
 
-`COMMANDS` names its subcommands, `OUTPUTS` its outputs of the monitor. An extra whose folder is
-deleted is not missed.
+`COMMANDS` names its subcommands, `OUTPUTS` its outputs of the monitor. After a flight of a known
+aircraft the core calls `explain_change` (what a change is by nature) and `keep_flights`, and where
+a flight is forgotten `forget_flight`. An extra whose folder is deleted is not missed.
 """
 
 from __future__ import annotations

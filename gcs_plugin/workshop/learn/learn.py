@@ -107,7 +107,9 @@ def learn(
                 training=known_one.training,
             )
             paths = list(group.paths)
-        learnt, known_one = learn_logs(known_one, paths, inputs, hangar, unread, progress)
+        learnt, known_one = learn_logs(
+            known_one, paths, inputs, hangar, unread, progress, must_keep=True
+        )
         for flight, log in learnt:
             row = flight.row
             if row.not_taught is NotTaught.NO_VERDICT:
@@ -191,7 +193,7 @@ def _make(
 
     from thrustmargin.gcs_plugin.commands.airframe.new import AirframeNew
     from thrustmargin.gcs_plugin.commands.shared.inputs import claimed, listed, read_logs
-    from thrustmargin.gcs_plugin.commands.shared.known import flight_key, with_flight
+    from thrustmargin.gcs_plugin.commands.shared.known import flight_key, keep, with_flight
     from thrustmargin.gcs_plugin.store.hangar import checked_name
     from thrustmargin.gcs_plugin.store.learnt_flight import learnt_flight
     from thrustmargin.gcs_plugin.workshop.learn.train import training_run
@@ -256,11 +258,13 @@ def _make(
     known = hangar.load(name)
     used = {log.path for log in training}
     its = replace(its, logs=tuple(path for path in group.paths if path in used))
+    taught = []
     for log, claim in read_logs(its, [], console, model=model):
         flight = learnt_flight(log, claim, model, known, flight=flight_key(log))
         if flight.row.flight in known.training and flight.row.offsets is not None:
-            hangar.add_flight(name, flight.row)
+            taught.append((flight, log))
             known = with_flight(known, flight.row)
+    keep(taught, known, hangar)
     return known
 
 
