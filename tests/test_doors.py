@@ -21,11 +21,11 @@ EXTRAS = sorted(
 COMMANDS = {
     "office/cover": {"cover"},
     "office/record": {"record"},
-    "office/season": {"fleet", "ingest"},
+    "office/season": {"fleet"},
     "office/stations": {"install"},
     "office/streams": {"export"},
     "workshop/identify": {"identify"},
-    "workshop/learn": {"match", "train"},
+    "workshop/learn": {"ingest", "learn", "match", "train"},
 }
 #: Imports every module that is there, then names the commands.
 LOOK = """

@@ -1,7 +1,9 @@
 """The commands, by subject: one module a subcommand, which holds a function of its name.
 
 `extras` finds those of workshop and office. An extra registers in its `__init__`: `COMMANDS` names
-its subcommands, `OUTPUTS` its outputs of the monitor. One whose folder is deleted is not missed.
+its subcommands, `OUTPUTS` its outputs of the monitor. After a flight of a known aircraft the core
+calls `explain_change` (the physical cause of a change) and `keep_flights`, and where a flight is
+forgotten `forget_flight`. An extra whose folder is deleted is not missed.
 """
 
 from __future__ import annotations

@@ -53,7 +53,7 @@ SCHEMA = "thrustmargin.aircraft/1"
 FLIGHT_SCHEMA = "thrustmargin.aircraft-flight/1"
 EVENT_SCHEMA = "thrustmargin.aircraft-event/1"
 VARIABLE = "THRUSTMARGIN_HANGAR"
-_NAME = re.compile(r"[A-Za-z0-9][\w.-]{0,79}")
+NAME = re.compile(r"[A-Za-z0-9][\w.-]{0,79}")
 NAN = math.nan
 #: Flights by whose current and battery a further one is forecast: parts and batteries age.
 RECENT = 20
@@ -413,7 +413,7 @@ class Hangar:
 
 def checked_name(name: str) -> str:
     """Return the name. Raises DataError where it cannot be that of a folder everywhere."""
-    if not _NAME.fullmatch(name):
+    if not NAME.fullmatch(name):
         raise DataError(
             f"--aircraft {name!r}: give letters, digits and . _ - such as north-field-2"
         )

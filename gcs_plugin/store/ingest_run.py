@@ -9,10 +9,21 @@ from __future__ import annotations
 
 import hashlib
 import multiprocessing
+import os
+import signal
+import sys
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -21,7 +32,14 @@ from typing import Any
 
 from thrustmargin.gcs_plugin.store.schema import table_schema
 from thrustmargin.gcs_plugin.store.season_store import DRAFTS, SeasonStore
-from thrustmargin.gcs_plugin.store.staging import drop_replaced, merge, staged_partitions
+from thrustmargin.gcs_plugin.store.staging import (
+    SeasonFlight,
+    drop_replaced,
+    merge,
+    stage,
+    staged_partitions,
+)
+from thrustmargin.gcs_plugin.store.writer_lock import writer_lock
 from thrustmargin.models.errors import DataError, ThrustMarginError
 
 DIED = "the process that read it died, alone with it too: too little memory, or a fault; report it"
@@ -99,6 +117,38 @@ def known_contents(store: SeasonStore) -> set[str]:
     names = store.table("flights", columns=["flight"])["flight"].to_pylist()
     names += [Path(key).stem for keys in staged_partitions(store).values() for key in keys]
     return {name for name in names if len(name) == DIGITS}
+
+
+def own_cores() -> int:
+    """Return the number of cores that this process may use."""
+    if sys.platform == "linux":
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def local_processes(cores: int) -> tuple[Callable[[], Executor], int]:
+    """Return a function that starts `cores` processes, and the number of logs to submit at once."""
+
+    def make() -> Executor:
+        fresh = multiprocessing.get_context("spawn")  # no lock or socket of this process in them
+        return ProcessPoolExecutor(cores, mp_context=fresh, initializer=_begin_worker)
+
+    return make, 2 * cores
+
+
+def _begin_worker() -> None:
+    """Ignore Ctrl-C in a worker process, and end the worker when its parent has ended.
+
+    The parent receives Ctrl-C and ends its workers.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent: Any = multiprocessing.parent_process()
+
+    def follow() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=follow, daemon=True).start()
 
 
 def ingest_logs(
@@ -200,6 +250,24 @@ def ingest_logs(
     pool.shutdown()
     outcome.seconds = time.monotonic() - begun
     return outcome
+
+
+def store_flights(store: SeasonStore, flights: Sequence[SeasonFlight], *, wait_s: float) -> None:
+    """Put flights into the tables of a store, in the place of what they have of these flights.
+
+    Waits for another writer for `wait_s` at most. Raises DataError where it still writes then, and
+    where the disk refuses.
+    """
+    try:
+        with writer_lock(store, wait_s=wait_s):
+            for flight in flights:
+                stage(store, flight)
+            waiting = staged_partitions(store)
+            drop_replaced(store, waiting)
+            for where, keys in waiting.items():
+                merge(store, *where, keys)
+    except OSError as error:
+        raise DataError(f"cannot write {store.url}: {error.strerror or error}") from error
 
 
 def _reject(outcome: IngestOutcome, task: _Task, reason: str) -> None:

@@ -142,9 +142,8 @@ def change_of(
     """Return how a flight differs from the flights of its aircraft before it; None where it does
     not, and where its model has no interval.
 
-    A change stays until somebody notes it, as long as flights differ from the state before it. The
-    offsets are summed from the last noted repair on, and anew from a change that the walk does not
-    allow, which may be a repair that nobody noted.
+    A change stays until somebody notes it, as long as flights differ from the state before it by
+    more than the walk allows since then. The offsets are summed from the last noted repair on.
     """
     model, flight = analysis.model, step.flight
     if model.interval is None:
@@ -159,7 +158,7 @@ def change_of(
     elif step.changed:
         since = flight.start_unix_s
     lessons = [one for one in aircraft.lessons if one.start_unix_s < flight.start_unix_s]
-    sums_from = since - 1.0 if began or step.changed else noted
+    jump = since if began or step.changed else -np.inf
     change = aircraft_change(
         step,
         model.airframe,
@@ -167,7 +166,7 @@ def change_of(
         weight=known_median(analysis.weight[analysis.track.flying]),
         coverage=coverage(analysis),
         interval=model.interval,
-        rotor=rotor_total([*lessons, flight], model, since_unix_s=sums_from),
+        rotor=rotor_total([*lessons, flight], model, since_unix_s=noted, jump_unix_s=jump),
     )
     if change is None:
         return None
@@ -181,11 +180,12 @@ def change_of(
 
 def _against(step: WalkStep, aircraft: KnownAircraft, since_unix_s: float) -> WalkStep:
     """Return the step of a flight, compared with the state before the flight of a Unix time."""
-    flight = step.flight
-    old = next((one for one in aircraft.walk() if one.flight.start_unix_s == since_unix_s), None)
-    if old is None:
-        return step
-    expected = np.hypot(old.before.error, flight.error)
+    flight, walked = step.flight, [*aircraft.walk(), step]
+    since = [one for one in walked if one.flight.start_unix_s >= since_unix_s]
+    old = since[0]
+    # The walk may have gone on since: its steps from there on are expected too.
+    variance = sum(np.square(one.before.error) - np.square(one.known) for one in since[1:])
+    expected = np.sqrt(np.square(old.before.error) + variance + np.square(flight.error))
     difference = np.array(flight.offset) - np.array(old.before.offset)
     surprise = tuple((difference / expected).tolist())
     return replace(step, before=old.before, known=old.known, surprise=surprise)

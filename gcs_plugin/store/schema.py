@@ -110,8 +110,8 @@ ROTORS = 12
 class StoredColumn:
     """One column: its name, unit, meaning, and the kind of its values.
 
-    `kind` is "number", "whole", "text", or a list: "words" (of text), "wholes" or "rotors" (of
-    numbers). Rows also have "single", "small" (8 bits) and "bool", sums "arrays".
+    `kind` is "number", "whole", "text", "bool", or a list: "words" (of text), "wholes" or "rotors"
+    (of numbers). Rows also have "single" and "small" (8 bits), sums "arrays".
     """
 
     name: str
@@ -214,6 +214,20 @@ reason_kinds | words | | why there is no verdict, by kind: aircraft_not_known, p
 doing_kinds | words | | what the aircraft was doing at the worst moment, by kind
 findings | text | | JSON of what spoils names or numbers: check, level, time_s, values
 no_flight_of | wholes | | other vehicles in the log, of which no flight was made
+use_lasting | number | 1 | largest lasting thrust utilisation; from here on of known aircraft alone
+use_lasting_low | number | 1 | lower end of its 90 % interval
+use_lasting_high | number | 1 | upper end of its 90 % interval
+rest_voltage | number | V | before take-off
+mean_power | number | W | in flight
+power_coefficient | number | W/rpm³ | of electric power, in air of the model's reference density
+charge_used_ah | number | Ah | in flight
+mission | text | | JSON of its mission beside its forecast
+coverage | number | 1 | of rotor speeds inside the interval of the state before the flight
+bias | number | 1 | mean of ln measured over predicted speed
+change | text | | JSON of how it differs from the flights before it, rotors from 0
+offsets | text | | JSON of the offsets of its modes from the model as it was made
+not_taught | text | | why it taught nothing; null where it taught
+trained | bool | | whether the model was made from it
 """)
 SUMS = _columns("""
 flight | text | | as in flights

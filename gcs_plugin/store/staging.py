@@ -171,6 +171,17 @@ def drop_replaced(store: SeasonStore, waiting: dict[tuple[str, str], list[str]])
                     _drop_flight(store, target, row["flight"])
 
 
+def drop_flight(store: SeasonStore, flight: str) -> None:
+    """Delete one flight from all tables and from the flights that wait to be merged."""
+    for key in store.keys(STAGED):
+        if Path(key).stem == flight:
+            store.delete(key)
+    # A flight counts as stored when it is in `flights`: its rows and sums go after it.
+    for table in ("flights", "sums", "rows"):
+        for target in store.keys(table):
+            _drop_flight(store, target, flight)
+
+
 def _drop_flight(store: SeasonStore, target: str, flight: str) -> None:
     """Rewrite a file of a month without one flight; delete the file if nothing remains."""
     import pyarrow.compute as pc

@@ -29,12 +29,12 @@ STALE_S, RENEW_S = 120.0, 20.0
 
 
 @contextmanager
-def writer_lock(store: SeasonStore) -> Iterator[Callable[[], None]]:
+def writer_lock(store: SeasonStore, *, wait_s: float = 0.0) -> Iterator[Callable[[], None]]:
     """Lock the store for this process; yield a function that raises DataError if the lock is lost.
 
-    Raises DataError if another process holds the lock.
+    Raises DataError if another process holds the lock; on a disk, if it still does after `wait_s`.
     """
-    with (_disk_lock if store.on_disk else _bucket_lease)(store) as check_lock:
+    with _disk_lock(store, wait_s) if store.on_disk else _bucket_lease(store) as check_lock:
         yield check_lock
 
 
@@ -46,13 +46,13 @@ def _refusal(store: SeasonStore, holder: str) -> DataError:
 
 
 @contextmanager
-def _disk_lock(store: SeasonStore) -> Iterator[Callable[[], None]]:
+def _disk_lock(store: SeasonStore, wait_s: float) -> Iterator[Callable[[], None]]:
     """Lock a store on a disk; a file beside the lock has the holder's name."""
     from filelock import FileLock, Timeout
 
     path = Path(store.path(LOCK))
     path.parent.mkdir(parents=True, exist_ok=True)
-    lock = FileLock(path, timeout=0)
+    lock = FileLock(path, timeout=wait_s)
     note = path.with_name(f"{LOCK}.holder")
     try:
         lock.acquire()

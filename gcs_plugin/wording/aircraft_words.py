@@ -22,10 +22,10 @@ from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.model.aircraft_change import (
     AircraftChange,
+    CauseKind,
+    ChangeCause,
     ChangeKind,
     ChangeMode,
-    Explanation,
-    ExplanationKind,
 )
 from thrustmargin.models.physics.electric_power import NORMAL, PowerLaw, power_factors
 from thrustmargin.models.physics.known_battery import KnownBattery
@@ -141,11 +141,11 @@ def _what_changed(change: AircraftChange) -> str:
     return text
 
 
-def _explained(found: Explanation) -> str:
+def _explained(found: ChangeCause) -> str:
     """Return what the search over effects says of the flights since a change."""
-    if found.kind is ExplanationKind.NOT_SEARCHED:
+    if found.kind is CauseKind.NOT_SEARCHED:
         return say("too little flight to search for its cause")
-    if found.kind is ExplanationKind.UNEXPLAINED:
+    if found.kind is CauseKind.UNEXPLAINED:
         return say(
             "no effect explains it (error {error} by the state before)",
             error=number(found.error_before_rpm, "rpm", 0),

@@ -3,7 +3,7 @@
 Three things count: an offset of a mode beyond what the walk allows, rotor speeds outside their
 interval more often than chance allows, and a rotor whose offsets since the last repair add up to a
 loss. What the difference is by nature is the search's question (`models.identification`), whose
-answer is an `Explanation`.
+answer is an `ChangeCause`.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class ChangeMode(StrEnum):
     OTHER = "other"  # of layouts with more than four rotors
 
 
-class ExplanationKind(StrEnum):
+class CauseKind(StrEnum):
     """What the search over effects found of a change."""
 
     NAMED = "named"
@@ -68,7 +68,7 @@ class ModeChange:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExplainedEffect:
+class CausingEffect:
     """One effect that the search reports, with its main parameter and 95 % interval."""
 
     effect: str  # key of the effect
@@ -81,12 +81,12 @@ class ExplainedEffect:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Explanation:
+class ChangeCause:
     """What the search over effects says of the flights since a change, from the state before it."""
 
-    kind: ExplanationKind
+    kind: CauseKind
     flights: int
-    effects: tuple[ExplainedEffect, ...] = ()
+    effects: tuple[CausingEffect, ...] = ()
     error_before_rpm: float = NAN  # RMS of rotor speed, cross-validated
     error_after_rpm: float = NAN
 
@@ -108,7 +108,7 @@ class AircraftChange:
     mass_low_kg: float = NAN
     mass_high_kg: float = NAN
     rotor: RotorTotal | None = None
-    explanation: Explanation | None = None
+    explanation: ChangeCause | None = None
 
 
 def aircraft_change(

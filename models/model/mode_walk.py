@@ -17,11 +17,12 @@ flights times a prior that a few flights outweigh.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise, product
 from statistics import NormalDist
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -41,6 +42,10 @@ STEP_FACTORS = np.geomspace(0.05, 4.0, 45)
 #: Standard deviation of the change that a repair makes to each mode. Source: the same aircraft,
 #: whose modes changed by 1 to 5 % when motors were aligned and a propeller replaced.
 REPAIR_STEP = 0.03
+#: The steps have one size for all modes, though yaw trims move more than others: a mode counts as
+#: changed only beyond its own surprises so far, each up to MOST_SURPRISE, with a prior of 1 that
+#: counts for SCALE_FLIGHTS flights.
+SCALE_FLIGHTS, MOST_SURPRISE = 4, 4.0
 #: Probability with which a sound flight is reported as changed.
 FALSE_CHANGE = 0.01
 
@@ -104,6 +109,8 @@ class WalkStep:
     before: ModeState
     after: ModeState
     surprise: tuple[float, ...]  # (R,) difference over its expected standard deviation
+    #: (R,) by which a mode's surprises have exceeded what the walk expects so far, at least 1
+    scale: tuple[float, ...]
     #: (R,) standard error of the state after the flight before it, without the step in between
     known: tuple[float, ...]
 
@@ -111,7 +118,8 @@ class WalkStep:
     def changed(self) -> tuple[int, ...]:
         """Return the modes, from 0, that differ by more than the walk allows in FALSE_CHANGE."""
         beyond = surprise_limit(len(self.surprise))
-        return tuple(k for k, value in enumerate(self.surprise) if abs(value) > beyond)
+        beyond_walk = np.abs(self.surprise) > beyond * np.array(self.scale)
+        return tuple(np.flatnonzero(beyond_walk).tolist())
 
 
 @lru_cache(maxsize=16)
@@ -151,35 +159,65 @@ def walk(
     with the error of one step by flight and by day, because the model is the mean of other flights.
     Raises DataError where one flight is given twice.
     """
+    made, squares = [], 0.0
+    for count, one in enumerate(_filtered(flights, steps, last_training, repairs)):
+        surprise = one.difference / np.sqrt(one.expected)
+        scale = np.sqrt(np.maximum((SCALE_FLIGHTS + squares) / (SCALE_FLIGHTS + count), 1.0))
+        squares = squares + np.minimum(np.abs(surprise), MOST_SURPRISE) ** 2
+        made.append(
+            WalkStep(
+                flight=one.flight,
+                before=_state(one.mean, one.variance),
+                after=_state(one.mean_after, one.variance_after),
+                surprise=tuple(surprise.tolist()),
+                scale=tuple(np.broadcast_to(scale, surprise.shape).tolist()),
+                known=tuple(np.sqrt(one.known).tolist()),
+            )
+        )
+    return tuple(made)
+
+
+class _Update(NamedTuple):
+    """One update of the filter; arrays (..., R) for steps of any leading shape."""
+
+    flight: FlightOffsets
+    known: Floats  # variance before the step
+    mean: Floats
+    variance: Floats
+    expected: Floats  # variance of the difference
+    difference: Floats
+    mean_after: Floats
+    variance_after: Floats
+
+
+def _filtered(
+    flights: Sequence[FlightOffsets],
+    steps: WalkSizes,
+    last_training: FlightOffsets | None,
+    repairs: Sequence[float],
+) -> Iterator[_Update]:
+    """Yield the update of each flight, by time. The steps may be arrays (S, 1) of several sizes.
+
+    Raises DataError where one flight is given twice.
+    """
     ordered = sorted(flights, key=lambda one: one.start_unix_s)
     for one, other in pairwise(sorted(one.flight for one in ordered)):
         if one == other:
             raise DataError(f"flight {one} is given twice")
     if not ordered:
-        return ()
+        return
     mean = np.zeros(len(ordered[0].offset))
     variance = mean + steps.day**2
-    last, made = last_training, []
+    last = last_training
     for one in ordered:
-        known = tuple(np.sqrt(variance).tolist())
+        known = variance
         variance = variance + _step_variance(last, one, steps, repairs)
-        before = _state(mean, variance)
-        error = np.array(one.error)
-        expected = variance + error**2
+        expected = variance + np.square(one.error)
         difference = np.array(one.offset) - mean
         gain = variance / expected
-        mean, variance = mean + gain * difference, variance * (1.0 - gain)
-        made.append(
-            WalkStep(
-                flight=one,
-                before=before,
-                after=_state(mean, variance),
-                surprise=tuple((difference / np.sqrt(expected)).tolist()),
-                known=known,
-            )
-        )
-        last = one
-    return tuple(made)
+        after, left = mean + gain * difference, variance * (1.0 - gain)
+        yield _Update(one, known, mean, variance, expected, difference, after, left)
+        mean, variance, last = after, left, one
 
 
 def _step_variance(
@@ -253,20 +291,17 @@ def _fit_steps(
 ) -> WalkSizes:
     """Return the steps as `fit_steps` does."""
 
-    def density(steps: WalkSizes) -> float:
-        """Return ln of the posterior density of some steps, without its constant."""
-        factors = (steps.flight / FLIGHT_STEP, steps.day / DAY_STEP)
-        prior = sum(-0.5 * (math.log(factor) / STEP_SPREAD) ** 2 for factor in factors)
-        made = walk(flights, steps, last_training=last_training, repairs=repairs)
-        return prior + log_likelihood(made)
-
     if not flights:
         return WalkSizes()
-    chosen = (
-        WalkSizes(flight=FLIGHT_STEP * float(one), day=DAY_STEP * float(other))
-        for one, other in product(STEP_FACTORS[::2], STEP_FACTORS[::2])
-    )
-    return max(chosen, key=density)
+    factors = np.array(list(product(STEP_FACTORS[::2], STEP_FACTORS[::2])))
+    flight, day = FLIGHT_STEP * factors[:, :1], DAY_STEP * factors[:, 1:]
+    density = -0.5 * np.sum((np.log(factors) / STEP_SPREAD) ** 2, axis=1)
+    sizes: Any = WalkSizes(flight=flight, day=day)  # type: ignore[arg-type]  # all at once
+    for one in _filtered(flights, sizes, last_training, repairs):
+        squares = one.difference**2 / one.expected + np.log(2.0 * math.pi * one.expected)
+        density = density - 0.5 * np.sum(squares, axis=-1)
+    best = int(np.argmax(density))
+    return WalkSizes(flight=float(flight[best, 0]), day=float(day[best, 0]))
 
 
 def shift_rpm(state: ModeState, airframe: Airframe, speed_rpm: Floats) -> tuple[Floats, Floats]:

@@ -52,12 +52,17 @@ class RotorTotal:
 
 
 def rotor_total(
-    flights: Sequence[FlightOffsets], model: RotorModel, *, since_unix_s: float = -math.inf
+    flights: Sequence[FlightOffsets],
+    model: RotorModel,
+    *,
+    since_unix_s: float = -math.inf,
+    jump_unix_s: float = -math.inf,
 ) -> RotorTotal | None:
     """Return the weak rotor that the offsets of an aircraft add up to; None where none is probable.
 
     `flights` are those whose offsets the walk follows; those after `since_unix_s` count, the time
-    of the last repair.
+    of the last repair. At `jump_unix_s` the offsets moved more than the walk allows: the flights
+    from there on must still show the loss, because it may have been a repair that nobody noted.
     """
     rows = sorted((one for one in flights if one.start_unix_s > since_unix_s), key=_start)
     if not rows:
@@ -76,6 +81,11 @@ def rotor_total(
     sizes = np.cumsum(size)
     losses = _losses()
     low, middle, high = (float(np.interp(at, sizes, losses)) for at in (0.05, 0.5, 0.95))
+    columns = mode_columns(model.airframe)
+    pattern = -0.5 * math.log(1.0 - middle) * columns[best] / rotors
+    since_jump = [one for one in rows if one.start_unix_s >= jump_unix_s]
+    if len(since_jump) < len(rows) and not _still_lost(since_jump, pattern, model):
+        return None
     return RotorTotal(
         rotor=best,
         loss=middle,
@@ -85,6 +95,16 @@ def rotor_total(
         flights=len(rows),
         probability=probability,
     )
+
+
+def _still_lost(rows: Sequence[FlightOffsets], pattern: Floats, model: RotorModel) -> bool:
+    """Return whether flights are more probable with the offsets (R,) of a loss than without."""
+    offsets = np.array([one.offset for one in rows])
+    day = np.unique([one.day for one in rows], return_inverse=True)[1]
+    courses = np.ones((2, 1, len(rows)))
+    density = _LogDensity.of(offsets, courses, day, _scatter(model, pattern.size))
+    lost, sound = density.at(np.stack([pattern, 0.0 * pattern]))[0, 0]
+    return bool(lost > sound)
 
 
 def _start(one: FlightOffsets) -> float:

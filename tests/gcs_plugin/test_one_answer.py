@@ -17,13 +17,13 @@ from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.log_answer import claimed_flights
-from thrustmargin.gcs_plugin.office.season.season_flight import IngestSettings, season_flights
 from thrustmargin.gcs_plugin.office.season.stored_words import flight_action, flight_reason
 from thrustmargin.gcs_plugin.office.stations.mavproxy_worker import reading, summary
 from thrustmargin.gcs_plugin.reports.margin.summary import report_flight
 from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording.advice_words import action, headline
+from thrustmargin.gcs_plugin.workshop.learn.season_flight import IngestSettings, season_flights
 from thrustmargin.models.model.advice import FlightLevel, advise
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.fill_limits import before_take_off, largest_fills

@@ -18,10 +18,10 @@ from thrustmargin.gcs_plugin.live.announce import figures
 from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.office.season.season_flight import IngestSettings, season_flights
 from thrustmargin.gcs_plugin.office.season.stored_words import flight_action
 from thrustmargin.gcs_plugin.reports.fill.fill_table import fill_table
 from thrustmargin.gcs_plugin.wording.fill_words import FLIGHT_LEVELS, safe_kg
+from thrustmargin.gcs_plugin.workshop.learn.season_flight import IngestSettings, season_flights
 from thrustmargin.mission.day_fill import day_fill
 from thrustmargin.models.model.advice import Advice, advise
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse

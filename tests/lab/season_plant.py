@@ -77,7 +77,7 @@ class Work:
 @cache
 def _log(place: int):  # a FlightLog and its AirframeClaim
     from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
-    from thrustmargin.gcs_plugin.office.season.season_flight import season_model
+    from thrustmargin.gcs_plugin.workshop.learn.season_flight import season_model
 
     paths = [*sorted(CAMPAIGN.glob("*.tlog")), *sorted(CAMPAIGN.parent.glob("dev/windy_*.tlog"))]
     return read_flights(paths[place], season_model(None, None)[0], given=False)[0]
@@ -85,9 +85,9 @@ def _log(place: int):  # a FlightLog and its AirframeClaim
 
 def make_flight(work: Work) -> str:
     """Stage one flight of the season; returns its name."""
-    from thrustmargin.gcs_plugin.office.season.season_flight import IngestSettings, flight_of_log
     from thrustmargin.gcs_plugin.store.season_store import SeasonStore
     from thrustmargin.gcs_plugin.store.staging import stage
+    from thrustmargin.gcs_plugin.workshop.learn.season_flight import IngestSettings, flight_of_log
 
     k, n = work.number, work.flights
     own = int(work.aircraft[-2:])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from datetime import UTC, datetime
+from importlib.util import find_spec
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,6 +13,7 @@ import tyro
 from rich.markup import escape
 from tyro.conf import Positional
 
+from thrustmargin.gcs_plugin.commands import extras
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.language import percent
 from thrustmargin.gcs_plugin.wording.thrust_left import left_words
@@ -64,6 +66,9 @@ def aircraft(
             raise DataError(f"{name} has no flight of {forget}; `thrustmargin aircraft {name}`")
         for row in found:
             place.forget(name, row.flight)
+            for extra in extras():
+                if forgotten := getattr(extra, "forget_flight", None):
+                    forgotten(row.flight, place)
             console.print(escape(f"{name}: forgot {row.log_name}"))
     if changed is None and forget is None:
         _show(known, console)
@@ -72,7 +77,8 @@ def aircraft(
 
 def _list(place: Hangar, console: Console) -> int:
     """Print a line for each aircraft."""
-    if not place.names():
+    stored = _stored_alone(place)
+    if not place.names() and not stored:
         console.print(
             f"no aircraft in {place.folder}; make one from its logs: thrustmargin learn LOG..."
         )
@@ -85,7 +91,24 @@ def _list(place: Hangar, console: Console) -> int:
             else f"; last flown {_day(last.started_unix_s, last.longitude_deg)}, {last.verdict}"
         )
         console.print(escape(f"{name}: {_counted(len(known.flights), known.days)}{ends}"))
+    for name, flights in stored.items():
+        words = f"{name}: {flights} flight{'s' * (flights != 1)} taken in, no model of its own"
+        console.print(escape(words))
     return 0
+
+
+def _stored_alone(place: Hangar) -> dict[str, int]:
+    """Return the number of stored flights of each aircraft of which the hangar has flights alone,
+    by its name; empty where the season's libraries are not installed."""
+    if not (place.folder / "flights").is_dir() or find_spec("pyarrow") is None:
+        return {}
+    from collections import Counter
+
+    from thrustmargin.gcs_plugin.store.season_store import SeasonStore
+
+    names = SeasonStore.open(str(place.folder)).table("flights", columns=["aircraft"])["aircraft"]
+    counts = Counter(names.to_pylist())
+    return {name: counts[name] for name in sorted(counts) if name not in place.names()}
 
 
 def _counted(flights: int, days: int) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.markup import escape
 
-from thrustmargin.models.errors import LogError, PlanError, ThrustMarginError
+from thrustmargin.models.errors import DataError, LogError, PlanError, ThrustMarginError
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
@@ -111,10 +111,13 @@ def learn_logs(
     hangar: Hangar,
     unread: list[UnusedLog],
     console: Console,
+    *,
+    must_keep: bool = False,
 ) -> tuple[list[tuple[LearntFlight, FlightLog]], KnownAircraft]:
     """Analyse the logs of one aircraft in the order of their time, and keep what each teaches.
 
-    Return the flights, and the aircraft with them.
+    Return the flights, and the aircraft with them. Where the disk refuses the console says so;
+    `must_keep` raises DataError instead.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import read_logs
     from thrustmargin.gcs_plugin.store.hangar import NotTaught
@@ -125,6 +128,7 @@ def learn_logs(
     its = replace(inputs, logs=tuple(paths), airframe=str(aircraft.airframe_file))
     read = list(read_logs(its, unread, console, model=model, skipped=ThrustMarginError))
     made: list[tuple[LearntFlight, FlightLog]] = []
+    kept: list[tuple[LearntFlight, FlightLog]] = []
     for log, claim in sorted(read, key=_start):
         if not claim.withheld:
             claim = replace(
@@ -142,9 +146,29 @@ def learn_logs(
             continue
         if flight.row.not_taught is NotTaught.NO_VERDICT or inputs.known.no_learn:
             continue
-        hangar.add_flight(aircraft.name, flight.row)
         aircraft = with_flight(aircraft, flight.row)
+        kept.append((flight, log))
+    try:
+        keep(kept, aircraft, hangar)
+    except DataError as error:  # the flights are reported all the same
+        if must_keep:
+            raise
+        console.print(escape(f"{aircraft.name}: not kept: {error}"), soft_wrap=True)
     return made, aircraft
+
+
+def keep(
+    flights: Sequence[tuple[LearntFlight, FlightLog]], aircraft: KnownAircraft, hangar: Hangar
+) -> None:
+    """Write flights of a known aircraft into the hangar, and into the season's store where an extra
+    has one. Raises DataError where the disk refuses."""
+    from thrustmargin.gcs_plugin.commands import extras
+
+    for flight, _ in flights:
+        hangar.add_flight(aircraft.name, flight.row)
+    for extra in extras():
+        if keeper := getattr(extra, "keep_flights", None):
+            keeper(flights, aircraft, hangar)
 
 
 def explained(

@@ -38,7 +38,7 @@ COMPARED = (
 
 
 def fleet(
-    store: Positional[Annotated[str, tyro.conf.arg(metavar="STORE")]],
+    store: Positional[Annotated[str, tyro.conf.arg(metavar="[STORE]", help_behavior_hint="")]] = "",
     *,
     aircraft: str | None = None,
     parts: Path | None = None,
@@ -51,12 +51,13 @@ def fleet(
     """Show which aircraft of a season to look at first, and why.
 
     Every rotor's thrust, the balance, the gauge and the battery are followed over all flights, and
-    what changed is mark_old_text. What all aircraft are is in the store that `ingest` made.
+    what changed is said with its size and date.
 
     Example: thrustmargin fleet season --out fleet.html
 
     Args:
-        store: Folder or address of the store, as given to `ingest`.
+        store: Folder or address of the store, as given to `ingest`; without it that of the known
+            aircraft, which `learn` and `report` fill.
         aircraft: Only this aircraft, with all its flights.
         parts: File that says which part was where and when (.csv: part, aircraft, position,
             installed_at, removed_at); without it parts.csv in the store, if there is one.
@@ -66,6 +67,7 @@ def fleet(
         sql: Print the answer of one SELECT over flights, rows, sums and rejected, and nothing else.
         compare: Two aircraft, flights or models (digests) side by side.
     """
+    from thrustmargin.gcs_plugin.store.hangar import open_hangar
     from thrustmargin.gcs_plugin.store.season_store import SeasonStore
 
     if (csv, json).count(STDOUT) > 1:
@@ -78,9 +80,9 @@ def fleet(
         ),
         inputs=[parts],
     )
-    opened = SeasonStore.open(store)
+    opened = SeasonStore.open(store or str(open_hangar().folder))
     if not opened.keys("flights"):
-        raise DataError(f"no flights in {store}; take logs in with: thrustmargin ingest")
+        raise DataError(f"no flights in {opened.url}; take logs in with: thrustmargin ingest")
     if sql is not None:
         from thrustmargin.gcs_plugin.office.season.stored_words import SQL_WORDS
         from thrustmargin.gcs_plugin.store.season_store import query

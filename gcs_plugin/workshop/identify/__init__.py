@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from thrustmargin.models.flight import FlightTrack
-    from thrustmargin.models.model.aircraft_change import Explanation
+    from thrustmargin.models.model.aircraft_change import ChangeCause
     from thrustmargin.models.model.rotor_model import RotorModel
 
 #: Subcommand -> the first words of the docstring of its function.
@@ -17,7 +17,7 @@ COMMANDS = {
 }
 
 
-def explain_change(model: RotorModel, flights: Sequence[FlightTrack]) -> Explanation | None:
+def explain_change(model: RotorModel, flights: Sequence[FlightTrack]) -> ChangeCause | None:
     """Return what the search says of the flights since a change of their aircraft; None where the
     library of the search is not installed. See `explain.explain`."""
     if find_spec("scipy") is None:

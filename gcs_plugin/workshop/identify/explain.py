@@ -15,14 +15,14 @@ from thrustmargin.models.identification.answer.result import ReportedEffect
 from thrustmargin.models.identification.loop import identify_checked
 from thrustmargin.models.identification.rows.usable_flights import too_little
 from thrustmargin.models.model.aircraft_change import (
-    ExplainedEffect,
-    Explanation,
-    ExplanationKind,
+    CauseKind,
+    CausingEffect,
+    ChangeCause,
 )
 from thrustmargin.models.model.rotor_model import RotorModel
 
 
-def explain(model: RotorModel, flights: Sequence[FlightTrack]) -> Explanation:
+def explain(model: RotorModel, flights: Sequence[FlightTrack]) -> ChangeCause:
     """Search for the effects that flights show, which their aircraft's model lacks.
 
     `model` has the state before the first of them. The kind is NOT_SEARCHED where no flight has
@@ -32,12 +32,12 @@ def explain(model: RotorModel, flights: Sequence[FlightTrack]) -> Explanation:
     tracks = [track for track in tracks if too_little(track, model) is None]
     try:
         if not tracks:
-            return Explanation(kind=ExplanationKind.NOT_SEARCHED, flights=0)
+            return ChangeCause(kind=CauseKind.NOT_SEARCHED, flights=0)
         found = identify_checked(tracks, model)
     except ThrustMarginError:  # rows that no block of time holds: the change itself is reported
-        return Explanation(kind=ExplanationKind.NOT_SEARCHED, flights=0)
-    kind = ExplanationKind.NAMED if found.found else ExplanationKind.UNEXPLAINED
-    return Explanation(
+        return ChangeCause(kind=CauseKind.NOT_SEARCHED, flights=0)
+    kind = CauseKind.NAMED if found.found else CauseKind.UNEXPLAINED
+    return ChangeCause(
         kind=kind,
         flights=len(tracks),
         effects=tuple(_explained(one) for one in found.found),
@@ -46,11 +46,11 @@ def explain(model: RotorModel, flights: Sequence[FlightTrack]) -> Explanation:
     )
 
 
-def _explained(found: ReportedEffect) -> ExplainedEffect:
+def _explained(found: ReportedEffect) -> CausingEffect:
     """Return a reported effect with its main parameter, in the flight that represents it."""
     effect, row = found.term.effect, found.flight
     main = next((k for k, p in enumerate(effect.parameters) if not p.detail), 0)
-    return ExplainedEffect(
+    return CausingEffect(
         effect=effect.key,
         rotor=found.term.rotor,
         parameter=effect.parameters[main].name,

@@ -1,8 +1,43 @@
-"""Train the model of an aircraft from its own flights, and match its load with its power system."""
+"""Learn an aircraft from its flights, keep them for a season, and match its load with its power."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.logs import FlightLog
+    from thrustmargin.gcs_plugin.store.hangar import Hangar, KnownAircraft
+    from thrustmargin.gcs_plugin.store.learnt_flight import LearntFlight
 
 #: Subcommand -> the first words of the docstring of its function.
 COMMANDS = {
+    "ingest": "Take logs into the store of a season",
     "learn": "Make aircraft known from their logs",
     "match": "Match an aircraft's load with its power system",
     "train": "Train the rotor speed model of one aircraft on its own good flights",
 }
+#: Libraries of the season's store and of the sums that it keeps.
+NEEDED = ("fsspec", "pyarrow", "filelock", "scipy")
+
+
+def keep_flights(
+    flights: Sequence[tuple[LearntFlight, FlightLog]], aircraft: KnownAircraft, hangar: Hangar
+) -> None:
+    """Keep flights of a known aircraft in the season's store too, where its libraries are
+    installed. See `season_flight.keep_flights`."""
+    if not flights or any(find_spec(name) is None for name in NEEDED):
+        return
+    from thrustmargin.gcs_plugin.workshop.learn.season_flight import keep_flights
+
+    keep_flights(flights, aircraft, hangar)
+
+
+def forget_flight(flight: str, hangar: Hangar) -> None:
+    """Remove a flight from the season's store, where its libraries are installed."""
+    if any(find_spec(name) is None for name in NEEDED):
+        return
+    from thrustmargin.gcs_plugin.workshop.learn.season_flight import forget_flight
+
+    forget_flight(flight, hangar)

@@ -27,9 +27,11 @@ from thrustmargin.models.errors import DataError, LogError, require
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from thrustmargin.gcs_plugin.logs import FlightLog
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.gcs_plugin.store.aircraft_marks import Marks, MarksMatch
     from thrustmargin.gcs_plugin.store.hangar import Hangar, KnownAircraft
+    from thrustmargin.gcs_plugin.store.learnt_flight import LearntFlight
     from thrustmargin.models.physics.airframe import Airframe
 
 
@@ -78,8 +80,6 @@ def learn(
     from thrustmargin.gcs_plugin.commands.shared.known import hangar_of, learn_logs
     from thrustmargin.gcs_plugin.commands.shared.options import check_range, require_logs
     from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
-    from thrustmargin.gcs_plugin.store.hangar import NotTaught
-    from thrustmargin.gcs_plugin.wording.aircraft_words import change_words
 
     check_range("--seed", seed, 0, 2**32 - 1)
     check_numbers(owner)
@@ -96,10 +96,10 @@ def learn(
         )
     for group in groups:
         if group in new:
-            known_one = _make(group, owner, inputs, hangar, progress, seed=seed)
+            known_one, trained = _make(group, owner, inputs, hangar, progress, seed=seed)
             paths = [path for path in group.paths if _untrained(path, known_one)]
         else:
-            known_one = hangar.load(str(group.name))
+            known_one, trained = hangar.load(str(group.name)), []
             hangar.keep(
                 known_one.name,
                 [*known_one.marks, *group.marks],
@@ -107,26 +107,34 @@ def learn(
                 training=known_one.training,
             )
             paths = list(group.paths)
-        learnt, known_one = learn_logs(known_one, paths, inputs, hangar, unread, progress)
-        for flight, log in learnt:
-            row = flight.row
-            if row.not_taught is NotTaught.NO_VERDICT:
-                console.print(escape(f"{log.name}: no verdict, nothing learnt"))
-                continue
-            taught = "" if row.not_taught is None else f"; taught nothing: {row.not_taught}"
-            console.print(
-                escape(
-                    f"{log.name}: {row.verdict}, steady use up to {percent(row.use_lasting)}, "
-                    f"interval held {percent(row.coverage)}{taught}"
-                )
-            )
-            if row.change is not None:
-                console.print(escape(f"  {change_words(row.change)}"))
+        learnt, known_one = learn_logs(
+            known_one, paths, inputs, hangar, unread, progress, must_keep=True
+        )
+        for flight, log in sorted([*trained, *learnt], key=lambda one: one[0].row.started_unix_s):
+            for line in _flight_lines(flight, log.name):
+                console.print(escape(line))
         for line in card(known_one):
             console.print(escape(line))
     for one in unread:
         console.print(escape(f"not learnt: {one.name}: {one.reason}"))
     return 1 if unread else 0
+
+
+def _flight_lines(flight: LearntFlight, log_name: str) -> tuple[str, ...]:
+    """Return the verdict of a flight, what it taught, and how it differs from those before it."""
+    from thrustmargin.gcs_plugin.store.hangar import NotTaught
+    from thrustmargin.gcs_plugin.wording.advice_words import headline
+    from thrustmargin.gcs_plugin.wording.aircraft_words import change_words
+
+    row, first = flight.row, f"{log_name}: {headline(flight.advice)}"
+    if row.not_taught is NotTaught.NO_VERDICT:
+        return (f"{first}; nothing learnt",)
+    held = f"interval held {percent(row.coverage)}"
+    taught = "" if row.not_taught is None else f"; taught nothing: {row.not_taught}"
+    said = "the model was made from it" if row.trained else f"{held}{taught}"
+    second = f"  steady use up to {percent(row.use_lasting)}; {said}"
+    changed = () if row.change is None else (f"  {change_words(row.change)}",)
+    return (first, second, *changed)
 
 
 def _groups(inputs: Inputs, hangar: Hangar, unread: list[UnusedLog]) -> list[_Group]:
@@ -138,6 +146,15 @@ def _groups(inputs: Inputs, hangar: Hangar, unread: list[UnusedLog]) -> list[_Gr
     from thrustmargin.gcs_plugin.wording.aircraft_words import open_words
 
     found: dict[str, _Group] = {}
+    #: logs of which the aircraft must be asked for, by the aircraft that they may be of
+    unsure: dict[tuple[tuple[str, MarksMatch], ...], list[tuple[Path, Marks]]] = {}
+
+    def add(key: str, name: str | None, path: Path, marks: Marks) -> None:
+        """Add a log to the group of an aircraft."""
+        group = found.get(key, _Group(name=name, marks=(), paths=()))
+        marked = group.marks if marks in group.marks else (*group.marks, marks)
+        found[key] = replace(group, marks=marked, paths=(*group.paths, path))
+
     for path in inputs.logs:
         try:
             marks = marks_of(read_sorties(path, **reading_keywords(inputs.reading))[0])
@@ -151,25 +168,30 @@ def _groups(inputs: Inputs, hangar: Hangar, unread: list[UnusedLog]) -> list[_Gr
             new = [(key, one.marks) for key, one in found.items() if one.name is None]
             seen = recognise(marks, new)
             seen = seen if seen.open else replace(seen, name=seen.name or path.name)
-        key = seen.name or _chosen(path.name, seen.open)
-        if key is None:
-            unread.append(UnusedLog(name=path.name, reason=open_words(seen.open)))
-            continue
-        group = found.get(key, _Group(name=known, marks=(), paths=()))
-        marked = group.marks if marks in group.marks else (*group.marks, marks)
-        found[key] = replace(group, marks=marked, paths=(*group.paths, path))
+        if seen.name is None:
+            unsure.setdefault(seen.open, []).append((path, marks))
+        else:
+            add(seen.name, known, path, marks)
+    for open_ones, logs in unsure.items():
+        key = _chosen([path.name for path, _ in logs], open_ones)
+        for path, marks in logs:
+            if key is None:
+                unread.append(UnusedLog(name=path.name, reason=open_words(open_ones)))
+            else:
+                add(key, key if key in hangar.names() else None, path, marks)
     return list(found.values())
 
 
-def _chosen(log: str, open_ones: Sequence[tuple[str, MarksMatch]]) -> str | None:
-    """Ask in a terminal which of the open aircraft flew a log; None where nobody can be asked or
-    the answer is none of them.
+def _chosen(logs: Sequence[str], open_ones: Sequence[tuple[str, MarksMatch]]) -> str | None:
+    """Ask in a terminal which of the open aircraft flew some logs, one question for all of them;
+    None where nobody can be asked or the answer is none of them.
     """
     if not sys.stdin.isatty():
         return None
+    these = logs[0] if len(logs) == 1 else f"all {len(logs)} logs ({', '.join(logs)})"
     for name, why in open_ones:
         try:
-            answer = input(f"is {log} of the same aircraft as {name} ({why})? [y/n] ")
+            answer = input(f"of the same aircraft as {name}: {these}? ({why}) [y/n] ")
         except EOFError:
             return None
         if answer.strip().lower() in ("y", "yes", "j", "ja"):
@@ -185,13 +207,14 @@ def _make(
     console: Console,
     *,
     seed: int,
-) -> KnownAircraft:
-    """Make a new aircraft: its airframe from hovers, its model from the sound flights."""
+) -> tuple[KnownAircraft, list[tuple[LearntFlight, FlightLog]]]:
+    """Make a new aircraft: its airframe from hovers, its model from the sound flights. Return it
+    with the flights that its model was made from."""
     import time
 
     from thrustmargin.gcs_plugin.commands.airframe.new import AirframeNew
     from thrustmargin.gcs_plugin.commands.shared.inputs import claimed, listed, read_logs
-    from thrustmargin.gcs_plugin.commands.shared.known import flight_key, with_flight
+    from thrustmargin.gcs_plugin.commands.shared.known import flight_key, keep, with_flight
     from thrustmargin.gcs_plugin.store.hangar import checked_name
     from thrustmargin.gcs_plugin.store.learnt_flight import learnt_flight
     from thrustmargin.gcs_plugin.workshop.learn.train import training_run
@@ -203,7 +226,7 @@ def _make(
     from thrustmargin.models.model.training import TrainSettings
     from thrustmargin.models.physics.airframe import load_airframe
 
-    name = checked_name(group.name or _new_name(group.marks[0]))
+    name = checked_name(group.name or _folder_name(group, hangar) or _new_name(group.marks[0]))
     folder = hangar.aircraft_folder(name)
     folder.mkdir(parents=True, exist_ok=True)
     airframe_file = folder / "airframe.toml"
@@ -256,12 +279,14 @@ def _make(
     known = hangar.load(name)
     used = {log.path for log in training}
     its = replace(its, logs=tuple(path for path in group.paths if path in used))
+    taught = []
     for log, claim in read_logs(its, [], console, model=model):
         flight = learnt_flight(log, claim, model, known, flight=flight_key(log))
         if flight.row.flight in known.training and flight.row.offsets is not None:
-            hangar.add_flight(name, flight.row)
+            taught.append((flight, log))
             known = with_flight(known, flight.row)
-    return known
+    keep(taught, known, hangar)
+    return known, taught
 
 
 def _untrained(path: Path, aircraft: KnownAircraft) -> bool:
@@ -271,6 +296,16 @@ def _untrained(path: Path, aircraft: KnownAircraft) -> bool:
     with path.open("rb") as file:
         content = file_digest(file, "sha256").hexdigest()[:16]
     return not any(flight.startswith(content) for flight in aircraft.training)
+
+
+def _folder_name(group: _Group, hangar: Hangar) -> str:
+    """Return the name of the one folder that a new aircraft's logs are in, if it can be a name and
+    no aircraft has it; else empty."""
+    from thrustmargin.gcs_plugin.store.hangar import NAME
+
+    folders = {path.absolute().parent for path in group.paths}
+    name = folders.pop().name if len(folders) == 1 and len(group.paths) > 1 else ""
+    return name if NAME.fullmatch(name) and name not in hangar.names() else ""
 
 
 def _new_name(marks: Marks) -> str:

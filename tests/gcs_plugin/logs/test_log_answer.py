@@ -16,13 +16,13 @@ from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.findings import names_wrong
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.logs.log_answer import first_contact_of
-from thrustmargin.gcs_plugin.office.season.season_flight import IngestSettings, season_flights
 from thrustmargin.gcs_plugin.office.season.stored_words import flight_reason
 from thrustmargin.gcs_plugin.wording.report_words import (
     command,
     contact_facts,
     contact_headline,
 )
+from thrustmargin.gcs_plugin.workshop.learn.season_flight import IngestSettings, season_flights
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.physics.airframe import load_airframe

@@ -11,8 +11,8 @@ from tests.import_graph import ROOT
 from thrustmargin.gcs_plugin.logs import FlightLog, read_log
 from thrustmargin.gcs_plugin.mavlink.frame import checksum_rows
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
-from thrustmargin.gcs_plugin.office.season.season_flight import IngestSettings, season_flights
 from thrustmargin.gcs_plugin.store.season_store import aircraft_identity, firmware
+from thrustmargin.gcs_plugin.workshop.learn.season_flight import IngestSettings, season_flights
 
 TLOG = ROOT / "sitl_logs/campaign/v2_m4_q1.5.tlog"
 SERIAL = bytes.fromhex("3b0032001451383438323735")

@@ -10,8 +10,8 @@ import pytest
 from tests.gcs_plugin.logs.log_files import UlogWriter
 from tests.import_graph import ROOT
 from thrustmargin.gcs_plugin.cli import run
-from thrustmargin.gcs_plugin.office.season.ingest import find_logs
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore
+from thrustmargin.gcs_plugin.workshop.learn.ingest import find_logs
 
 NO_FILE = "it is no file: a link to nothing, a pipe or a device"
 TLOG = ROOT / "sitl_logs/campaign/v4_m16_q2.5.tlog"

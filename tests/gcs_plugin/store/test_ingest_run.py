@@ -16,12 +16,12 @@ import pytest
 from tests.gcs_plugin.store.season import content, files, log_files, small_flight, stage_number
 from tests.import_graph import ROOT
 from tests.waiting import until
-from thrustmargin.gcs_plugin.office.season.ingest import local_processes
 from thrustmargin.gcs_plugin.store.ingest_run import (
     IngestOutcome,
     LogSource,
     ingest_logs,
     known_contents,
+    local_processes,
 )
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore
 from thrustmargin.gcs_plugin.store.staging import (

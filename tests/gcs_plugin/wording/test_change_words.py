@@ -7,11 +7,11 @@ import pytest
 from thrustmargin.gcs_plugin.wording.aircraft_words import change_words
 from thrustmargin.models.model.aircraft_change import (
     AircraftChange,
+    CauseKind,
+    CausingEffect,
+    ChangeCause,
     ChangeKind,
     ChangeMode,
-    ExplainedEffect,
-    Explanation,
-    ExplanationKind,
     ModeChange,
 )
 from thrustmargin.models.model.offset_total import RotorTotal
@@ -27,11 +27,11 @@ LIGHTER = AircraftChange(
     since_log="120.BIN",
     mass_kg=-1.0, mass_low_kg=-1.3, mass_high_kg=-0.7,
 )  # fmt: skip
-NAMED = Explanation(
-    kind=ExplanationKind.NAMED,
+NAMED = ChangeCause(
+    kind=CauseKind.NAMED,
     flights=1,
     effects=(
-        ExplainedEffect(
+        CausingEffect(
             effect="rotor_degradation", rotor=2, parameter="loss", unit="1",
             value=0.08, low=0.07, high=0.09,
         ),
@@ -56,11 +56,11 @@ def test_an_offset_has_its_size_since_when_and_the_mass_that_would_make_it():
     [
         (NAMED, "the search finds a weak rotor 3 8 % (7 to 9): error 41 -> 11 rpm"),
         (
-            replace(NAMED, kind=ExplanationKind.UNEXPLAINED, effects=()),
+            replace(NAMED, kind=CauseKind.UNEXPLAINED, effects=()),
             "no effect explains it (error 41 rpm by the state before)",
         ),
         (
-            Explanation(kind=ExplanationKind.NOT_SEARCHED, flights=0),
+            ChangeCause(kind=CauseKind.NOT_SEARCHED, flights=0),
             "too little flight to search for its cause",
         ),
     ],

@@ -168,3 +168,19 @@ def test_the_error_of_a_state_widens_every_rotor():
 def test_a_state_that_cannot_be_is_refused(wrong):
     with pytest.raises(ModelError, match="mode state"):
         ModeState(**{"offset": (0.0,), "error": (0.1,), **wrong})
+
+
+def test_a_mode_that_always_moves_more_than_the_others_is_not_changed_each_time():
+    rng = np.random.default_rng(3)
+    flights = [
+        FlightOffsets(
+            flight=f"{k}", start_unix_s=k * 86_400.0, longitude_deg=0.0,
+            offset=(0.0005 * rng.normal(), 0.0, 0.0, 0.009 * (-1) ** (k // 2)),
+            error=(0.001,) * 4, rows=900,
+        )
+        for k in range(24)
+    ]  # fmt: skip
+    made = walk(flights, WalkSizes(flight=0.002, day=0.004))
+    changed = [k for k, one in enumerate(made) if one.changed]
+    assert changed
+    assert max(changed) < 6  # by then the mode's own surprises are known

@@ -89,3 +89,12 @@ def test_a_sudden_loss_that_stays_is_dated():
     assert found.rotor == 2
     assert found.loss == pytest.approx(0.08, abs=0.015)
     assert abs(found.since_unix_s - cracked[20].start_unix_s) <= DAY_S
+
+
+def test_after_a_repair_that_nobody_noted_no_rotor_is_named():
+    worn = season(9, lambda k: 0.004 * (k + 1) if k < 20 else 0.0)
+    repaired = worn[20].start_unix_s
+    for count in range(21, 41):
+        assert rotor_total(worn[:count], shipped_model(), jump_unix_s=repaired) is None
+    # A jump that is no repair changes nothing.
+    assert rotor_total(worn[:20], shipped_model(), jump_unix_s=worn[17].start_unix_s).rotor == 2

@@ -8,7 +8,7 @@ import pytest
 from tests.gcs_plugin.logs.sortie_logs import HEAVY, LIGHT, rebooted, refilled
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.flight.replay import replay_view
-from thrustmargin.gcs_plugin.office.season.season_flight import IngestSettings, season_flights
+from thrustmargin.gcs_plugin.workshop.learn.season_flight import IngestSettings, season_flights
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.model_file import shipped_model
 

@@ -14,15 +14,15 @@ from tests.import_graph import ROOT
 from tests.stripped_logs import without
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.office.season.ingest import find_logs
-from thrustmargin.gcs_plugin.office.season.season_flight import (
-    IngestSettings,
-    season_flights,
-)
 from thrustmargin.gcs_plugin.office.season.stored_words import flight_reason
 from thrustmargin.gcs_plugin.store.ingest_run import content_of
 from thrustmargin.gcs_plugin.store.schema import FLIGHTS
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, read_flights, read_sums
+from thrustmargin.gcs_plugin.workshop.learn.ingest import find_logs
+from thrustmargin.gcs_plugin.workshop.learn.season_flight import (
+    IngestSettings,
+    season_flights,
+)
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.identification.season.flight_sums import from_arrays
 from thrustmargin.models.physics.resistance import battery_resistance

@@ -9,20 +9,19 @@ import pytest
 
 from tests.gcs_plugin.office.season.made_store import empty_store, flight_row, rows_of
 from thrustmargin.gcs_plugin.cli import run
+from thrustmargin.gcs_plugin.commands.shared.stored_answer import answer_columns, read_answer
 from thrustmargin.gcs_plugin.office.season import aircraft_season, fleet_page
 from thrustmargin.gcs_plugin.office.season.fleet_seasons import fleet_season
-from thrustmargin.gcs_plugin.office.season.season_flight import IngestSettings, season_flights
 from thrustmargin.gcs_plugin.office.season.stored_words import (
     SQL_WORDS,
-    answer_columns,
     flight_action,
     flight_alarms,
     flight_doing,
     flight_reason,
-    read_answer,
 )
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, query
 from thrustmargin.gcs_plugin.store.staging import SeasonFlight, merge, stage, staged_partitions
+from thrustmargin.gcs_plugin.workshop.learn.season_flight import IngestSettings, season_flights
 
 #: A rotor that wears, and a load too heavy to lose a rotor.
 LOGS = ("onset/worn_prop_onset.tlog", "campaign/v4_m16_q2.5.tlog")

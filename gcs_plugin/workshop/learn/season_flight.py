@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -17,14 +18,16 @@ from thrustmargin.gcs_plugin.commands.shared.inputs import (
     chosen_model,
     read_flights,
 )
+from thrustmargin.gcs_plugin.commands.shared.stored_answer import answer_columns, stored_answer
 from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.logs.findings import report_findings
 from thrustmargin.gcs_plugin.logs.log_answer import answer_log
 from thrustmargin.gcs_plugin.mavlink.text import clean
-from thrustmargin.gcs_plugin.office.season.stored_words import answer_columns, stored_answer
 from thrustmargin.gcs_plugin.reports.margin import FlightReport, report_flight
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
-from thrustmargin.gcs_plugin.store.ingest_run import LogSource, local_file
+from thrustmargin.gcs_plugin.store.hangar import AircraftFlight, Hangar, KnownAircraft
+from thrustmargin.gcs_plugin.store.ingest_run import LogSource, local_file, store_flights
+from thrustmargin.gcs_plugin.store.learnt_flight import LearntFlight
 from thrustmargin.gcs_plugin.store.schema import ROTORS, analysis_columns
 from thrustmargin.gcs_plugin.store.season_store import (
     SeasonStore,
@@ -34,7 +37,8 @@ from thrustmargin.gcs_plugin.store.season_store import (
     firmware,
     layout,
 )
-from thrustmargin.gcs_plugin.store.staging import SeasonFlight, stage
+from thrustmargin.gcs_plugin.store.staging import SeasonFlight, drop_flight, stage
+from thrustmargin.gcs_plugin.store.writer_lock import writer_lock
 from thrustmargin.gcs_plugin.wording.check_words import note_words
 from thrustmargin.gcs_plugin.wording.flight_words import not_flown
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
@@ -52,9 +56,12 @@ from thrustmargin.models.model.analysis import (
 )
 from thrustmargin.models.model.inferred.speed_basis import measured_only
 from thrustmargin.models.model.model_file import model_digest
-from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.model.rotor_model import RotorModel, without_state
 from thrustmargin.models.physics.resistance import battery_resistance
 from thrustmargin.models.physics.smoothing import known_mean, known_median, known_most
+
+#: Seconds for which a landed flight waits for another writer of the season's store.
+WAIT_S = 20.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,11 +150,37 @@ def flight_of_log(
     Raises DataError if it has no row in flight, or more rotors than the store has columns for.
     """
     model, digest = season_model(settings.model, settings.airframe)
+    _check_rows(log)
+    analysis = analyse(log.track, model, claim=claim)
+    return stored_flight(log, analysis, name, settings, digest=digest)
+
+
+def flight_of_known(flight: LearntFlight, log: FlightLog, aircraft: KnownAircraft) -> SeasonFlight:
+    """Return the flight of a known aircraft for the store, with what it taught.
+
+    Its margins are by the state before the flight, its sums by the model as it was made, so that a
+    season follows what the state follows. Raises DataError like `flight_of_log`.
+    """
+    _check_rows(log)
+    settings = IngestSettings(store="", aircraft=aircraft.name, max_utilisation=flight.advice.limit)
+    digest = model_digest(aircraft.model())
+    made = stored_flight(log, flight.analysis, flight.row.flight, settings, digest=digest)
+    made.summary.update(learnt_columns(flight.row), log_name=clean(flight.row.log_name))
+    return made
+
+
+def _check_rows(log: FlightLog) -> None:
+    """Raise DataError if a flight has no row in flight, or too many rotors for the store."""
     if log.track.rotor_count > ROTORS:
         raise DataError(f"{log.track.rotor_count} rotors; the store has columns for {ROTORS}")
     if not np.any(log.track.flying):
         raise DataError(not_flown(log.track))
-    analysis = analyse(log.track, model, claim=claim)
+
+
+def stored_flight(
+    log: FlightLog, analysis: FlightAnalysis, name: str, settings: IngestSettings, *, digest: str
+) -> SeasonFlight:
+    """Return a flight that was analysed with the model of a digest, for the store."""
     sums, reason = _sums(analysis)
     identity, program = aircraft_identity(log, settings.aircraft), firmware(log)
     hardware, motors = board(log), layout(log)
@@ -198,7 +231,7 @@ def _sums(analysis: FlightAnalysis) -> tuple[dict[str, np.ndarray] | None, str |
         return None, "no_verdict"
     try:
         flown = before_loss(analysis.track, loss_of_control(analysis.track))
-        return to_arrays(flight_sums(analysis.model, measured_only(flown))), None
+        return to_arrays(flight_sums(without_state(analysis.model), measured_only(flown))), None
     except ThrustMarginError:
         return None, "no_evidence"
 
@@ -278,6 +311,38 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         "unmeasured": list(log.unmeasured),
         **{name: quality[name] for name in QUALITY_COLUMNS},
     }
+
+
+def keep_flights(
+    flights: Sequence[tuple[LearntFlight, FlightLog]], aircraft: KnownAircraft, hangar: Hangar
+) -> None:
+    """Put flights of a known aircraft into the season's store, which is the folder of the hangar.
+
+    Raises DataError where the store cannot be written.
+    """
+    made = []
+    for flight, log in flights:
+        if log.track.rotor_count <= ROTORS and np.any(log.track.flying):
+            made.append(flight_of_known(flight, log, aircraft))
+    store_flights(SeasonStore.open(str(hangar.folder)), made, wait_s=WAIT_S)
+
+
+def forget_flight(flight: str, hangar: Hangar) -> None:
+    """Remove a flight from the season's store. Raises DataError where another process writes."""
+    store = SeasonStore.open(str(hangar.folder))
+    if store.keys("flights"):
+        with writer_lock(store, wait_s=WAIT_S):
+            drop_flight(store, flight)
+
+
+def learnt_columns(row: AircraftFlight) -> dict[str, Any]:
+    """Return the columns of `schema.FLIGHTS` that a flight of a known aircraft has: the fields of
+    its row, with nested ones as JSON."""
+    values = {field.name: getattr(row, field.name) for field in fields(row)}
+    return {
+        name: json.dumps(to_json_values(value)) if is_dataclass(value) else value
+        for name, value in values.items()
+    } | {name: list(values[name]) for name in ("fault_kinds", "suspects")}
 
 
 def _findings_json(report: FlightReport) -> str:

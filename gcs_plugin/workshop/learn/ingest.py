@@ -3,14 +3,8 @@
 from __future__ import annotations
 
 import json as json_module
-import multiprocessing
-import os
-import signal
 import sys
-import threading
 import time
-from collections.abc import Callable
-from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -21,6 +15,8 @@ from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.inputs import (
     AS_HEARD,
+    Inputs,
+    KnownOptions,
     Reading,
     Share,
     reading_keywords,
@@ -34,7 +30,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_utilisation,
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal, transfer_bar
-from thrustmargin.models.errors import DataError, require
+from thrustmargin.models.errors import DataError, ThrustMarginError, require
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.store.ingest_run import IngestOutcome, LogSource
@@ -53,7 +49,7 @@ def ingest(
         Annotated[tuple[str, ...], tyro.conf.arg(metavar="LOGS...", help_behavior_hint="")]
     ],
     *,
-    store: str,
+    store: str | None = None,
     aircraft: str | None = None,
     model: Path | None = None,
     airframe: str | None = None,
@@ -77,6 +73,7 @@ def ingest(
         logs: Logs, folders with logs and recordings of `monitor`, patterns such as 'logs/**/*.BIN',
             or addresses such as s3://season/logs.
         store: Folder of the store, or an address such as s3://season/store; made when missing.
+            Without it the folder of the known aircraft, whose flights are followed as by `learn`.
         aircraft: Name of the aircraft that flew; without it the serial number, board number or
             system id that the log holds.
         model: Rotor speed model file of the aircraft; as with `report`.
@@ -93,14 +90,20 @@ def ingest(
     """
     require("ingest", "fsspec", "pyarrow", "filelock", "scipy")
     from thrustmargin.gcs_plugin.commands.shared.anonymous import own_key, pseudonym
-    from thrustmargin.gcs_plugin.office.season.season_flight import (
+    from thrustmargin.gcs_plugin.store.hangar import open_hangar
+    from thrustmargin.gcs_plugin.store.ingest_run import (
+        ingest_logs,
+        is_address,
+        local_processes,
+        own_cores,
+    )
+    from thrustmargin.gcs_plugin.store.season_store import SeasonStore, checked_aircraft
+    from thrustmargin.gcs_plugin.store.writer_lock import writer_lock
+    from thrustmargin.gcs_plugin.workshop.learn.season_flight import (
         IngestSettings,
         season_model,
         stage_log,
     )
-    from thrustmargin.gcs_plugin.store.ingest_run import ingest_logs, is_address
-    from thrustmargin.gcs_plugin.store.season_store import SeasonStore, checked_aircraft
-    from thrustmargin.gcs_plugin.store.writer_lock import writer_lock
 
     if not logs:
         raise UsageError("no log given; name logs or folders of recorded flights")
@@ -108,6 +111,8 @@ def ingest(
     check_outputs([OutputFile("--json", json, endings=(".json",))], inputs=[model, airframe])
     check_range("--workers", workers, 1, 1024)
     reading_keywords(reading)
+    hangar = open_hangar()
+    store = str(hangar.folder) if store is None else store
     where = store if is_address(store) else str(Path(store).absolute())
     settings = IngestSettings(
         store=where,
@@ -121,6 +126,8 @@ def ingest(
     season_model(settings.model, settings.airframe)  # refuses a wrong one before any log
     target = SeasonStore.open(where)
     found, refused = find_logs(logs)
+    if not is_address(where) and settings == IngestSettings(store=where, reading=reading):
+        found = follow_known(found, Inputs(reading=reading, known=KnownOptions(hangar=Path(where))))
     with ExitStack() as stack:
         if cluster is None:
             make, at_once = local_processes(workers or own_cores())
@@ -160,6 +167,36 @@ def ingest(
     return 1 if outcome.rejected else 0
 
 
+def follow_known(logs: list[LogSource], inputs: Inputs) -> list[LogSource]:
+    """Let the logs of aircraft that a store knows update their states, as `learn` does; return the
+    other logs.
+
+    A log that is stored already is left to `ingest_logs`, which counts it.
+    """
+    from thrustmargin.gcs_plugin.commands.shared.known import hangar_of, learn_logs, recognised
+
+    hangar = hangar_of(inputs)
+    if not hangar.names():
+        return logs
+    of_aircraft: dict[str, list[Path]] = {}
+    others = []
+    for log in logs:
+        try:
+            name = recognised(Path(log.path), inputs, hangar).name
+        except (ThrustMarginError, OSError):
+            name = None  # it is read again, and rejected with its reason
+        if name is None:
+            others.append(log)
+        else:
+            of_aircraft.setdefault(name, []).append(Path(log.path))
+    console = Terminal(stderr=True, soft_wrap=True)
+    for name, paths in of_aircraft.items():
+        known = hangar.load(name)
+        learnt, _ = learn_logs(known, paths, inputs, hangar, [], console, must_keep=True)
+        console.print(f"{name}: {len(learnt)} flights followed")
+    return others
+
+
 def _check_kind(store: SeasonStore, names: str | None) -> None:
     """Raise DataError if the store names flights in another way than this run does.
 
@@ -179,13 +216,6 @@ def _check_kind(store: SeasonStore, names: str | None) -> None:
             f"{store.url} holds flights {kind}, and a flight {other} would be counted twice; "
             "give another --store"
         )
-
-
-def own_cores() -> int:
-    """Return the number of cores that this process may use."""
-    if sys.platform == "linux":
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _absolute(airframe: str | None) -> str | None:
@@ -255,31 +285,6 @@ def _at_address(word: str, endings: set[str]) -> dict[str, int]:
         }
     except (ValueError, ImportError) as error:
         raise DataError(f"{word}: {error}; install 'thrustmargin[fleet]'") from error
-
-
-def local_processes(cores: int) -> tuple[Callable[[], Executor], int]:
-    """Return a function that starts `cores` processes, and the number of logs to submit at once."""
-
-    def make() -> Executor:
-        fresh = multiprocessing.get_context("spawn")  # no lock or socket of this process in them
-        return ProcessPoolExecutor(cores, mp_context=fresh, initializer=_begin_worker)
-
-    return make, 2 * cores
-
-
-def _begin_worker() -> None:
-    """Ignore Ctrl-C in a worker process, and end the worker when its parent has ended.
-
-    The parent receives Ctrl-C and ends its workers.
-    """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent: Any = multiprocessing.parent_process()
-
-    def follow() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=follow, daemon=True).start()
 
 
 def _client(scheduler: str) -> Any:

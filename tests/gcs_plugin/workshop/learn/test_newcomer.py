@@ -1,0 +1,65 @@
+"""A folder of logs that do not say whose they are: one question for all, a verdict for each."""
+
+import sys
+from importlib import resources
+from pathlib import Path
+
+import pytest
+
+from thrustmargin.gcs_plugin.cli import run
+from thrustmargin.gcs_plugin.logs.read import read_log
+from thrustmargin.gcs_plugin.store.aircraft_marks import marks_of
+from thrustmargin.gcs_plugin.store.hangar import Hangar
+
+LOGS = [f"sitl_logs/campaign/{name}.tlog" for name in ("v2_m10_q2.5", "v4_m10_q2.5")]
+
+
+@pytest.fixture
+def hangar(tmp_path: Path) -> Hangar:
+    """A hangar whose aircraft may have flown LOGS, by their few parameters."""
+    made = Hangar(tmp_path / "hangar")
+    folder = made.aircraft_folder("north")
+    folder.mkdir(parents=True)
+    for name, place, file in (
+        ("model.safetensors", "shipped", "default.safetensors"),
+        ("airframe.toml", "airframes", "topxgun-f16-sitl.toml"),
+    ):
+        content = resources.files(f"thrustmargin.models.{place}").joinpath(file).read_bytes()
+        (folder / name).write_bytes(content)
+    marks = marks_of(read_log(Path("sitl_logs/formats/v4_m10_q2.5.BIN")))
+    made.keep("north", [marks], made_unix_s=0.0, training=[])
+    return made
+
+
+def learn(hangar: Hangar, monkeypatch, *answers: str) -> tuple[int, list[str]]:
+    """The exit status, and the questions that somebody at a terminal was asked."""
+    asked, left = [], list(answers)
+
+    def answer(question: str) -> str:
+        asked.append(question)
+        return left.pop(0)
+
+    monkeypatch.setattr(sys.stdin, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr("builtins.input", answer)
+    return run(["learn", *LOGS, "--hangar", str(hangar.folder)]), asked
+
+
+def test_one_question_is_asked_for_all_logs_and_each_has_its_verdict(hangar, monkeypatch, capsys):
+    status, asked = learn(hangar, monkeypatch, "y")
+    assert status == 0
+    (question,) = asked
+    assert "of the same aircraft as north: all 2 logs" in question
+    said = capsys.readouterr().out
+    for log in LOGS:
+        assert f"{Path(log).name}: BELOW THE 50 % LIMIT" in said
+    assert said.count("steady use up to") == 2
+    assert len(hangar.load("north").flights) == 2
+
+
+def test_logs_of_no_aircraft_are_listed_with_what_helps(hangar, monkeypatch, capsys):
+    status, asked = learn(hangar, monkeypatch, "n")
+    assert (status, len(asked)) == (1, 1)
+    said = capsys.readouterr().out
+    for log in LOGS:
+        assert f"not learnt: {Path(log).name}: its aircraft may be that of north" in said
+    assert hangar.load("north").flights == ()
