@@ -144,7 +144,7 @@ def _boot(
         if by_pilot.any():
             rows, fields = rows[by_pilot], fields[by_pilot]
         if rows.size:
-            streams[name] = Stream(clock.of(fields, rows), fields)
+            streams[name] = Stream(clock.times(fields, rows), fields)
 
     heart = streams.get("HEARTBEAT")
     kind = int(heart.columns["type"][-1]) if heart else None

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.gcs_plugin.mavlink.decode import asked_by_quaternion, attitude_from_quaternion
+from thrustmargin.gcs_plugin.mavlink.decode import attitude_from_quaternion, commanded_by_quaternion
 from thrustmargin.gcs_plugin.mavlink.rules import Columns, Rule, Signal, in_si, quantity
 from thrustmargin.gcs_plugin.telemetry.resample import in_time_order
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import (
@@ -191,7 +191,7 @@ def _attitude(topic: Columns) -> Floats:
 
 
 def _asked_attitude(topic: Columns) -> Floats:
-    return asked_by_quaternion(in_si(topic, "q_d", "1"))
+    return commanded_by_quaternion(in_si(topic, "q_d", "1"))
 
 
 def _ground_distance(topic: Columns) -> Floats:

@@ -31,7 +31,7 @@ def attitude_from_quaternion(w: Floats, x: Floats, y: Floats, z: Floats) -> Floa
     return np.stack([roll, pitch, yaw], axis=-1)
 
 
-def asked_by_quaternion(wxyz: Floats) -> Floats:
+def commanded_by_quaternion(wxyz: Floats) -> Floats:
     """Return the demanded roll and pitch (n, 2), rad, of quaternions (n, 4); NaN for zero, no
     demand.
     """
@@ -42,7 +42,7 @@ def asked_by_quaternion(wxyz: Floats) -> Floats:
 def _asked_attitude(columns: Columns) -> Floats:
     # Bit 7 of type_mask: no attitude is asked for.
     ignored = columns["type_mask"] & 128 > 0
-    return asked_by_quaternion(np.where(ignored[:, None], 0.0, columns["q"].astype(np.float64)))
+    return commanded_by_quaternion(np.where(ignored[:, None], 0.0, columns["q"].astype(np.float64)))
 
 
 def _wind_from_direction(columns: Columns) -> Floats:

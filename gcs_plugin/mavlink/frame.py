@@ -102,13 +102,13 @@ _MAGIC = re.compile(b"[\xfd\xfe]")
 
 @dataclass(slots=True)
 class Cleared:
-    """The end `to` of a range known to contain no start of a good frame.
+    """The `end` of a range known to contain no start of a good frame.
 
     With it, overlapping frames of unknown id, as an attacker can send them, are not searched
     repeatedly: the time stays linear in the bytes.
     """
 
-    to: int = 0
+    end: int = 0
 
 
 @lru_cache(maxsize=4096)
@@ -174,15 +174,15 @@ def _inner_frame(
 
     With `closed` an unfinished frame does not count.
     """
-    inner = max(low, cleared.to)
+    inner = max(low, cleared.end)
     while inner < high and (magic := _MAGIC.search(data, inner, high)):
         inner = magic.start()
         verdict, _ = _checked(data, inner, size)
         if verdict is FrameKind.GOOD or (verdict is FrameKind.UNFINISHED and not closed):
-            cleared.to = inner
+            cleared.end = inner
             return verdict
         inner += 1
-    cleared.to = max(cleared.to, high)
+    cleared.end = max(cleared.end, high)
     return FrameKind.NOTHING
 
 
@@ -211,14 +211,14 @@ def _checked(data: bytes, start: int, size: int) -> tuple[FrameKind, Header | No
 
 
 class Walk:
-    """A pass through bytes from frame to frame; `at` is the present offset, before the stamp if
-    any.
+    """A pass through bytes from frame to frame; `position` is the present offset,
+    before the stamp if any.
 
     `expected` is where a frame should begin: behind the last one, good or damaged.
     """
 
     def __init__(self, at: int = 0, expected: int | None = None, cleared: int = 0) -> None:
-        self.at = at
+        self.position = at
         self.expected = at if expected is None else expected
         self.cleared = Cleared(cleared)
 
@@ -231,11 +231,11 @@ class Walk:
         They are good and unverified frames, and those with a wrong checksum where a frame was
         expected. With `wait`, stop at the first that may be completed by more bytes.
         """
-        while self.at + gap < stop:
-            start = self.at + gap
+        while self.position + gap < stop:
+            start = self.position + gap
             if data[start] not in (V1, V2):
                 magic = _MAGIC.search(data, start, stop)
-                self.at = (magic.start() if magic else stop) - gap
+                self.position = (magic.start() if magic else stop) - gap
                 continue
             verdict, head = examine(data, start, size, gap=gap, closed=closed, cleared=self.cleared)
             if verdict is FrameKind.UNFINISHED and wait:
@@ -243,14 +243,16 @@ class Walk:
             step = 1
             if head is not None and verdict in (FrameKind.GOOD, FrameKind.UNVERIFIED):
                 step = gap + head.length
-                self.expected = self.at + step
-                yield verdict, self.at, head
+                self.expected = self.position + step
+                yield verdict, self.position, head
             elif (
-                head is not None and verdict is FrameKind.BAD_CHECKSUM and self.at == self.expected
+                head is not None
+                and verdict is FrameKind.BAD_CHECKSUM
+                and self.position == self.expected
             ):
                 self.expected = start + head.length
-                yield verdict, self.at, head
-            self.at += step
+                yield verdict, self.position, head
+            self.position += step
 
 
 def frame_of(data: bytes, *, stamp_us: int = 0, link: int = 0) -> Frame | None:

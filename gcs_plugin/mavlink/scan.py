@@ -346,11 +346,11 @@ class FrameSplitter:
             kept += head.length
             counts.unknown += verdict is FrameKind.UNVERIFIED
         counts.frames += len(frames)
-        counts.bytes_skipped += walk.at - kept
-        self.passed, self._rest = buffer[: walk.at], buffer[walk.at :]
-        self._expected = walk.expected - walk.at
+        counts.bytes_skipped += walk.position - kept
+        self.passed, self._rest = buffer[: walk.position], buffer[walk.position :]
+        self._expected = walk.expected - walk.position
         # Where the bytes were closed, frames that were cut short are not looked for behind them.
-        self._cleared = 0 if closed else max(walk.cleared.to - walk.at, 0)
+        self._cleared = 0 if closed else max(walk.cleared.end - walk.position, 0)
         return frames
 
 

@@ -58,7 +58,7 @@ class Clock:
     notes: tuple[str, ...] = ()
     on_arrival: bool = False  # every message has the time at which a listener got it
 
-    def of(self, fields: NDArray[np.void], rows: Index) -> Floats:
+    def times(self, fields: NDArray[np.void], rows: Index) -> Floats:
         """Return the times (n,), s since boot, of messages: their own clock where it agrees, else
         the estimate.
         """

@@ -24,7 +24,7 @@ from thrustmargin.gcs_plugin.telemetry.resample import known_rows
 from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
     measured_speeds,
     rejected_words,
-    standing_in_flight,
+    stopped_in_flight,
 )
 from thrustmargin.gcs_plugin.telemetry.rows import FlightRows, flight_rows
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
@@ -169,7 +169,7 @@ def log_of_track(
     for rotor, signal in enumerate(measured.signals):
         if signal is not None:
             rpm[~np.isin(track.time_s, signal.time_s), rotor] = np.nan
-    hidden = standing_in_flight(rpm, track.throttle, track.flying)
+    hidden = stopped_in_flight(rpm, track.throttle, track.flying)
     rpm[hidden] = np.nan
     unmeasured = rejected_words(measured, rpm, hidden, track.time_s, track.flying, counted=True)
     track = replace(track, rotor_speed_rpm=rpm, notes=(*track.notes, *unmeasured))

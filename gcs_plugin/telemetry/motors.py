@@ -143,8 +143,8 @@ class MotorMap:
         for rotor, esc in enumerate(self.escs):
             signal = reported.get(esc)
             if signal is not None:
-                said_s = last_before(signal._replace(values=signal.time_s), clock_s)
-                fresh = clock_s - said_s <= FAILURES_AGE
+                reported_s = last_before(signal._replace(values=signal.time_s), clock_s)
+                fresh = clock_s - reported_s <= FAILURES_AGE
                 result[fresh, rotor] = last_before(signal, clock_s)[fresh]
         return result
 

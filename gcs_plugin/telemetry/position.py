@@ -80,10 +80,10 @@ def _disarmed_since(signals: Signals, landed: Signal, clock_s: Floats) -> Bools:
     if armed is None:
         return np.zeros(clock_s.size, dtype=np.bool_)
     off_s = armed.time_s[known_rows(armed.values) & (armed.values <= 0)]
-    said_s = landed.time_s[known_rows(landed.values)]
+    reported_s = landed.time_s[known_rows(landed.values)]
     off, reported = (
         np.append(-np.inf, times)[np.searchsorted(times, clock_s, side="right")]
-        for times in (off_s, said_s)
+        for times in (off_s, reported_s)
     )
     return off > reported
 

@@ -135,7 +135,7 @@ def lifting(speeds: Floats, outputs: Floats) -> Bools:
     return np.where(known, driven, ~stand)
 
 
-def standing_in_flight(speeds: Floats, outputs: Floats, flying: Bools) -> Bools:
+def stopped_in_flight(speeds: Floats, outputs: Floats, flying: Bools) -> Bools:
     """Flag rows (T, R) in flight at which a rotor reads zero speed and its output is unknown."""
     return flying[:, None] & (np.abs(speeds) < TURNING) & ~np.isfinite(outputs)
 
@@ -152,7 +152,7 @@ def rejected_words(
     """List the readings rejected in flight, in sentences: one for each rotor and reason, or for all
     rotors.
 
-    `hidden` (T, R) is from `standing_in_flight`; `clock_s` and `flying` are (T,). `counted` adds
+    `hidden` (T, R) is from `stopped_in_flight`; `clock_s` and `flying` are (T,). `counted` adds
     the number of readings, which a listener cannot know yet, and the rotors without a reading for
     SILENT of the rows (`speeds`, (T, R)) in which another has one.
     """
@@ -198,8 +198,8 @@ def _demand(output: Signal | None, time_s: Floats) -> tuple[Floats, Bools]:
         return np.full(time_s.size, np.nan), np.zeros(time_s.size, dtype=np.bool_)
     output = _known(output)
     places = output.time_s.searchsorted(time_s, side="right")
-    said_s = np.append(-np.inf, output.time_s)[places]
-    share = np.where(time_s - said_s <= FRESH, np.append(np.nan, output.values)[places], np.nan)
+    reported_s = np.append(-np.inf, output.time_s)[places]
+    share = np.where(time_s - reported_s <= FRESH, np.append(np.nan, output.values)[places], np.nan)
     idle = output.time_s[output.values <= IDLE]
     idle_s = np.append(-np.inf, idle)[idle.searchsorted(time_s, side="right")]
     return share, (share > IDLE) & ~(time_s - idle_s < SPIN_UP)

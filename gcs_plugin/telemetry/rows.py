@@ -34,7 +34,7 @@ from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
     lifting,
     measured_speeds,
     rejected_words,
-    standing_in_flight,
+    stopped_in_flight,
 )
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import NOTHING_SENT, Span
 from thrustmargin.gcs_plugin.telemetry.signals import (
@@ -71,7 +71,7 @@ KEPT = 8.0  # s of reports that rows may need: the longest age limit, and the fa
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Carried:
+class RowState:
     """The state of one vehicle's rows that later batches need and the buffered signals no longer
     contain.
     """
@@ -98,7 +98,7 @@ class FlightRows:
     unmeasured: tuple[str, ...]  # of the notes, those on readings that are no measurement
     pump_share: Floats  # (T,) 0 off to 1 full, as last reported
     pumped_kg: Floats  # (T,) by the pump's output since it was first heard
-    carried: Carried
+    row_state: RowState
 
 
 def flight_rows(
@@ -106,7 +106,7 @@ def flight_rows(
     motors: MotorMap,
     parameters: Mapping[str, float],
     options: Options,
-    carried: Carried | None = None,
+    row_state: RowState | None = None,
     *,
     name: str = "",
     unix_minus_clock: float | None = None,
@@ -116,12 +116,12 @@ def flight_rows(
 
     Time counts from the very first row; `unix_minus_clock`, s, plus the vehicle's clock is Unix
     time. The `notes` given come before those on the rows. With sampling "hold" no row depends on a
-    later report, and with `carried` the rows of consecutive batches equal those of the whole
+    later report, and with `row_state` the rows of consecutive batches equal those of the whole
     flight, if `signals` includes the last KEPT seconds before a batch. Raise LogError if the tank
     source named in the options is absent.
     """
     live = options.sampling == "hold"
-    before = Carried() if carried is None else carried
+    before = RowState() if row_state is None else row_state
     speeds_of_escs = motors.rotor_speed(signals)
     clock_s = row_times(signals, speeds_of_escs, before, options.sampling)
     if clock_s.size == 0:
@@ -212,7 +212,7 @@ def flight_rows(
         flying_source += "; hover motors driven"
     sources["flying"] = Provenance(kind=SourceKind.INFERRED, name=flying_source)
     speeds = channels["rotor_speed_rpm"]
-    hidden = standing_in_flight(speeds, channels["throttle"], flying)
+    hidden = stopped_in_flight(speeds, channels["throttle"], flying)
     channels["rotor_speed_rpm"] = np.where(hidden, np.nan, speeds)
     unmeasured = rejected_words(
         measured, channels["rotor_speed_rpm"], hidden, clock_s, flying, counted=not live
@@ -255,7 +255,7 @@ def flight_rows(
         unmeasured=unmeasured,
         pump_share=nothing if share is None else last_before(share, clock_s),
         pumped_kg=pumped_kg,
-        carried=Carried(
+        row_state=RowState(
             start_s=start_s,
             row_s=float(clock_s[-1]),
             contact=contact,
@@ -275,7 +275,7 @@ def flight_rows(
 
 
 def row_times(
-    signals: Signals, rotors: Sequence[Signal | None], carried: Carried, sampling: Sampling
+    signals: Signals, rotors: Sequence[Signal | None], row_state: RowState, sampling: Sampling
 ) -> Floats:
     """Return the vehicle's clock (T,) of the rows: the reports of a trigger, thinned to at most 10
     Hz.
@@ -288,8 +288,8 @@ def row_times(
     reported = [s for s in rotors if s is not None]
     if sampling == "hold" and reported:
         first = increasing(_known_times(reported[:1]))
-        if _covers(first, carried.heard_s, signals):
-            return thinned(first[first > carried.heard_s], carried.row_s)
+        if _covers(first, row_state.heard_s, signals):
+            return thinned(first[first > row_state.heard_s], row_state.row_s)
     speeds = [increasing(_known_times([s])) for s in reported]
     if sampling == "linear":
         speeds.sort(key=lambda times: -times.size)
@@ -305,7 +305,7 @@ def row_times(
         rows = increasing(np.concatenate([rows, times[_silent(rows, times)]]))
     if sampling == "linear" and speeds:
         rows = rows[rows >= _first_row(float(speeds[0][0]), signals)]
-    return thinned(rows[rows > carried.heard_s], carried.row_s)
+    return thinned(rows[rows > row_state.heard_s], row_state.row_s)
 
 
 def _first_row(spoke_s: float, signals: Signals) -> float:

@@ -172,7 +172,7 @@ def discharge(
         return np.full(power.size, load_voltage), energy
     start = battery.voltage if battery.voltage > 0.0 else FULL * cells
     full = charge_at_rest(start / cells)
-    resistance = pack_resistance(battery, cells)[0]
+    resistance = resistance_of_battery(battery, cells)[0]
     # Charge goes with the current, which goes with the voltage: energy over nominal is near enough
     # to start from, and one turn more settles it.
     volts = np.full(power.size, start)
@@ -192,7 +192,7 @@ def charge_at_rest(cell_voltage: float) -> float:
     return float(np.interp(cell_voltage, _AT_REST, _CHARGE))
 
 
-def pack_resistance(battery: FlightBattery, cells: int) -> tuple[float, float]:
+def resistance_of_battery(battery: FlightBattery, cells: int) -> tuple[float, float]:
     """Return the resistance of a battery, ohm, and its standard error, ohm.
 
     Without a measured or stated one it is the usual one of the capacity, as unsure as
@@ -246,7 +246,7 @@ def voltage_ends(
         unknown = np.full(power.size, np.nan)
         return unknown, unknown
     rest = battery.voltage if battery.voltage > 0.0 else FULL * cells
-    resistance, unsure = pack_resistance(battery, cells)
+    resistance, unsure = resistance_of_battery(battery, cells)
     battery = replace(battery, voltage=rest, resistance=resistance)
 
     def volts(one: FlightBattery, factor: float = 1.0) -> Floats:

@@ -403,7 +403,7 @@ ON_GROUND = 0.1  # m
 #: kg/m³, kg and m/s by which no power differs that matters
 ALIKE = np.array([0.001, 0.05, 0.05])
 EVERY_S = 2.0  # between the moments that are worked out
-APART_S = 2.0  # between rows of steady flight, more than any effect looks around itself
+SPACING_S = 2.0  # between rows of steady flight, more than any effect looks around itself
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -480,7 +480,7 @@ def _power(model: RotorModel, density: Floats, tank_kg: Floats, airspeed: Floats
     distinct, place = np.unique(rounded, axis=0, return_inverse=True)
     steady = FlightTrack.of(
         name="the way home",
-        time_s=APART_S * np.arange(len(distinct), dtype=np.float64),
+        time_s=SPACING_S * np.arange(len(distinct), dtype=np.float64),
         rotor_count=model.airframe.rotor_count,
         tank_kg=distinct[:, 1],
         airspeed=distinct[:, 2],

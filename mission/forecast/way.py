@@ -258,17 +258,17 @@ class _Way:
     """The legs built so far, and the place `at` which the last one ends."""
 
     limits: FlightLimits
-    at: Floats
+    place: Floats
     start_yaw: float
     legs: list[WayLeg] = field(default_factory=list)
 
-    def to(self, step: Step, place: Floats, **options: float | bool | None) -> None:
+    def fly_to(self, step: Step, place: Floats, **options: float | bool | None) -> None:
         """Append a leg to `place`; none where it has no length."""
         heading = None if step.heading_deg is None else math.radians(step.heading_deg)
         leg = way_leg(
             self.limits,
             step.item,
-            self.at,
+            self.place,
             place,
             climb_speed=step.climb_speed,
             descent_speed=step.descent_speed,
@@ -278,7 +278,7 @@ class _Way:
         )
         if leg is not None:
             self.legs.append(leg)
-            self.at = place
+            self.place = place
 
     def wait(self, seconds: float) -> None:
         """Let the last leg end with a stop and a wait."""
@@ -289,7 +289,7 @@ class _Way:
     def lift(self, step: Step, height: float) -> None:
         """Append a vertical leg to `height`, m; the first one has the jerk of a take-off."""
         before = len(self.legs)
-        self.to(step, np.array([*self.at[:2], -height]), stops=True)
+        self.fly_to(step, np.array([*self.place[:2], -height]), stops=True)
         if len(self.legs) > before and before == 0:
             jerk = self.limits.climb_jerk
             self.legs[-1] = replace(
@@ -303,7 +303,7 @@ class _Way:
         """
         limits, before = self.limits, len(self.legs)
         there = np.array([0.0, 0.0, -height])
-        self.to(step, there, speed=step.speed, stops=True, holds_nose=not limits.nose_home)
+        self.fly_to(step, there, speed=step.speed, stops=True, holds_nose=not limits.nose_home)
         wait_s = RETURN_WAIT_S
         if limits.turns_back and len(self.legs) > before:
             leg = self.legs[-1]
@@ -315,10 +315,10 @@ class _Way:
     def land(self, step: Step) -> None:
         """Append the descent to the ground, which slows down once and is ended by the ground."""
         limits = self.limits
-        if -self.at[2] > limits.land_below:
-            self.to(step, np.array([*self.at[:2], -limits.land_below]), stops=False)
+        if -self.place[2] > limits.land_below:
+            self.fly_to(step, np.array([*self.place[:2], -limits.land_below]), stops=False)
         slow = replace(step, descent_speed=limits.land_speed)
-        self.to(slow, np.array([*self.at[:2], 0.0]), stops=True, touches_down=True)
+        self.fly_to(slow, np.array([*self.place[:2], 0.0]), stops=True, touches_down=True)
 
 
 #: m by which straight legs over the ground may be off its height.
@@ -349,16 +349,16 @@ def plan_legs(
         assert step is not None
         speed = step.speed
         height = -float(place[2])
-        there = np.where(np.isfinite(place), place, way.at)
+        there = np.where(np.isfinite(place), place, way.place)
         if step.kind == "take-off":
             way.lift(step, height if math.isfinite(height) else limits.return_height)
         elif step.kind == "land":
             if np.isfinite(place[:2]).all():
-                way.to(step, np.array([*place[:2], way.at[2]]), speed=speed, stops=True)
+                way.fly_to(step, np.array([*place[:2], way.place[2]]), speed=speed, stops=True)
             way.land(step)
         elif step.kind == "return":
-            distance = float(np.hypot(*way.at[:2]))
-            up = max(-way.at[2], min(limits.return_height, CONE * distance))
+            distance = float(np.hypot(*way.place[:2]))
+            up = max(-way.place[2], min(limits.return_height, CONE * distance))
             way.lift(step, up)
             way.home(step, up)
             way.land(step)
@@ -368,9 +368,9 @@ def plan_legs(
             on = following is not None and following.kind in _ON and step.wait_s == 0.0
             on = on and following is not None and following.frame == step.frame
             if terrain is not None and above == step.frame == FRAME_ABOVE_GROUND:
-                for waypoint in _over_ground(plan, step, way.at, there, terrain):
-                    way.to(step, waypoint, speed=speed, stops=False)
-            way.to(step, there, speed=speed, stops=not (on and step.kind in _ON))
+                for waypoint in _over_ground(plan, step, way.place, there, terrain):
+                    way.fly_to(step, waypoint, speed=speed, stops=False)
+            way.fly_to(step, there, speed=speed, stops=not (on and step.kind in _ON))
             way.wait(step.wait_s)
             if step.turns:
                 way.wait(step.turns * 2.0 * math.pi * step.radius / (speed or limits.speed))

@@ -121,8 +121,11 @@ def traced(argv: list[str], end: str) -> Trace:
     threading.setprofile(trace)
     sys.setprofile(trace)
     try:
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
+        with contextlib.redirect_stdout(io.StringIO()):
             command(argv)
+    except SystemExit as ended:
+        if ended.code and not trace.done.is_set():
+            raise
     finally:
         sys.setprofile(None)
         threading.setprofile(None)  # type: ignore[arg-type]

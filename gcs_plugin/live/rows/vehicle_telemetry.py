@@ -1,7 +1,7 @@
 """From the frames of one vehicle to the rows of its flight, as they come.
 
 The rows are those that `read_log(..., sampling="hold")` makes of a recording of the same frames:
-`telemetry` makes both, here with the last seconds of every signal and what is carried from before.
+`telemetry` makes both, here with the last seconds of every signal and the state of the rows before.
 However the frames are cut into pieces, the rows are the same. They differ from the file's only
 - before a message from which the file knows something from its start on: the parameters that say
   which output is which motor and how large the tank is, the autopilot's component, the first GPS
@@ -46,7 +46,7 @@ from thrustmargin.gcs_plugin.telemetry.motors import (
 from thrustmargin.gcs_plugin.telemetry.power import stated_battery
 from thrustmargin.gcs_plugin.telemetry.recording import Stream
 from thrustmargin.gcs_plugin.telemetry.resample import known_rows, last_before
-from thrustmargin.gcs_plugin.telemetry.rows import KEPT, Carried, flight_rows
+from thrustmargin.gcs_plugin.telemetry.rows import KEPT, RowState, flight_rows
 from thrustmargin.gcs_plugin.telemetry.signals import (
     SignalBuffer,
     Signals,
@@ -144,7 +144,7 @@ class VehicleTelemetry:
 
     def _restart(self) -> None:
         self._buffer = SignalBuffer(KEPT)
-        self._carried = Carried()
+        self._row_state = RowState()
         self._heard_s = -math.inf  # vehicle's clock up to which reports are in the buffer
         self._unix_minus_clock = math.nan  # s from the vehicle's clock to Unix time
         self._gps_time = False  # by SYSTEM_TIME, and no longer by the ground's clock
@@ -172,7 +172,7 @@ class VehicleTelemetry:
     @property
     def origin(self) -> Origin | None:
         """Origin of the positions at present."""
-        zero = self._carried.zero
+        zero = self._row_state.zero
         return None if zero is None else zero.origin
 
     @property
@@ -274,12 +274,12 @@ class VehicleTelemetry:
         """Make the rows of one start from messages up to `until_s`; their stamps are set by the
         caller.
         """
-        state, carried = piece.state, self._carried
+        state, row_state = piece.state, self._row_state
         if self._rested and state.armed:
             # As in a file (sorties): what is stated of a load holds from each sortie's start.
             self._flew = self._rested = False
-            pump = carried.pumped
-            carried = replace(carried, pumped=pump and replace(pump, kg=0.0))
+            pump = row_state.pumped
+            row_state = replace(row_state, pumped=pump and replace(pump, kg=0.0))
             if self._options.load is not None or self._options.tank_start_kg is not None:
                 self.events.append((piece.frames[0].stamp_us, NEXT_SORTIE))
         if not self._gps_time and "SYSTEM_TIME" in streams:
@@ -298,7 +298,7 @@ class VehicleTelemetry:
         pitot = pitot_present({}, state.parameters)
         airspeed = hud_airspeed(AUTOPILOTS.get(state.autopilot, "unknown"), pitot)
         self._buffer.add(streams, airspeed, self._heard_s)
-        self._heard_s, self._carried = until_s, replace(carried, heard_s=until_s)
+        self._heard_s, self._row_state = until_s, replace(row_state, heard_s=until_s)
         signals = self._buffer.signals
         motors = self._layout(state, signals)
         if motors is None:
@@ -311,7 +311,7 @@ class VehicleTelemetry:
             signals,
             motors,
             state.parameters,
-            carried=carried,
+            row_state=row_state,
             name=f"vehicle {state.system}",
             unix_minus_clock=self._unix_minus_clock,
         )
@@ -322,9 +322,11 @@ class VehicleTelemetry:
             notes.append(str(error))
             made = rows_of(replace(self._options, tank="none"))
         if made is None:
-            self._carried = carried  # what came belongs to the next row: rotors report one by one
+            self._row_state = (
+                row_state  # what came belongs to the next row: rotors report one by one
+            )
             return None
-        self._carried = replace(made.carried, heard_s=until_s)
+        self._row_state = replace(made.row_state, heard_s=until_s)
         for signal in made.reported.get("tank_kg", ()):
             self._tank_s = np.fmax(self._tank_s, signal.time_s[known_rows(signal.values)][-1])
         self._flew |= bool(made.track.flying.any())

@@ -22,7 +22,7 @@ from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.smoothing import known_median
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
-CLOCKS_APART = 5.0  # s, by which the clocks of autopilot and ground may differ
+CLOCK_DIFFERENCE = 5.0  # s, by which the clocks of autopilot and ground may differ
 STEP = 0.5  # s between the times at which two tracks are compared
 #: m within which two tracks are of one aircraft: GPS is that accurate, and no two fly so close.
 SAME_PLACE = 3.0
@@ -74,7 +74,7 @@ def _same_flight(one: FlightLog, other: FlightLog) -> bool:
         return one.hardware_id == other.hardware_id != ""
     times = np.arange(begin, end, STEP)
     here = _places_at(first, first.origin, times)
-    shifts = np.arange(-CLOCKS_APART, CLOCKS_APART + STEP, STEP)
+    shifts = np.arange(-CLOCK_DIFFERENCE, CLOCK_DIFFERENCE + STEP, STEP)
     distance = [np.hypot(*(here - _places_at(second, first.origin, times + s)).T) for s in shifts]
     met = any(np.nanmedian(a) < SAME_PLACE for a in distance if np.isfinite(a).any())
     return met and _speeds_and_tank_agree(first, second, (begin, end))

@@ -11,7 +11,7 @@ from thrustmargin.gcs_plugin.office.season import fleet_words as words
 from thrustmargin.gcs_plugin.wording.language import known as finite
 from thrustmargin.models.model.advice import FlightLevel
 
-CLOCKS_APART = 5.0  # s, by which the clocks of autopilot and ground may differ
+CLOCK_DIFFERENCE = 5.0  # s, by which the clocks of autopilot and ground may differ
 AT_ONE_TIME = 8  # logs of one time under one name, at most
 EARTH_RADIUS = 6.371e6  # m
 #: m between the starts of two logs of one flight: each logger has an origin of its own
@@ -108,7 +108,7 @@ def _same_flight(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
         return one["board"] == other["board"]
     apart = _metres_apart(one, other)
     worst = [(f["started_unix_s"] or 0.0) + (f["worst_time_s"] or NAN) for f in (one, other)]
-    agree = [abs(worst[0] - worst[1]) < CLOCKS_APART] if all(map(finite, worst)) else []
+    agree = [abs(worst[0] - worst[1]) < CLOCK_DIFFERENCE] if all(map(finite, worst)) else []
     agree += [apart < PLACES_APART] if finite(apart) else []
     for name, least in FIGURES_APART.items():
         a, b = one[name], other[name]

@@ -30,7 +30,7 @@ WAITING = 20_000
 PERIOD = 0.1  # s between two looks at what has come
 V2 = 0xFD  # first byte of a MAVLink 2 frame
 #: PARAM_VALUE, MISSION_ITEM, MISSION_COUNT, MISSION_ITEM_INT: kept for when an option is changed.
-SAID_ONCE, MOST_KEPT = (22, 39, 44, 73), 10_000
+SENT_ONCE, MOST_KEPT = (22, 39, 44, 73), 10_000
 STALE = 2.0  # s after which what is shown is called old
 
 NAN = float("nan")
@@ -186,7 +186,7 @@ class MarginWorker:
             frame = frame_of(data, stamp_us=_unix_us(stamp))
             if frame is not None:
                 frames.append(frame)
-                if frame.id in SAID_ONCE and len(self.kept) < MOST_KEPT:
+                if frame.id in SENT_ONCE and len(self.kept) < MOST_KEPT:
                     self.kept[data] = stamp
         fleet.take(frames)
 

@@ -160,7 +160,7 @@ def accept_effects(
     mentioned = tuple(
         one
         for one, c in answer.mentioned(members)
-        if stands_alone(one.rotor, reported_else, causes)
+        if is_sole_cause(one.rotor, reported_else, causes)
         and needs_inspection(one.probability, error(members), error([*members, c]))
     )
     return AcceptedEffects(
@@ -521,7 +521,7 @@ def unnamed_terms_worth_keeping(
     return kept, having
 
 
-def stands_alone(
+def is_sole_cause(
     rotor: int, reported_else: Collection[int | None], causes: Collection[int | None]
 ) -> bool:
     """Rule 10: return whether no other sentence is about a rotor and no cause competes with it.

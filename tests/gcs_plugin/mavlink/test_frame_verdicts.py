@@ -221,7 +221,7 @@ def test_a_walk_waits_at_what_may_become_a_frame():
         walk.frames(data + bytes(HEADER_PADDING), len(data), len(data), closed=False, wait=True)
     )
     assert [at for _, at, _ in found] == [0]
-    assert walk.at == walk.expected == 17
+    assert walk.position == walk.expected == 17
     assert walked(data) == [(FrameKind.GOOD, 0)]
 
 

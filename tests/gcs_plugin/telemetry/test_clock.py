@@ -187,25 +187,25 @@ def test_an_own_clock_counts_within_two_seconds_of_the_estimate():
     boot = fields("time_boot_ms", "<u4", 10_000, 10_000, 10_000, 10_000)
     estimate = [8.0, 7.99, 12.0, 12.01]
     rows = np.arange(4)
-    assert plain_clock(estimate).of(boot, rows).tolist() == [10.0, 7.99, 10.0, 12.01]
-    assert plain_clock(estimate, on_arrival=True).of(boot, rows).tolist() == estimate
-    assert plain_clock(estimate, stamp_minus_clock=None).of(boot, rows).tolist() == estimate
+    assert plain_clock(estimate).times(boot, rows).tolist() == [10.0, 7.99, 10.0, 12.01]
+    assert plain_clock(estimate, on_arrival=True).times(boot, rows).tolist() == estimate
+    assert plain_clock(estimate, stamp_minus_clock=None).times(boot, rows).tolist() == estimate
     none = fields("airspeed", "<f4", 1, 1)
     assert own_clock(none) is None
-    assert plain_clock(estimate).of(none, np.array([3, 1])).tolist() == [12.01, 7.99]
+    assert plain_clock(estimate).times(none, np.array([3, 1])).tolist() == [12.01, 7.99]
 
 
 def test_a_clock_of_32_bits_in_microseconds_wraps_after_71_minutes():
     # 2^32 µs are 4294.967296 s: 4295 s reads 32704 µs, 8590 s (two turns) 65408 µs.
     servo = fields("time_usec", "<u4", 4_294_000_000, 32_704, 65_408, 65_408)
     estimate = [4294.5, 4295.4, 8588.9, 8592.5]
-    found = plain_clock(estimate).of(servo, np.arange(4))
+    found = plain_clock(estimate).times(servo, np.arange(4))
     np.testing.assert_allclose(found, [4294.0, 4295.0, 8590.0, 8592.5], atol=1e-9)
     # Half a turn is none: 2147.483648 s off it is no clock of this vehicle.
     half = fields("time_usec", "<u4", 10_000_000)
-    assert plain_clock([2157.5]).of(half, np.arange(1)).tolist() == [2157.5]
+    assert plain_clock([2157.5]).times(half, np.arange(1)).tolist() == [2157.5]
     whole = fields("time_usec", "<u8", 32_704, 8_590_000_000)
-    found = plain_clock([4295.4, 8589.0]).of(whole, np.arange(2))
+    found = plain_clock([4295.4, 8589.0]).times(whole, np.arange(2))
     assert found.tolist() == [4295.4, 8590.0]
 
 
@@ -216,7 +216,7 @@ def test_time_usec_says_unix_time_or_time_since_boot_message_by_message():
     without_a_date = fields("time_usec", "<u8", 315_964_800_000_000, 4_294_967_296_000)  # 1980
     np.testing.assert_array_equal(own_clock(without_a_date), [np.nan, np.nan])
     # Without a clock that counts, the ground's stamps do.
-    assert plain_clock([10.5, 10.6, 10.7, 10.8]).of(imu, np.arange(4)).tolist() == [
+    assert plain_clock([10.5, 10.6, 10.7, 10.8]).times(imu, np.arange(4)).tolist() == [
         10.0,
         10.6,
         10.7,

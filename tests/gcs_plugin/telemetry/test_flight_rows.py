@@ -12,7 +12,7 @@ from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.flight_log import assemble, log_of_track, with_track
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap
 from thrustmargin.gcs_plugin.telemetry.recording import LogQuality, Recording
-from thrustmargin.gcs_plugin.telemetry.rows import Carried, FlightRows, flight_rows, row_times
+from thrustmargin.gcs_plugin.telemetry.rows import FlightRows, RowState, flight_rows, row_times
 from thrustmargin.gcs_plugin.telemetry.signals import signals_by_channel
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
 from thrustmargin.models.errors import LogError
@@ -44,9 +44,9 @@ def rotor(number: int, times, speed: float = 900.0) -> Signal:
     return reports("esc_rpm", times, np.full(len(times), speed), number)
 
 
-def rows_of(*signals: Signal, sampling: Any = "hold", **carried) -> list[float]:
+def rows_of(*signals: Signal, sampling: Any = "hold", **row_state) -> list[float]:
     found = signals_by_channel(signals)
-    return row_times(found, FOUR.rotor_speed(found), Carried(**carried), sampling).tolist()
+    return row_times(found, FOUR.rotor_speed(found), RowState(**row_state), sampling).tolist()
 
 
 TURNING = (
@@ -123,8 +123,8 @@ def flight(seconds: int = 12) -> list[Signal]:
 LIVE = Options(airframe=OURS, sampling="hold", tank_start_kg=5.0)
 
 
-def made(signals: list[Signal], options: Options = LIVE, carried: Carried | None = None):
-    found = flight_rows(signals_by_channel(signals), FOUR, {}, options, carried)
+def made(signals: list[Signal], options: Options = LIVE, row_state: RowState | None = None):
+    found = flight_rows(signals_by_channel(signals), FOUR, {}, options, row_state)
     assert found is not None
     return found
 
@@ -164,7 +164,7 @@ def test_rows_in_pieces_are_those_in_one_piece(cut):
         for s in flight()
     ]
     first = made(early)
-    second = made(flight(), carried=replace(first.carried, heard_s=until))
+    second = made(flight(), row_state=replace(first.row_state, heard_s=until))
     assert first.clock_s.size + second.clock_s.size == 120
     for name in TRACK_CHANNELS:
         if whole.track.reports(name):
@@ -175,12 +175,12 @@ def test_rows_in_pieces_are_those_in_one_piece(cut):
     for name in ("pump_share", "pumped_kg"):
         parts = [getattr(p, name) for p in (first, second)]
         np.testing.assert_allclose(np.concatenate(parts), getattr(whole, name))
-    assert second.carried.row_s == pytest.approx(111.9)
-    assert second.carried.pumped is not None
-    assert second.carried.pumped.time_s == pytest.approx(111.8)
-    assert second.carried.pumped.share == 0.5
-    assert second.carried.pumped.kg == pytest.approx(0.468)
-    assert second.carried.contact == whole.carried.contact
+    assert second.row_state.row_s == pytest.approx(111.9)
+    assert second.row_state.pumped is not None
+    assert second.row_state.pumped.time_s == pytest.approx(111.8)
+    assert second.row_state.pumped.share == 0.5
+    assert second.row_state.pumped.kg == pytest.approx(0.468)
+    assert second.row_state.contact == whole.row_state.contact
 
 
 def test_a_reading_that_was_turned_down_before_is_not_turned_down_again():
@@ -195,7 +195,7 @@ def test_a_reading_that_was_turned_down_before_is_not_turned_down_again():
             for s in signals
         ]
     )
-    second = made(signals, carried=replace(first.carried, heard_s=106.55))
+    second = made(signals, row_state=replace(first.row_state, heard_s=106.55))
     assert [note[:7] for note in first.unmeasured] == ["rotor 2"]
     assert second.unmeasured == ()
 
@@ -255,16 +255,16 @@ def test_a_listener_knows_from_idle_motors_that_what_they_are_sent_is_dshot():
     counts = np.full((300, 4), 1200.0)  # in hover as pulses could be
     counts[:10] = 110.0
 
-    def throttle(part: slice, carried: Carried | None) -> FlightRows:
+    def throttle(part: slice, row_state: RowState | None) -> FlightRows:
         signals = signals_by_channel(
             [rotor(0, times[part]), reports("servo_us", times[part], counts[part])]
         )
-        rows = flight_rows(signals, FOUR, {"DSHOT_MIN": 0.0}, LIVE, carried)
+        rows = flight_rows(signals, FOUR, {"DSHOT_MIN": 0.0}, LIVE, row_state)
         assert rows is not None
         return rows
 
     first = throttle(slice(150), None)
-    later = throttle(slice(150, 300), first.carried)
+    later = throttle(slice(150, 300), first.row_state)
     assert later.track.throttle[-1] == pytest.approx(1200.0 / 1999.0)
     # Who hears it in hover first cannot know.
     assert throttle(slice(150, 300), None).track.throttle[-1] == pytest.approx(0.2)
@@ -274,10 +274,10 @@ def test_what_was_pumped_goes_on_from_the_last_report():
     signals = flight()
     servo = next(s for s in signals if s.channel == "servo_us")
     servo.values[-1, 4] = 1900.0  # full, in its last report at 11.8 s
-    carried = made(signals).carried.pumped
-    assert carried is not None
-    assert (carried.time_s, carried.share) == (pytest.approx(111.8), 1.0)
-    assert carried.kg == pytest.approx(0.468)
+    row_state = made(signals).row_state.pumped
+    assert row_state is not None
+    assert (row_state.time_s, row_state.share) == (pytest.approx(111.8), 1.0)
+    assert row_state.kg == pytest.approx(0.468)
 
 
 def test_a_recorded_tank_is_that_of_the_most_trusted_gauge_and_of_no_other():
@@ -294,7 +294,7 @@ def test_what_is_not_heard_is_not_made_up():
     rows = made([rotor(0, [0.0, 1.0])])
     assert np.isnan(rows.pump_share).all()
     assert np.isnan(rows.pumped_kg).all()
-    assert (rows.track.origin, rows.carried.zero, rows.carried.pumped) == (None, None, None)
+    assert (rows.track.origin, rows.row_state.zero, rows.row_state.pumped) == (None, None, None)
     assert not rows.track.reports("tank_kg")
     assert "throttle" not in rows.track.sources
     assert np.isnan(rows.track.rotor_speed_rpm[:, 1:]).all()

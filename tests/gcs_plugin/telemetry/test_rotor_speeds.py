@@ -19,7 +19,7 @@ from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
     measured_speeds,
     median_speeds,
     rejected_words,
-    standing_in_flight,
+    stopped_in_flight,
 )
 from thrustmargin.gcs_plugin.wording.check_words import SENTENCES
 from thrustmargin.models.checks.speed_readings import REASONS
@@ -224,7 +224,7 @@ def test_a_rotor_at_zero_in_flight_is_hidden_where_no_output_asks_for_it():
     nan = float("nan")
     speeds = np.array([[29.9, -29.9, 30.0, -900.0, 0.0, nan]] * 2)
     outputs = np.array([[nan, nan, nan, nan, 0.5, nan]] * 2)
-    hidden = standing_in_flight(speeds, outputs, np.array([True, False]))
+    hidden = stopped_in_flight(speeds, outputs, np.array([True, False]))
     assert hidden.tolist() == [[True, True, False, False, False, False], [False] * 6]
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from thrustmargin.models.identification.answer.acceptance import (
+    is_sole_cause,
     names_that_hold,
     needs_inspection,
-    stands_alone,
     unnamed_terms_worth_keeping,
 )
 
@@ -43,7 +43,7 @@ def test_a_rotor_is_asked_for_where_it_is_likely_and_flights_left_out_bear_it_ou
 def test_an_uncertain_rotor_is_not_asked_for_beside_a_cause_without_a_name(
     reported_else, causes, alone
 ):
-    assert stands_alone(2, reported_else, causes) is alone
+    assert is_sole_cause(2, reported_else, causes) is alone
 
 
 @pytest.mark.parametrize(("of_choice", "kept"), [(8.0, [7]), (9.9, [])])
