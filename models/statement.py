@@ -22,10 +22,6 @@ class Statement:
         values = ", ".join(f"{name} {value}" for name, value in self.values)
         return f"{', '.join((self.kind, *self.clauses))} ({values})"
 
-    def value(self, name: str) -> Value:
-        """Return one value by its name; raise KeyError if the statement has none of it."""
-        return dict(self.values)[name]
-
 
 #: A number, a name, or what another sentence or a list of them holds.
 Value = float | str | Statement | tuple[Statement, ...]

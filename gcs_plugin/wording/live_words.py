@@ -136,8 +136,6 @@ NO_POSITION = WhyUnknown("no position heard")
 NO_ROWS = WhyUnknown(
     "heard, but neither rotor speeds, motor outputs, attitude nor position with its clock", RATES
 )
-AIRFRAME_NOT_YET = "airframe not known yet: hover 5 s"
-AIRFRAME_UNKNOWN = "airframe not known"
 
 #: Figures that can be unknown, by the name beside the reason.
 MEASURED_MARGIN, PREDICTED_MARGIN = "measured margin", "predicted margin"

@@ -123,10 +123,13 @@ def test_a_flight_of_no_known_airframe_is_compared_with_none(log):
     claim = AirframeClaim(basis="not known", withheld=(state("no voltage"),), source="my.tlog")
     found = inspect_log(log, F16, claim)
     assert {f.check for f in found.findings}.isdisjoint({"motor order", "voltage", "rotor speed"})
-    assert next(f.words for f in found.findings if f.check == "airframe") == "not an F16"
+    assert (
+        next(f.words for f in found.findings if f.check == "airframe")
+        == "no battery voltage in flight"
+    )
     told = as_json(found)
     assert (told["airframe"], told["airframe_basis"]) == (None, "not known")
-    assert told["withheld"] == ["not an F16"]
+    assert told["withheld"] == ["no battery voltage in flight"]
 
 
 def test_damage_is_a_warning_and_a_torn_end_is_not(tmp_path):
