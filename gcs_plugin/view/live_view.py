@@ -159,9 +159,11 @@ class HeardVehicles:
     def _shown_row(self, update: Update, before: Bools | None) -> ShownRow:
         """Return the last row, with the rotors that have too little thrust left after `before`."""
         left = lower_ends(update.analysis)[update.first :]
-        if before is None or before.size != left.shape[1]:
-            before = np.zeros(left.shape[1], dtype=np.bool_)
-        low = thrust_left.too_little(left, self._least, before)[-1] if len(left) else before
+        rotors = left.shape[1]
+        begin = np.zeros(rotors, dtype=np.bool_)
+        if before is not None and before.size == rotors:
+            begin = before
+        low = thrust_left.too_little(left, self._least, begin)[-1] if len(left) else begin
         return ShownRow(update.analysis, -1, least=self._least, low=low)
 
     def round(self, fleet: Fleet, now_us: int) -> None:
