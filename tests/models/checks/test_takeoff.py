@@ -271,6 +271,20 @@ def test_a_hot_esc_is_named_with_the_others_beside_it():
     assert hot_escs(time_s, temperature * np.nan) == []
 
 
+def test_a_hot_esc_and_a_bad_lead_are_found_in_the_channels_of_a_flight():
+    rows = int(END * 10)
+    loaded = np.arange(rows) / 10.0 >= RISE
+    current = np.tile(np.where(loaded, 25.0, 0.5)[:, None], (1, 4))
+    volts = 58.0 - 0.004 * current
+    volts[:, 3] -= 0.03 * current[:, 3]
+    temperature = np.full((rows, 4), 313.0)
+    temperature[60:, 1] = 366.0
+    channels = {"esc_voltage": volts, "esc_current": current, "esc_temperature": temperature}
+    check = only(flight(voltage=np.full(rows, 58.0), **channels))
+    assert kinds(check) == [(TakeoffKind.HOT, (1,)), (TakeoffKind.LEAD, (3,))]
+    assert all(found.forbids and found.time_s <= LIFT for found in check.findings)
+
+
 def test_resistance_of_a_lead_shows_beside_the_others_and_an_offset_does_not():
     time_s = np.arange(0.0, 8.0, 0.5)
     amperes = np.tile(np.where(time_s < 2.0, 0.5, 30.0)[:, None], (1, 4))
