@@ -87,7 +87,7 @@ def marks_of(log: FlightLog) -> Marks:
         }
 
     return Marks(
-        board=log.hardware_id or _serial_of_texts(log) or (str(number) if number else ""),
+        board=log.hardware_id or serial_of_texts(log) or (str(number) if number else ""),
         vehicle=log.vehicle if log.vehicles else 0,
         layout=layout or "",
         sensors=chosen(_IDS, neutral=(0.0,)),
@@ -96,7 +96,7 @@ def marks_of(log: FlightLog) -> Marks:
     )
 
 
-def _serial_of_texts(log: FlightLog) -> str:
+def serial_of_texts(log: FlightLog) -> str:
     """Return the serial number in the texts that an autopilot sends when it starts; else empty."""
     for _, text in log.messages:
         if found := _BOARD.match(text.strip()):

@@ -180,7 +180,14 @@ def change_of(
 
 def _against(step: WalkStep, aircraft: KnownAircraft, since_unix_s: float) -> WalkStep:
     """Return the step of a flight, compared with the state before the flight of a Unix time."""
-    flight, walked = step.flight, [*aircraft.walk(), step]
+    flight = step.flight
+    earlier = [one for one in aircraft.lessons if one.start_unix_s < flight.start_unix_s]
+    walked = walk(
+        [*earlier, flight],
+        aircraft.steps(since_unix_s),  # of the flights before the change, which enlarges them
+        last_training=aircraft.last_training,
+        repairs=aircraft.repairs,
+    )
     since = [one for one in walked if one.flight.start_unix_s >= since_unix_s]
     old = since[0]
     # The walk may have gone on since: its steps from there on are expected too.

@@ -34,11 +34,11 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.store.aircraft_marks import serial_of_texts
 from thrustmargin.gcs_plugin.store.schema import FLIGHTS, table_schema
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import whole_number
-from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import reported_airframe
-from thrustmargin.models.errors import AirframeError, DataError, require
+from thrustmargin.models.errors import DataError, require
 from thrustmargin.models.whole_file import regular, whole_file
 
 if TYPE_CHECKING:
@@ -48,8 +48,6 @@ if TYPE_CHECKING:
     from fsspec import AbstractFileSystem
 
 
-#: ArduPilot's text at start-up: the board's name and its serial number in three words.
-_BOARD = re.compile(r"^\S.* ([0-9A-F]{8}) ([0-9A-F]{8}) ([0-9A-F]{8})$")
 #: ArduPilot's text with its version, such as "ArduCopter V4.5.7 (2a3dc4b7)".
 _PROGRAM = re.compile(r"^((?:Ardu|APM:)\w+ V\S+(?: \([0-9a-f]+\))?)")
 _NAME = re.compile(r"[\w.-]{1,80}")
@@ -77,7 +75,7 @@ def aircraft_identity(log: FlightLog, given: str | None = None) -> AircraftIdent
     """
     if given is not None:
         return AircraftIdentity(given, "given")
-    serial = log.hardware_id or _serial_in_texts(log)
+    serial = log.hardware_id or serial_of_texts(log)
     if serial:
         return AircraftIdentity(f"serial-{serial}", "serial")
     if board := whole_number(log.parameters, "BRD_SERIAL_NUM"):
@@ -85,30 +83,6 @@ def aircraft_identity(log: FlightLog, given: str | None = None) -> AircraftIdent
     if not log.vehicles:
         return AircraftIdentity("unknown", "not known")
     return AircraftIdentity(f"sysid-{log.vehicle}", "system id")
-
-
-def board(log: FlightLog) -> str | None:
-    """Return the autopilot's serial number, else its board number, else None."""
-    number = whole_number(log.parameters, "BRD_SERIAL_NUM")
-    return log.hardware_id or _serial_in_texts(log) or (str(number) if number else None)
-
-
-def layout(log: FlightLog) -> str | None:
-    """Return the motor layout that the autopilot reports; None if it reports none that is known."""
-    texts = [text for _, text in log.messages]
-    try:
-        return reported_airframe(log.parameters, facts=log.facts, texts=texts).layout
-    except AirframeError:
-        return None
-
-
-def _serial_in_texts(log: FlightLog) -> str:
-    """Return the serial number, hexadecimal, in ArduPilot's start-up text; empty without one."""
-    for _, text in log.messages:
-        if found := _BOARD.match(text.strip()):
-            # Each word is printed from its last byte to its first.
-            return "".join(bytes.fromhex(word)[::-1].hex() for word in found.groups())
-    return ""
 
 
 def firmware(log: FlightLog) -> str | None:

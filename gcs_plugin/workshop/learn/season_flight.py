@@ -25,6 +25,7 @@ from thrustmargin.gcs_plugin.logs.log_answer import answer_log
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.reports.margin import FlightReport, report_flight
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
+from thrustmargin.gcs_plugin.store.aircraft_marks import marks_of
 from thrustmargin.gcs_plugin.store.hangar import AircraftFlight, Hangar, KnownAircraft
 from thrustmargin.gcs_plugin.store.ingest_run import LogSource, local_file, store_flights
 from thrustmargin.gcs_plugin.store.learnt_flight import LearntFlight
@@ -33,9 +34,7 @@ from thrustmargin.gcs_plugin.store.season_store import (
     SeasonStore,
     aircraft_identity,
     array_cells,
-    board,
     firmware,
-    layout,
 )
 from thrustmargin.gcs_plugin.store.staging import SeasonFlight, drop_flight, stage
 from thrustmargin.gcs_plugin.store.writer_lock import writer_lock
@@ -183,7 +182,8 @@ def stored_flight(
     """Return a flight that was analysed with the model of a digest, for the store."""
     sums, reason = _sums(analysis)
     identity, program = aircraft_identity(log, settings.aircraft), firmware(log)
-    hardware, motors = board(log), layout(log)
+    marks = marks_of(log)
+    hardware, motors = marks.board or None, marks.layout or None
     aircraft, of_verdict = identity.name, analysis_for_verdict(analysis)
     if settings.key is not None:
         aircraft = f"aircraft-{pseudonym(settings.key, aircraft)[:8]}"
