@@ -53,10 +53,10 @@ class AirframeClaim:
     outputs: OutputEvidence | None = None  # thrust by motor outputs, independent of the gauge
 
     def __str__(self) -> str:
-        """Return the claim as data, for programmers."""
+        """Return the claim as data, for programmers; empty without an airframe and a reason."""
         if self.withheld:
             return f"no margin: {'; '.join(map(str, self.withheld))}"
-        return f"{self.airframe} {self.basis}".strip()
+        return f"{self.airframe} {self.basis}" if self.airframe else ""
 
     @property
     def odd_voltage(self) -> bool:

@@ -298,7 +298,7 @@ class FlightAnalysis:
             f"  least thrust margin {worst(self.utilisation)} {self.speed_basis}, "
             f"{worst(self.utilisation_predicted)} predicted; rotor speed error {off} RMS\n"
             f"  air: {self.density_basis}\n  ceiling: {self.voltage_basis}"
-            f"\n  airframe: {self.claim}"
+            + (f"\n  airframe: {self.claim}" if str(self.claim) else "")
         )
 
     def state_at(self, row: int) -> FlightState:
