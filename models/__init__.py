@@ -9,7 +9,7 @@ W weight [N], u utilisation, R rotors, i a rotor, k a lost rotor.
     prediction       N_i = f_i(V, m_tank) sqrt(rho_ref/rho): the network       predict.py
     ceiling          N_max = N_max,ref min(U/U_ref, 1)^n                       margin.py
     utilisation      u_i = T_i/T_max,i = (N_i/N_max)², margin 1 - u_i          margin.py
-    redundancy       max collective without rotor k, level / W                 allocation.py
+    redundancy       max collective without rotor k, level / W                 margin.py
     quad             one rotor lost, yaw uncontrolled: 1/(2u); yaw kept: 0
 
 Frames: `_ned` north, east, down from the flight's origin; `_frd` forward, right, down of the body.
