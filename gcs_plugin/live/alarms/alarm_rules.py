@@ -337,7 +337,7 @@ def lead(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
         np.isfinite(watts),
         severity=lambda *_: WARNING,
         text=lambda row, k: words.lead_words(k + 1, float(watts[row, k])),
-        rotor=watts.shape[1],
+        rotor=now.analysis.track.rotor_count,
         past=lambda k: words.lead_past(k + 1),
     )
 

@@ -11,6 +11,7 @@ from tests.gcs_plugin.logs.csv_files import write_csv
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.logs import FlightLog, read_log
 from thrustmargin.gcs_plugin.logs.inspection import as_json, inspect_log
+from thrustmargin.models.flight import TRACK_CHANNELS
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.physics.airframe import Airframe, airframe_names, load_airframe
 from thrustmargin.models.statement import state
@@ -154,7 +155,7 @@ def test_json_holds_the_same_and_no_nan(log):
     assert told["motor_order"]["motors"] == [1, 2, 3, 4]
     by_name = {c["name"]: c for c in told["channels"]}
     assert by_name["rotor_speed_rpm"]["rate_hz"] == pytest.approx(10.0, rel=0.05)
-    assert len(told["channels"]) == 18
+    assert len(told["channels"]) == 23
 
 
 def test_an_inspection_is_a_few_lines_to_read(log):
@@ -204,8 +205,11 @@ def test_the_default_airframe_gives_way_to_another_rotor_count(capsys, log, tmp_
     track = log.track
     wide = replace(
         track,
-        rotor_speed_rpm=np.tile(track.rotor_speed_rpm[:, :1], (1, rotors)),
-        throttle=np.tile(track.throttle[:, :1], (1, rotors)),
+        **{
+            name: np.tile(getattr(track, name)[:, :1], (1, rotors))
+            for name, channel in TRACK_CHANNELS.items()
+            if channel.per_rotor
+        },
     )
     write_csv(wide, tmp_path / "wide.csv")
     assert run(["inspect", str(tmp_path / "wide.csv")]) == 0

@@ -85,7 +85,8 @@ def arm_flight(
     # Of a lead, the share of the voltage that it loses more at 5 kg of tank.
     usual_amps = power_of * (np.median(speed[flying], axis=0)) ** 3 / 57.0
     lead = lead + share["lead"] * 57.0 / usual_amps
-    amps = shaft / 55.0
+    amps, at_esc = shaft / 55.0, np.full(shaft.shape, 55.0)
+    battery = sound_volts[:, None]
     for _ in range(6):  # of the battery's side: shaft power, windings, stage
         battery = sound_volts[:, None] - 0.02 * amps.sum(axis=1, keepdims=True)
         at_esc = battery - lead * amps

@@ -35,6 +35,12 @@ def answer(track, model=KNOWN, **given):
     return flight_arm_answer(analyse(track, model), **given)
 
 
+def together(model, tracks, **weak):
+    found = flights_arm_answer(model, tracks, **weak)
+    assert found is not None
+    return found
+
+
 def without(track, *channels):
     return replace(track, **{c: np.full_like(getattr(track, c), np.nan) for c in channels})
 
@@ -90,11 +96,11 @@ def test_the_thrust_search_is_never_contradicted():
 def test_of_a_rotor_that_a_search_reports_the_figures_choose_between_propeller_and_reading():
     for cause in (Cause.PROPELLER, Cause.SPEED_READING):
         bad = arm_flight(75, 30, Bad(cause=cause.value, size=0.12, arm=1), aircraft=3)
-        (found,) = flights_arm_answer(KNOWN, [bad], weak=[1]).findings
+        (found,) = together(KNOWN, [bad], weak=[1]).findings
         assert (found.arm, found.cause) == (1, cause)
     sound = arm_flight(77, 30, aircraft=3)
-    assert flights_arm_answer(KNOWN, [sound], weak=[1]).findings == ()
-    assert flights_arm_answer(MODEL, [sound], weak=[1]).findings == ()
+    assert together(KNOWN, [sound], weak=[1]).findings == ()
+    assert together(MODEL, [sound], weak=[1]).findings == ()
 
 
 def test_two_bad_arms_are_both_found():
@@ -111,7 +117,7 @@ def test_several_flights_show_what_one_does_not():
         for k in range(6)
     ]
     assert answer(tracks[0]).findings == ()
-    (found,) = flights_arm_answer(KNOWN, tracks).findings
+    (found,) = together(KNOWN, tracks).findings
     assert found.arm == 2
     assert Cause.CURRENT_READING in {one.cause for one in found.causes}
     assert flights_arm_answer(KNOWN, []) is None
@@ -170,6 +176,7 @@ def test_a_law_of_different_numbers_of_arms_is_refused():
 def test_a_model_file_keeps_what_is_known_of_the_arms(tmp_path):
     save_model(KNOWN, tmp_path / "known.safetensors")
     read = load_model(tmp_path / "known.safetensors").arms
+    assert read is not None
     assert [one.flight for one in read.flights] == [track.name for track in GOOD]
     bad = arm_flight(71, 30, Bad(cause="lead", size=0.12, arm=2), aircraft=3)
     again = answer(bad, replace(MODEL, arms=read)).findings
