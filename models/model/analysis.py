@@ -62,6 +62,7 @@ from thrustmargin.models.physics.margin import (
     yaw_reserve,
 )
 from thrustmargin.models.physics.smoothing import known_median
+from thrustmargin.models.statement import Statement
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 LASTING_S = 15  # s
@@ -315,7 +316,7 @@ class FlightAnalysis:
         return own_channels(before, self.model.airframe, effects, self.start)[1]
 
     @property
-    def withheld(self) -> tuple[str, ...]:
+    def withheld(self) -> tuple[Statement, ...]:
         """Return the reasons why no margin is claimed; empty if one is.
 
         With a reason, all that needs the airframe is NaN.
