@@ -231,10 +231,14 @@ def _change_findings(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[
             last, ended = entry is trend.changes[-1], entry.until < count
             swap = words.rotor_of(trend.name) is not None and words.back_to_sound(entry)
             ahead = RECENT * entry.per_flight if entry.ramp and not ended else 0.0
-            counts = last and not swap
+            # A rotor that makes more thrust than the model expects is not worn: a motor was
+            # levelled, or a propeller of another kind fitted.
+            gains = words.rotor_of(trend.name) is not None and not swap and trend.now + ahead < 0.0
+            counts = last and not swap and not gains
             ratio = abs(trend.now + ahead) / trend.usual if counts else 0.0
             at = season.counted[min(entry.flight, count - 1)]
-            advised = words.value_words(trend.name).action
+            advised = actions.SAME_KIND if gains else words.value_words(trend.name).action
+            level = change_level(ratio, part=advised.part) if counts else FINE
             action = advised.text
             if trend.instead:
                 others = [say(words.value_words(n).title) for n in trend.instead[:3]]
@@ -243,7 +247,7 @@ def _change_findings(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[
                 action = f"{say('it has stopped')}; {action}"
             when = words.flight_words(at, season.flights[at]["started_unix_s"])
             yield SeasonFinding(
-                level=change_level(ratio, part=advised.part) if counts else FINE,
+                level=WATCH if gains else level,
                 weight=ratio,
                 sentence=words.entry_sentence(trend.name, entry, when, ended),
                 action=_swap_words(season, trend, entry, parts) if swap else action,

@@ -53,6 +53,17 @@ def test_a_small_step_is_watched_and_a_larger_one_acted_on():
     assert larger.level == ACT
 
 
+def test_a_rotor_that_comes_to_make_more_thrust_is_not_changed_for_a_new_one():
+    late = np.arange(60) >= 40
+    found = aircraft_season(
+        "a", rows_of(60), sums_of(with_change(season(RNG(2), 60), LOSS_2, -0.06 * late))
+    )
+    assert found.level == WATCH
+    assert found.findings[0].action.startswith(
+        "with the battery off, compare the size and pitch of its propeller"
+    )
+
+
 @pytest.mark.parametrize(("lost", "level"), [(0.03, ACT), (0.1, FIRST)])
 def test_what_is_off_in_all_flights_counts_by_how_much_sound_aircraft_differ(lost, level):
     """Their rotors differ by 0.4 %: 3 % are seven times as much, and 10 % 25 times."""
