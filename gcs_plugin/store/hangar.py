@@ -265,7 +265,7 @@ class KnownAircraft:
     def arms_since_repair(self) -> tuple[ArmFigures, ...]:
         """Return the figures of each arm in all flights since the last repair, by time."""
         since = max(self.repairs, default=-math.inf)
-        rows = (row for row in self.flights if row.start_unix_s >= since)
+        rows = (row for row in self.flights if row.started_unix_s >= since)
         return tuple(row.arms for row in rows if row.arms is not None)
 
     def experience_before(self, start_unix_s: float = math.inf) -> Experience | None:

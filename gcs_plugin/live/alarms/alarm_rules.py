@@ -330,7 +330,8 @@ def heat(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
 def lead(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     """Check whether a lead loses more power than the others', which heats its lugs."""
     rows = now.analysis.track.esc_voltage[now.rows]
-    watts = np.full(rows.shape, np.nan) if now.heat is None else now.heat.lead_watts
+    none: Floats = np.full(rows.shape, np.nan)
+    watts = none if now.heat is None else now.heat.lead_watts
     return AlarmChecks(
         watts > s.lead_watts,
         watts < 0.5 * s.lead_watts,

@@ -11,7 +11,7 @@ def row(k, **more):
     power = ArmFigure(quantity=ArmQuantity.POWER, value=(0.0,) * 4, error=(0.001,) * 4)
     arms = ArmFigures(flight=f"f{k}", day=k, figures=(power,))
     return AircraftFlight(
-        flight=f"f{k}", log_name=f"{k}.BIN", start_unix_s=1000.0 * k, arms=arms, **more
+        flight=f"f{k}", log_name=f"{k}.BIN", started_unix_s=1000.0 * k, arms=arms, **more
     )
 
 
