@@ -33,7 +33,6 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
     by_index,
     output_pulses,
 )
-from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe
@@ -228,7 +227,7 @@ def motor_map(
         words = motor_order
     elif count and all(k in on_output for k in range(count)):
         outputs = tuple(on_output[k] for k in range(count))
-        words = say("motors on outputs {outputs} by SERVOn_FUNCTION", outputs=_listed(outputs))
+        words = f"motors on outputs {_listed(outputs)} by SERVOn_FUNCTION"
     elif on_bank:
         outputs = tuple(on_bank[k] for k in range(count))
         words = f"motors on outputs {_listed(outputs)} by PWM_{bank}_FUNCn"
@@ -236,7 +235,7 @@ def motor_map(
             assumed, esc_order = True, f"ESC n taken to be that of motor n: {_listed(escs)}"
     else:
         assumed = count > 0
-        words = say("motor n taken to be on output n: {outputs}", outputs=_listed(outputs))
+        words = f"motor n taken to be on output n: {_listed(outputs)}"
     esc_words = esc_order or motor_order
     if not esc_words:
         escs = _escs_of(outputs, turned_escs(signals) if turned is None else turned)

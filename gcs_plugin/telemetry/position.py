@@ -10,9 +10,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.resample import known_rows, last_before, plausible
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
-from thrustmargin.gcs_plugin.wording.check_words import source_words
 from thrustmargin.gcs_plugin.wording.flight_words import GROUNDED_BY
-from thrustmargin.gcs_plugin.wording.language import Verbatim, say
 from thrustmargin.models.checks.held import (
     RISEN,
     HeldSoFar,
@@ -137,7 +135,7 @@ def _airborne(
         reported = np.isin(state, (IN_AIR, TAKING_OFF, LANDING)) & on
         reported &= ~_disarmed_since(signals, landed, clock_s)
         if height is None:
-            return Airborne(reported, FlyingBy.LANDED_STATE, source_words(landed.source))
+            return Airborne(reported, FlyingBy.LANDED_STATE, landed.source.words)
         body = _body(channels, squares, output)
         flying = _clear_of_ground(reported, height)
         if reported.any() and not flying.any():
@@ -145,8 +143,7 @@ def _airborne(
         flying &= drop_held(reported, stretches(reported), clock_s, body)
         if reported.any() and not flying.any():
             return _grounded(clock_s, FlyingBy.HELD)
-        named = Verbatim(source_words(landed.source))
-        words = say("{source}, and {clear} m clear of it", source=named, clear=f"{CLEAR:g}")
+        words = f"{landed.source.words}, and {CLEAR:g} m clear of it"
         return Airborne(flying, FlyingBy.LANDED_STATE, words)
     measured = bool(np.isfinite(speeds).any())
     if not measured and np.count_nonzero(driven) >= FEWEST_ROWS:
@@ -383,7 +380,7 @@ def position_sources(signals: Signals, zero: PlaceOfZero | None) -> tuple[Signal
         places[:, 2] = plausible("altitude", places[:, 2])
         source = fixes.source.remarked(f"from {zero.whose}")
         if zero.source is not fixes.source:
-            source = source.remarked(say("by {source}", source=Verbatim(zero.source.name)))
+            source = source.remarked(f"by {zero.source.name}")
         sources.append(Signal("position_ned", source, fixes.time_s, zero.origin.ned(places)))
     local = best(signals, "position_ned")
     if local is not None:

@@ -21,7 +21,6 @@ from thrustmargin.gcs_plugin.telemetry.resample import (
     known_rows,
     last_before,
 )
-from thrustmargin.gcs_plugin.wording.language import Verbatim, say
 from thrustmargin.mission.plan_check import parameter
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Meaning, Provenance, Reason, Rejected, SourceKind
@@ -298,8 +297,7 @@ def airspeed_sources(signals: Signals, sampling: Sampling) -> Iterator[Signal]:
     if wind is None or not np.nansum(np.abs(wind.values)):
         source = replace(source, meaning=Meaning.GROUND_SPEED)
     else:
-        wind_by = Verbatim(wind.source.name)
-        source = source.remarked(say("less {source}'s wind", source=wind_by))
+        source = source.remarked(f"less {wind.source.name}'s wind")
         blown = last_before(wind, velocity.time_s)
         through_air = through_air - np.where(np.isfinite(blown), blown, 0.0)
     yield Signal("airspeed", source, velocity.time_s, np.linalg.norm(through_air, axis=1))

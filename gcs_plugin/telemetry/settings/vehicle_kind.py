@@ -12,7 +12,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import motor_outputs, whole_number
-from thrustmargin.gcs_plugin.wording.language import Verbatim, say
 from thrustmargin.models.physics.motor_layouts import FRAME_CLASSES, class_rotors
 from thrustmargin.models.vehicle_facts import VehicleFacts, VehicleKind
 
@@ -133,8 +132,7 @@ def _program(
     for text in texts:
         boot = _BOOT.match(text)
         if boot:
-            sent = Verbatim(boot[0].strip())
-            return _PROGRAMS[boot[1] or boot[2]], say("boot text '{text}'", text=sent)
+            return _PROGRAMS[boot[1] or boot[2]], f"boot text '{boot[0].strip()}'"
     if mav_type in _TYPES:
         return _TYPES[mav_type], f"MAV_TYPE {mav_type}"
     airframe = whole_number(parameters, "CA_AIRFRAME")

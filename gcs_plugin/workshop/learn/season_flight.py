@@ -40,8 +40,10 @@ from thrustmargin.gcs_plugin.store.staging import SeasonFlight, drop_flight, sta
 from thrustmargin.gcs_plugin.store.writer_lock import writer_lock
 from thrustmargin.gcs_plugin.wording.check_words import note_words
 from thrustmargin.gcs_plugin.wording.flight_words import not_flown
+from thrustmargin.gcs_plugin.wording.language import speaking
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.errors import DataError, ThrustMarginError
+from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.season.flight_sums import flight_sums, to_arrays
 from thrustmargin.models.json_values import to_json_values
 from thrustmargin.models.model.advice import FlightLevel
@@ -304,7 +306,7 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         **{name: flight[name] for name in REPORT_COLUMNS},
         "latitude_deg": track.origin.latitude_deg if track.origin else nan,
         "longitude_deg": track.origin.longitude_deg if track.origin else nan,
-        "notes": note_words(track),
+        "notes": _notes(track),
         "findings": _findings_json(report),
         "no_flight_of": [],
         "missing_channels": [c.name for c in log.channels if not c.samples],
@@ -343,6 +345,12 @@ def learnt_columns(row: AircraftFlight) -> dict[str, Any]:
         name: json.dumps(to_json_values(value)) if is_dataclass(value) else value
         for name, value in values.items()
     } | {name: list(values[name]) for name in ("fault_kinds", "suspects")}
+
+
+def _notes(track: FlightTrack) -> list[str]:
+    """Return the notes of a track in English, for a store has readers of every language."""
+    with speaking("en"):
+        return note_words(track)
 
 
 def _findings_json(report: FlightReport) -> str:
