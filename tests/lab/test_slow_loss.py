@@ -1,5 +1,7 @@
 """A rotor that loses .4 % of its thrust a flight, in the plant's flights, through the offsets."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -10,13 +12,14 @@ from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.offset_total import rotor_total
 
 
-def first_named(season: Season, count: int):
+def first_named(season: Season, count: int) -> Any:
     """The flights after which a rotor is first named, and the total."""
     rows = []
     for track in flights_of(season):
         if len(rows) == count:
             break
         analysis = analysis_for_verdict(analyse(track, shipped_model()))
+        assert track.start_unix_s is not None
         row = flight_offsets(
             analysis, flight=track.name, start_unix_s=track.start_unix_s, longitude_deg=np.nan
         )

@@ -1,6 +1,7 @@
 """How a flight differs from those of its aircraft before it: mode, size, mass, and by chance."""
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -15,6 +16,7 @@ from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.offset_total import RotorTotal
 
 DAY_S = 86_400.0
+MODEL: Any = shipped_model()
 SIZES = WalkSizes(flight=0.004, day=0.004)
 SPEED, WEIGHT = 2000.0, 30.0 * 9.80665  # rpm, N
 
@@ -32,8 +34,8 @@ def step(last, error=0.0005):
     return walk(flights, SIZES)[-1]
 
 
-def change(last, coverage=0.93, rotor=None):
-    model = shipped_model()
+def change(last, coverage=0.93, rotor=None) -> Any:
+    model = MODEL
     return aircraft_change(
         step(last), model.airframe, speed_rpm=SPEED, weight=WEIGHT, coverage=coverage,
         interval=model.interval, rotor=rotor,
@@ -71,13 +73,13 @@ def test_a_moment_names_the_rotors_of_either_side_and_no_mass():
 
 
 def test_a_flight_whose_speeds_leave_their_interval_is_a_change_of_coverage():
-    least = least_coverage(shipped_model().interval)
+    least = least_coverage(MODEL.interval)
     assert 0.75 < least < 0.86  # 27 flights held 87 to 99 %
     assert change((0.0,) * 4, coverage=least + 0.01) is None
     found = change((0.0,) * 4, coverage=least - 0.01)
     assert found.kind is ChangeKind.COVERAGE
     assert found.modes == ()
-    no_flights = replace(shipped_model().interval, measured=None)
+    no_flights = replace(MODEL.interval, measured=None)
     assert least_coverage(no_flights) == pytest.approx(0.76, abs=0.005)
 
 

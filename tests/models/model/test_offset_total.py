@@ -1,5 +1,7 @@
 """What is followed is not forgiven: a rotor is named by the total of its offsets since a repair."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -38,10 +40,15 @@ def season(seed, loss=lambda _: 0.0, rotor=2, count=FLIGHTS):
     return made
 
 
-def first_named(flights, **since):
+def total(flights, **since) -> Any:
+    """The weak rotor by the total of the offsets."""
+    return rotor_total(flights, shipped_model(), **since)
+
+
+def first_named(flights, **since) -> Any:
     """The number of flights after which a rotor is first named, and what is said then."""
     for count in range(1, len(flights) + 1):
-        if found := rotor_total(flights[:count], shipped_model(), **since):
+        if found := total(flights[:count], **since):
             return count, found
     return None, None
 
@@ -52,7 +59,7 @@ def test_a_rotor_that_loses_a_little_each_flight_is_named_before_six_per_cent(ro
     assert found.rotor == rotor
     assert 0.004 * count < 0.06
     assert found.low <= 0.004 * count <= found.high
-    whole = rotor_total(season(rotor, lambda k: 0.004 * (k + 1), rotor), shipped_model())
+    whole = total(season(rotor, lambda k: 0.004 * (k + 1), rotor))
     assert whole.loss == pytest.approx(0.16, abs=0.012)
     assert whole.since_unix_s < 2 * DAY_S
     assert whole.flights == 40
@@ -77,15 +84,15 @@ def test_a_load_that_stays_is_no_rotor():
 def test_a_noted_repair_starts_the_sum_anew():
     worn = season(7, lambda k: 0.004 * (k + 1) if k < 20 else 0.0)
     repaired = worn[20].start_unix_s - 1.0
-    assert rotor_total(worn[:20], shipped_model()).rotor == 2
+    assert total(worn[:20]).rotor == 2
     for count in range(21, 41):
-        assert rotor_total(worn[:count], shipped_model(), since_unix_s=repaired) is None
-    assert rotor_total([], shipped_model()) is None
+        assert total(worn[:count], since_unix_s=repaired) is None
+    assert total([]) is None
 
 
 def test_a_sudden_loss_that_stays_is_dated():
     cracked = season(8, lambda k: 0.08 if k >= 20 else 0.0)
-    found = rotor_total(cracked[:30], shipped_model())
+    found = total(cracked[:30])
     assert found.rotor == 2
     assert found.loss == pytest.approx(0.08, abs=0.015)
     assert abs(found.since_unix_s - cracked[20].start_unix_s) <= DAY_S
@@ -95,6 +102,6 @@ def test_after_a_repair_that_nobody_noted_no_rotor_is_named():
     worn = season(9, lambda k: 0.004 * (k + 1) if k < 20 else 0.0)
     repaired = worn[20].start_unix_s
     for count in range(21, 41):
-        assert rotor_total(worn[:count], shipped_model(), jump_unix_s=repaired) is None
+        assert total(worn[:count], jump_unix_s=repaired) is None
     # A jump that is no repair changes nothing.
-    assert rotor_total(worn[:20], shipped_model(), jump_unix_s=worn[17].start_unix_s).rotor == 2
+    assert total(worn[:20], jump_unix_s=worn[17].start_unix_s).rotor == 2
