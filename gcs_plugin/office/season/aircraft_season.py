@@ -19,6 +19,7 @@ from thrustmargin.gcs_plugin.office.season.stored_words import (
     flight_alarms,
     flight_caveats,
 )
+from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.actions import OF_CAVEAT, OF_LEVEL, Urgency, answer_to
 from thrustmargin.gcs_plugin.wording.language import known as finite
 from thrustmargin.gcs_plugin.wording.language import say
