@@ -28,16 +28,16 @@ from thrustmargin.models.model.rotor_faults import FaultEpisode
 
 #: Level -> its name when flights are counted; {limit} is the thrust that must be left, as "50 %".
 SEVERAL: Mapping[FlightLevel, str] = {
-    FlightLevel.DAMAGED: "WITH A BAD ROTOR OR MOTOR",
+    FlightLevel.DAMAGED: "A BAD ROTOR OR MOTOR",
     FlightLevel.LOST: "LOST CONTROL",
-    FlightLevel.BATTERY: "WITH A COLLAPSED BATTERY",
-    FlightLevel.NO_THRUST: "WITH NO THRUST LEFT AT TIMES",
+    FlightLevel.BATTERY: "A COLLAPSED BATTERY",
+    FlightLevel.NO_THRUST: "NO THRUST LEFT AT TIMES",
     FlightLevel.CRITICAL: "TOO HEAVY TO LOSE A ROTOR",
     FlightLevel.OVER: "THRUST LEFT BELOW THE {limit} LIMIT",
-    FlightLevel.ORDER: "WITH MOTORS IN ANOTHER ORDER",
+    FlightLevel.ORDER: "MOTORS IN ANOTHER ORDER",
     FlightLevel.NEAR: "THRUST LEFT NEAR THE {limit} LIMIT: CANNOT TELL",
     FlightLevel.UNDER: "THRUST LEFT ABOVE THE {limit} LIMIT",
-    FlightLevel.UNKNOWN: "WITHOUT VERDICT",
+    FlightLevel.UNKNOWN: "NO VERDICT",
 }
 #: Levels in which a flight that goes on should end.
 LAND_FIRST = (FlightLevel.DAMAGED, FlightLevel.LOST, FlightLevel.BATTERY, FlightLevel.NO_THRUST)

@@ -18,21 +18,21 @@ from thrustmargin.models.model.model_file import shipped_model
 SLOW = ("no_speeds", "zero_speeds", "frozen_voltage", "zero_gauge", "worn", "hexa")
 #: Kind -> start of the report's first line, of the forecast's, and a word of its first step.
 LINES = {
-    "sound": ("BELOW THE 50 % LIMIT", "MAY TAKE OFF WITH 4.0 kg", ""),
-    "no_gauge": ("BELOW THE 50 % LIMIT", "MAY TAKE OFF WITH 4.0 kg", ""),
+    "sound": ("THRUST LEFT ABOVE THE 50 % LIMIT", "MAY TAKE OFF WITH 4.0 kg", ""),
+    "no_gauge": ("THRUST LEFT ABOVE THE 50 % LIMIT", "MAY TAKE OFF WITH 4.0 kg", ""),
     "truncated": (
-        "BELOW THE 50 % LIMIT UP TO 1:54 (LOG ENDS IN FLIGHT)",
+        "THRUST LEFT ABOVE THE 50 % LIMIT UP TO 1:54 (LOG ENDS IN FLIGHT)",
         "TAKE OFF WITH 4.0 kg (4.0 L) ONLY IF ITS LAST FLIGHT ENDED WELL (THE LOG ENDS IN FLIGHT",
         "see how the flight ended",
     ),
     "never_flew": ("NO VERDICT", "NO VERDICT: the log shows no flight", "every propeller"),
     "worn_then_sound": (
-        "1 OF 2 FLIGHTS WITH A BAD ROTOR OR MOTOR",
+        "1 OF 2 FLIGHTS: A BAD ROTOR OR MOTOR",
         "TAKE OFF WITH 4.0 kg (4.0 L) ONLY IF THE DAMAGE OF ROTOR 1 WAS REPAIRED",
         "repaired",
     ),
     "sound_then_worn": (
-        "1 OF 2 FLIGHTS WITH A BAD ROTOR OR MOTOR",
+        "1 OF 2 FLIGHTS: A BAD ROTOR OR MOTOR",
         "DO NOT TAKE OFF WITH 4.0 kg (4.0 L): ROTOR 1, FRONT RIGHT: 8 % LESS THRUST",
         "propeller, motor and ESC of rotor 1",
     ),
@@ -42,12 +42,12 @@ LINES = {
         "propeller, motor and ESC of rotor 1",
     ),
     "no_esc": (
-        "BELOW THE 50 % LIMIT (ROTORS LOOKED AT BY OUTPUTS ALONE)",
+        "THRUST LEFT ABOVE THE 50 % LIMIT (ROTORS LOOKED AT BY OUTPUTS ALONE)",
         "TAKE OFF WITH 4.0 kg (4.0 L) ONLY IF NO ROTOR IS WEAK FROM THE START",
         "every propeller",
     ),
     "zero_speeds": (
-        "BELOW THE 50 % LIMIT (ROTORS LOOKED AT BY OUTPUTS ALONE)",
+        "THRUST LEFT ABOVE THE 50 % LIMIT (ROTORS LOOKED AT BY OUTPUTS ALONE)",
         "TAKE OFF WITH 4.0 kg (4.0 L) ONLY IF NO ROTOR IS WEAK FROM THE START",
         "every propeller",
     ),
@@ -58,17 +58,17 @@ LINES = {
         "voltmeter",
     ),
     "collapsed": (
-        "BELOW THE 50 % LIMIT (VOLTMETER LEFT OUT)",
+        "THRUST LEFT ABOVE THE 50 % LIMIT (VOLTMETER LEFT OUT)",
         "TAKE OFF WITH 4.0 kg (4.0 L) ONLY IF THE VOLTAGE IS KNOWN",
         "voltmeter",
     ),
     "stuck_gauge": (
-        "BELOW THE 50 % LIMIT (TANK GAUGE LEFT OUT)",
+        "THRUST LEFT ABOVE THE 50 % LIMIT (TANK GAUGE LEFT OUT)",
         "TAKE OFF WITH 4.0 kg (4.0 L) ONLY IF THE TANK LEVEL IS KNOWN",
         "tank gauge",
     ),
     "zero_gauge": (
-        "BELOW THE 50 % LIMIT (TANK GAUGE LEFT OUT)",
+        "THRUST LEFT ABOVE THE 50 % LIMIT (TANK GAUGE LEFT OUT)",
         "TAKE OFF WITH 4.0 kg (4.0 L) ONLY IF THE TANK LEVEL IS KNOWN",
         "tank gauge",
     ),

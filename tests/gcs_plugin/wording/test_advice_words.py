@@ -278,9 +278,9 @@ def test_the_facts_say_how_much_and_how_long():
             [FlightLevel.UNDER, FlightLevel.CRITICAL, FlightLevel.OVER, FlightLevel.CRITICAL],
             "2 OF 4 FLIGHTS: TOO HEAVY TO",
         ),
-        ([FlightLevel.UNDER, FlightLevel.DAMAGED], "1 OF 2 FLIGHTS: WITH A BAD ROTOR OR MOTOR"),
+        ([FlightLevel.UNDER, FlightLevel.DAMAGED], "1 OF 2 FLIGHTS: A BAD ROTOR OR MOTOR"),
         ([FlightLevel.UNDER] * 3, "ALL 3 FLIGHTS: THRUST LEFT ABOVE THE 50 % LIMIT"),
-        ([FlightLevel.UNKNOWN] * 2, "ALL 2 FLIGHTS: WITHOUT VERDICT"),
+        ([FlightLevel.UNKNOWN] * 2, "ALL 2 FLIGHTS: NO VERDICT"),
         (
             [FlightLevel.UNKNOWN, FlightLevel.UNDER],
             "1 OF 2 FLIGHTS: THRUST LEFT ABOVE THE 50 % LIMIT",
