@@ -95,7 +95,7 @@ def test_the_forecast_turns_the_nose_from_where_it_was_before_take_off():
         rotor_speed_rpm=made.rotor_speed_rpm,
         origin=Origin(latitude_deg=latitude, longitude_deg=longitude, altitude=altitude),
     )
-    analysis = analyse(track, model, made.density, claim=AirframeClaim(words="made by hand"))
+    analysis = analyse(track, model, made.density, claim=AirframeClaim())
     found = flown_mission(plan, parameters, model, analysis, BATTERY)
     assert found is not None
     assert found.peak_use.flown > 0.4
