@@ -197,7 +197,11 @@ def alarms() -> list[str]:
         alarm_words.at_limit(3, "rear right"),
         alarm_words.battery_words(2.91, 0.45, 0.32),
         *(alarm_words.esc_words(4, "rear right", flags) for flags in (*alarm_words.FAILURES, 128)),
-        *(alarm_words.heat_words(12, 423.0, 423.15, s, motor=m) for s in (0, 60) for m in (False, True)),
+        *(
+            alarm_words.heat_words(12, 423.0, 423.15, seconds, motor=motor)
+            for seconds in (0, 60)
+            for motor in (False, True)
+        ),
         alarm_words.heat_past(12),
         alarm_words.lead_words(12, 140.0),
         alarm_words.lead_past(12),
