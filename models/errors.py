@@ -2,6 +2,7 @@
 it."""
 
 import json
+from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, distribution
 from importlib.util import find_spec
 from pathlib import Path
@@ -31,6 +32,15 @@ class ModelError(ThrustMarginError):
 
 class DataError(ThrustMarginError):
     """There is too little data for a task, or none of the required kind."""
+
+
+class UnlikeFlightError(DataError):
+    """Flights cannot be of the model's aircraft; `reasons` has the name of each and the statement
+    of why."""
+
+    def __init__(self, reasons: Sequence[tuple[str, object]]) -> None:
+        super().__init__("; ".join(f"{name}: {reason}" for name, reason in reasons))
+        self.reasons = tuple(reasons)
 
 
 class PlanError(ThrustMarginError):

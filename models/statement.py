@@ -19,8 +19,16 @@ class Statement:
 
     def __str__(self) -> str:
         """Return the statement as data, for programmers: `swapped (first 1, second 2)`."""
-        values = ", ".join(f"{name} {value}" for name, value in self.values)
-        return f"{', '.join((self.kind, *self.clauses))} ({values})"
+        values = ", ".join(f"{name} {_text(value)}" for name, value in self.values)
+        words = ", ".join((self.kind, *self.clauses))
+        return f"{words} ({values})" if values else words
+
+
+def _text(value: Value) -> str:
+    """Return a value as text, numbers with at most 6 digits."""
+    if isinstance(value, tuple):
+        return "; ".join(map(str, value))
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 #: A number, a name, or what another sentence or a list of them holds.

@@ -226,6 +226,8 @@ coverage | number | 1 | of rotor speeds inside the interval of the state before 
 bias | number | 1 | mean of ln measured over predicted speed
 change | text | | JSON of how it differs from the flights before it, rotors from 0
 offsets | text | | JSON of the offsets of its modes from the model as it was made
+arms | text | | JSON of the figures of each arm: power, resistance, heat, vibration
+bad_arms | wholes | | arms, from 0, of which a part may have been bad
 not_taught | text | | why it taught nothing; null where it taught
 trained | bool | | whether the model was made from it
 """)

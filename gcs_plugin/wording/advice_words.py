@@ -342,7 +342,7 @@ def action_steps(advice: Advice) -> list[tuple[ActionKind, str]]:
             kind, done = ActionKind.CHECK_WIND, actions.CHECK_WIND.text
         return [*([(kind, done)] if within else []), (_fill_kind(advice), load), *then]
     later = advice.fill.beyond_gauge_kg > 0.0
-    load = say("until then {load}" if later else "for the load: {load}", load=load)
+    load = say("until then {load}" if later else "then {load}", load=load)
     return [*first, (_fill_kind(advice), load), *then]
 
 

@@ -31,17 +31,6 @@ from thrustmargin.models.physics.electric_power import NORMAL, PowerLaw, power_f
 from thrustmargin.models.physics.known_battery import KnownBattery
 
 
-def known_words(name: str, flights: int, days: int) -> str:
-    """Return on what the prediction of an aircraft rests, as the grounds of a verdict."""
-    if flights == 1:
-        return say("aircraft {name}, known from 1 flight", name=name)
-    if days == 1:
-        words = "aircraft {name}, known from {flights} flights on one day"
-        return say(words, name=name, flights=flights)
-    words = "aircraft {name}, known from {flights} flights on {days} days"
-    return say(words, name=name, flights=flights, days=days)
-
-
 def mission_words(mission: FlownMission) -> str:
     """Return a mission as its forecast said it and as it was flown."""
     parts = []

@@ -14,7 +14,7 @@ from thrustmargin.models.statement import Statement, Value
 
 if TYPE_CHECKING:
     from thrustmargin.models.flight import FlightTrack
-    from thrustmargin.models.model.airframe_claim import AirframeClaim
+    from thrustmargin.models.model.airframe_claim import AirframeClaim, KnownFrom
     from thrustmargin.models.provenance import Provenance
 
 #: What a rotor speed of another unit, or wrong readings of an instrument, lead to.
@@ -283,13 +283,27 @@ def _filled(value: Value) -> object:
 
 def claim_words(claim: AirframeClaim) -> str:
     """Return on which grounds a flight is analysed with an airframe, as `airframe x, given`."""
+    if claim.known_from is not None:
+        return known_words(claim.known_from)
     if not claim.airframe and claim.basis == "given":
         return say("a plan")
     return say("airframe {grounds}", grounds=Verbatim(grounds_words(claim)))
 
 
+def known_words(known: KnownFrom) -> str:
+    """Return on what the prediction of a known aircraft rests."""
+    own = {"name": Verbatim(known.aircraft), "flights": known.flights, "days": known.days}
+    if known.flights == 1:
+        return say("aircraft {name}, known from 1 flight", **own)
+    if known.days == 1:
+        return say("aircraft {name}, known from {flights} flights on one day", **own)
+    return say("aircraft {name}, known from {flights} flights on {days} days", **own)
+
+
 def grounds_words(claim: AirframeClaim) -> str:
     """Return the grounds of a claim behind the word airframe, as `x, given`."""
+    if claim.known_from is not None:
+        return known_words(claim.known_from)
     if claim.basis == "not known":
         return say("not known")
     names = ", ".join(say(_RESTS_ON[name]) for name in claim.guessed)

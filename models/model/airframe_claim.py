@@ -34,11 +34,21 @@ AirframeBasis = Literal["given", "recognised", "not known"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class KnownFrom:
+    """The known aircraft that a flight is of, and the flights and days its model rests on."""
+
+    aircraft: str
+    flights: int
+    days: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class AirframeClaim:
     """The grounds on which a flight is analysed with an airframe, or the reasons why it is not."""
 
     basis: AirframeBasis = "given"
     airframe: str = ""  # its name; empty of a flight that is only calculated
+    known_from: KnownFrom | None = None  # if the aircraft is a known one
     guessed: tuple[str, ...] = ()  # quantities of `RESTS_ON` that the airframe file guesses
     recognised_by: tuple[Statement, ...] = ()  # what matches it, if nobody gave it
     withheld: tuple[Statement, ...] = ()  # why no margin is claimed; empty if nothing contradicts

@@ -122,7 +122,7 @@ def learn_logs(
     from thrustmargin.gcs_plugin.commands.shared.inputs import read_logs
     from thrustmargin.gcs_plugin.store.hangar import NotTaught
     from thrustmargin.gcs_plugin.store.learnt_flight import learnt_flight
-    from thrustmargin.gcs_plugin.wording.aircraft_words import known_words
+    from thrustmargin.models.model.airframe_claim import KnownFrom
 
     model = aircraft.model()
     its = replace(inputs, logs=tuple(paths), airframe=str(aircraft.airframe_file))
@@ -131,9 +131,10 @@ def learn_logs(
     kept: list[tuple[LearntFlight, FlightLog]] = []
     for log, claim in sorted(read, key=_start):
         if not claim.withheld:
-            claim = replace(
-                claim, words=known_words(aircraft.name, len(aircraft.sound_flights), aircraft.days)
+            known_from = KnownFrom(
+                aircraft=aircraft.name, flights=len(aircraft.sound_flights), days=aircraft.days
             )
+            claim = replace(claim, known_from=known_from)
         flight = learnt_flight(
             log, claim, model, aircraft, flight=flight_key(log), limit=inputs.limit
         )

@@ -14,7 +14,7 @@ from typing import Protocol
 
 from thrustmargin.models.checks.motor_order import check_motor_order
 from thrustmargin.models.checks.speed_readings import late_speeds
-from thrustmargin.models.errors import DataError
+from thrustmargin.models.errors import DataError, UnlikeFlightError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.rows.problem import LEAST_ROWS, assemble_flight
 from thrustmargin.models.model.airframe_claim import airframe_claim
@@ -45,12 +45,12 @@ Flown = FlightTrack | HasTrack
 
 
 def require_airframe(flights: Sequence[Flown], model: RotorModel, *, given: bool) -> None:
-    """Raise DataError with all reasons why flights cannot be fitted as the model's aircraft.
+    """Raise UnlikeFlightError with all reasons why flights are not of the model's aircraft.
 
     Without a `given` model, each flight must be recognised as of its airframe. Raises AirframeError
     for another number of rotors.
     """
-    reasons: list[str] = []  # as data: only commands have sentences
+    reasons: list[tuple[str, Statement]] = []
     for flown in flights:
         if isinstance(flown, FlightTrack):
             track, facts, parameters = flown, VehicleFacts(), {}
@@ -59,9 +59,9 @@ def require_airframe(flights: Sequence[Flown], model: RotorModel, *, given: bool
         require_rotors(track, model.airframe)
         claim = airframe_claim(track, identified_airframe(model), facts, parameters, given=given)
         wrong = claim.withheld or [w for w in [wrong_speeds(track, model.airframe)] if w]
-        reasons += [f"{track.name}: {one}" for one in wrong]
+        reasons += [(track.name, one) for one in wrong]
     if reasons:
-        raise DataError("; ".join(reasons))
+        raise UnlikeFlightError(reasons)
 
 
 def wrong_speeds(track: FlightTrack, airframe: Airframe) -> Statement | None:

@@ -5,11 +5,13 @@ import inspect
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import thrustmargin as tm
+from thrustmargin.models.errors import DataError
 
 ROOT = Path(__file__).resolve().parents[3]
 SLOW = {"identify"}
@@ -79,3 +81,12 @@ def test_a_type_checker_sees_the_public_names(tmp_path: Path):
     )
     assert 'is "FlightAnalysis"' in done.stdout
     assert len(re.findall(r" - error: ", done.stdout)) == 2, done.stdout
+
+
+def test_a_flight_that_is_refused_is_told_why_in_sentences():
+    log = tm.read_log(ROOT / "sitl_logs/dev/worn_prop_1.tlog")
+    wrong = replace(log.track, rotor_speed_rpm=10.0 * log.track.rotor_speed_rpm)
+    with pytest.raises(
+        DataError, match=r"worn_prop_1.tlog: .* the ESC looks to report electrical rpm"
+    ):
+        tm.identify(wrong, tm.load_model())

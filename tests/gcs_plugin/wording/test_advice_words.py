@@ -141,7 +141,7 @@ def test_the_first_line_of_each_level():
     collapsed = Battery(least_cell=2.61, at_s=190.0)
     assert action(replace(ADVICE, levels=(FlightLevel.NO_THRUST,), use=weak)) == (
         "do not fly it before propeller, motor and ESC of rotor 3 were looked at, battery off; "
-        "for the load: fill at most 8.6 kg (8.6 L): with more it would descend after losing a rotor"
+        "then fill at most 8.6 kg (8.6 L): with more it would descend after losing a rotor"
     )
     assert say(FlightLevel.BATTERY, battery=collapsed) == "BATTERY COLLAPSED: 2.61 V A CELL AT 3:10"
 
@@ -204,12 +204,11 @@ def test_what_to_do_follows_the_same_order():
     which = action(replace(within, rotor_names=()))
     assert which.startswith("with the battery off, take the propellers off; then find by a motor")
     assert which.endswith(
-        "for the load: you may fill up to 8.6 kg (8.6 L): with more it would descend after "
-        "losing a rotor"
+        "then you may fill up to 8.6 kg (8.6 L): with more it would descend after losing a rotor"
     )
     empty = action(replace(ADVICE, levels=(FlightLevel.BATTERY, FlightLevel.OVER)))
     assert empty.startswith("with the battery off, take the battery out and test it")
-    assert "for the load: fill at most 8.6 kg" in empty
+    assert "then fill at most 8.6 kg" in empty
     spent = action(replace(ADVICE, levels=(FlightLevel.NO_THRUST, FlightLevel.OVER)))
     assert spent.endswith("fly turns and climbs more gently")
     tankless = replace(FILL, kg=0.0, limit_kg=3.0, low_kg=2.0, reason="tank", nothing_fits="tank")

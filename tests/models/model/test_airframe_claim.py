@@ -110,7 +110,7 @@ def test_no_number_of_a_withheld_analysis_needs_an_airframe(rotors):
         track, physics_model(F16), claim=replace(doubted, withheld=(state("no voltage"),))
     )
     plain = {"track", "model", "claim", "start", "density_error", "density_given"}
-    plain |= {"density", "density_basis", "voltage_basis", "beyond_gauge_kg", "bad_part"}
+    plain |= {"density", "density_basis", "voltage_basis", "beyond_gauge_kg", "bad_part", "change"}
     for field in fields(flight):
         if field.name == "prediction":
             assert not flight.prediction.basis.any()

@@ -240,7 +240,7 @@ def test_margins_are_withheld_on_every_screen_until_the_airframe_is_recognised()
     assert np.isfinite(last.analysis.margin[-1]).all()
     assert "nobody named it, and the flight fits it" in last.remarks[0]
     assert "the flight fits it" in summary(reading(last, 0.0), 0.5, 0.0)[-1]
-    assert sum("recognised" in note for _, note in vehicle.notes) == 1
+    assert sum("the flight fits it" in note for _, note in vehicle.notes) == 1
 
 
 def test_an_alarm_about_the_margin_cannot_be_confirmed_when_the_margin_is_withheld():

@@ -86,7 +86,7 @@ def test_a_log_that_ends_in_flight_says_so_and_one_that_ends_on_the_ground_does_
     said = report_flight(*short, max_utilisation=0.5).verdict
     last = clock(float(short[1].track.time_s[-1]))
     assert said["headline"] == f"THRUST LEFT ABOVE THE 50 % LIMIT UP TO {last} (LOG ENDS IN FLIGHT)"
-    assert said["action"].startswith("see how the flight ended; for the load: up to ")
+    assert said["action"].startswith("see how the flight ended; then you may fill up to ")
     assert not any("all flight" in fact.text for fact in said["facts"])
     (ending,) = (fact.text for fact in said["facts"] if fact.label == "log")
     assert ending.startswith(f"ends in flight, at {last}")
@@ -97,7 +97,7 @@ def test_a_log_that_begins_in_flight_or_pauses_in_it_says_so():
     since = int(np.flatnonzero(analysis.track.flying)[0]) + 200
     begun = report_flight(*flight(log().track.rows(slice(since, None))), max_utilisation=0.5)
     assert begun.verdict["headline"] == "THRUST LEFT ABOVE THE 50 % LIMIT (LOG BEGINS IN FLIGHT)"
-    first = "record the whole flight next time; for the load: up to "
+    first = "record the whole flight next time; then you may fill up to "
     assert begun.verdict["action"].startswith(first)
     rows = np.delete(np.arange(analysis.track.time_s.size), slice(since, since + 301))  # 30 s
     paused = report_flight(*flight(log().track.rows(rows)), max_utilisation=0.5).verdict

@@ -11,6 +11,7 @@ from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figur
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording.palette import MARGIN, css
 from thrustmargin.models.physics.airframe import airframe_from_table, airframe_table, load_airframe
+from thrustmargin.models.statement import state
 
 NO_DATA = (165, 165, 165)  # grey
 
@@ -121,7 +122,7 @@ def test_within_the_error_of_what_can_be_held_it_cannot_be_told():
     assert lost["low"] < 1.0 < lost["high"]
 
 
-@pytest.mark.parametrize("wrong", [{"other_order": True}, {"withheld": ("not known",)}])
+@pytest.mark.parametrize("wrong", [{"other_order": True}, {"withheld": (state("not yet"),)}])
 def test_rotors_of_unknown_places_stand_in_a_row_by_number(wrong):
     analysis = flight()
     other = replace(analysis, claim=replace(analysis.claim, **wrong))

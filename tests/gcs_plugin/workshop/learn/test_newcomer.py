@@ -51,8 +51,8 @@ def test_one_question_is_asked_for_all_logs_and_each_has_its_verdict(hangar, mon
     assert "of the same aircraft as north: all 2 logs" in question
     said = capsys.readouterr().out
     for log in LOGS:
-        assert f"{Path(log).name}: BELOW THE 50 % LIMIT" in said
-    assert said.count("steady use up to") == 2
+        assert f"{Path(log).name}: THRUST LEFT ABOVE THE 50 % LIMIT" in said
+    assert said.count("steady flight: thrust left down to") == 2
     assert len(hangar.load("north").flights) == 2
 
 

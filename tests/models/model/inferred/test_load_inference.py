@@ -10,6 +10,7 @@ import pytest
 
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.checks.speed_readings import check_speed_scale
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
@@ -213,14 +214,15 @@ def test_a_guessed_curve_widens_the_interval():
 def test_what_cannot_be_is_not_used_but_said(kilograms: float, says: str):
     found = with_load(hover(np.full(600, kilograms)), F16)
     assert not found.reports("tank_kg")
-    assert found.notes[-1].startswith("load not known: hover thrust shows")
-    assert says in found.notes[-1]
-    assert "--load" in found.notes[-1]
+    note = statement_words(found.statements[-1])
+    assert note.startswith("load not known: hover thrust shows")
+    assert says in note
+    assert "--load" in note
 
 
 def test_too_unsure_a_load_is_not_used():
     rough = hover(np.full(600, 9.0), standard_errors={"rotor_speed_rpm": np.full((600, 4), 250.0)})
-    assert "too unsure" in with_load(rough, F16).notes[-1]
+    assert "too unsure" in statement_words(with_load(rough, F16).statements[-1])
 
 
 def test_speeds_that_were_inferred_count_with_twice_their_share_of_error():
