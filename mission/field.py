@@ -50,11 +50,12 @@ class Field:
 def sprayed_field(
     time_s: Floats, position_ned: Floats, spraying: Floats, *, swath_width: float | None = None
 ) -> Field | None:
-    """Compute the field under the rows of `position_ned` (T, 3) m where `spraying` (T,) is 1.
+    """Compute the field under the rows of `position_ned` (T, 3), m, where `spraying` (T,) is 1.
 
-    `spraying` is 0 with the pump off or on the ground, NaN where its state is unknown. None if it
-    was never on. `swath_width` m overrides the spacing of the lines. Raise TrackError if shapes
-    disagree.
+    `spraying` is 0 with the pump off or on the ground, NaN where unknown. Rows where it is NaN,
+    and rows without a position, add no ground. `swath_width`, m, replaces the spacing measured
+    between the lines. Return None if `spraying` is never 1; a field with an empty ground and a
+    NaN area if no line or no spacing is known. Raise TrackError if shapes disagree.
     """
     rows = spraying.size
     if position_ned.shape != (rows, 3) or time_s.shape != (rows,):

@@ -67,11 +67,11 @@ class Udp(Transport):
         return self._target is not None or bool(self._heard)
 
     def receive(self, timeout: float) -> list[Chunk]:
-        """Return up to AT_ONCE datagrams, waiting up to `timeout` s for the first one; empty if
-        none arrives.
+        """Return up to AT_ONCE datagrams, waiting up to `timeout` s for the first one.
 
-        With a target, only datagrams from it are returned; otherwise their senders become peers for
-        `send`.
+        With a target, datagrams of other senders end the wait too and are dropped; without one,
+        senders become peers for `send`. Return an empty list if none arrives or is left, or at once
+        if an earlier send met a closed port. `emptied` is set to whether fewer than AT_ONCE waited.
         """
         chunks: list[Chunk] = []
         try:

@@ -199,7 +199,12 @@ def _good_in_chunk(
 
 
 def _checked(data: Bytes, start: Index, covered: Index, extra: Bytes) -> NDArray[np.bool_]:
-    """Flag frames (n,) with a correct checksum; frames of equal length are computed together."""
+    """Flag frames (n,) whose checksum is correct.
+
+    `start` (n,) are the indices of their first bytes in `data`; `covered` (n,) how many bytes
+    after the first one the checksum covers; `extra` (n,) the CRC_EXTRA of their messages.
+    Frames with equal `covered` are computed together.
+    """
     good = np.zeros(start.size, dtype=np.bool_)
     order = np.argsort(covered.astype(np.int16), kind="stable")
     edges = np.flatnonzero(np.diff(covered[order])) + 1

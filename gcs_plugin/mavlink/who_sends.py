@@ -77,7 +77,11 @@ def copies(frames: Frames) -> Bools:
 
 
 def _equal(frames: Frames, one: Index, other: Index) -> Bools:
-    """Flag pairs of frames (n,) with equal bytes up to their checksums: a router signs anew."""
+    """Flag pairs of frames (n,) with equal bytes, checksum included and signature left out.
+
+    `one` and `other` (n,) are the frames' rows in `frames`. A router signs what it forwards
+    anew.
+    """
     sizes = layout_table().size
     length = header(frames.data, frames.start[one], sizes).covered + 3
     equal = length == header(frames.data, frames.start[other], sizes).covered + 3

@@ -87,7 +87,10 @@ def _disarmed_since(signals: Signals, landed: Signal, clock_s: Floats) -> Bools:
 
 
 def _down_after(signals: Signals, end: float) -> bool:
-    """Return whether the vehicle reports that it landed or was disarmed at `end` s or later."""
+    """Return whether the last report says landed, or disarmed, and is of `end` s or later.
+
+    Use only the last value of the best source of each. Return False without any report.
+    """
     for channel, down in (("landed", (ON_GROUND,)), ("armed", (0.0,))):
         heights = best(signals, channel)
         if heights is None or not heights.time_s.size:
@@ -338,7 +341,13 @@ def _clear_of_ground(flying: Bools, height: Floats) -> Bools:
 
 
 def _body(channels: Mapping[str, Floats], squares: Floats, output: Floats | None = None) -> Floats:
-    """Return (T, 15) as of `held`: a speed of 0 is no measurement."""
+    """Return the columns (T, 15) that `held` takes, NaN where a channel is missing.
+
+    These are height_agl, attitude (3), velocity_ned (3), the mean square of the rotor speeds,
+    output, specific_force_frd (3), asked_attitude (2) and the altitude of the pressure, m.
+    `squares` (T,) is 0 where rotors stand, which is NaN here as no speed; `output` (T,) is NaN
+    if not given.
+    """
     nothing = np.full((squares.size, 3), NAN)
     return np.column_stack(
         (

@@ -125,7 +125,10 @@ def flight_limits(
 
 
 def _ardupilot(parameters: Mapping[str, float]) -> FlightLimits:
-    """Return the limits from ArduPilot's parameters."""
+    """Return the limits, in SI units, that the ArduPilot `parameters` (by name) set.
+
+    A parameter that is missing has its default, and is listed in `assumed`.
+    """
     values, assumed = _values(_ARDUPILOT, parameters)
     slew = math.radians(values.pop("slew_deg"))
     rate = math.radians(values.pop("yaw_rate_deg"))

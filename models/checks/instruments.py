@@ -213,8 +213,10 @@ def sprayed_by_thrust(
 def barometer_fault(track: FlightTrack) -> bool:
     """Return whether pressure or temperature cannot be those of the air at the aircraft.
 
-    That is a temperature outside the sensors' range, or a pressure altitude that is 500 m from the
-    altitude, moves by 60 m against it in flight, or changes by 30 m/s over 3 s.
+    It is so if the median temperature is outside the sensors' range; or if, of a reported
+    pressure, the altitude is 500 m from the track's (median, in flight), moves by 60 m against
+    it (5 to 95 % of the rows), or changes faster than 30 m/s between 3 s medians. Single wrong
+    rows do not count. Too few rows are no fault.
     """
     air = track.temperature[np.isfinite(track.temperature)]
     if air.size and not SENSOR_RANGE[0] < np.median(air) < SENSOR_RANGE[1]:

@@ -139,10 +139,12 @@ class Strip:
 
 
 def strip_of(flight: FlightReport) -> Strip | None:
-    """Return the strip of a flight's thrust left, in the colours of the replay; None where it is
-    not known.
+    """Return a flight's strip: its thrust left over its time in the air, in the replay's
+    colours.
 
-    Each of BINS parts has the colour of the least thrust left; neighbours of one colour are joined.
+    Each of BINS equal parts of the time has the colour of the least thrust left in it, or that
+    of unknown; neighbours of one colour are joined. The worst moment is marked, in % of the
+    time. Return None if the thrust left is unknown in the whole flight.
     """
     rows = airborne(flight.rows)
     time_s, use = rows["time_s"], worst_rotor(rows["known_utilisation"])[0]

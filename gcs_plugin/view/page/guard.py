@@ -74,9 +74,10 @@ def page_token(host: str, token_file: Path | None) -> str:
 
 
 def asked_for(connection: ServerConnection, request: Request, token: str) -> Response | None:
-    """Return the answer to a browser without a valid token; None for one that has it.
+    """Return the response that ends a request, or None if its cookie holds the valid `token`.
 
-    A browser that has the token in the page's address gets a cookie and the page.
+    A request for the page with the token in its address is redirected to the page and given the
+    cookie; any other one is answered 401, with a page that asks for the token.
     """
     name = f"thrustmargin_{connection.local_address[1]}"  # cookies do not distinguish ports
     cookies = SimpleCookie()

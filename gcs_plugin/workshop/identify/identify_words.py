@@ -345,9 +345,10 @@ def upper_limit(size: float, unit: str, name: str = "") -> str:
 
 
 def excluded_rows(found: Identification) -> list[tuple[str, str]]:
-    """Return (effect, excluded size) of effects that were not seen, for a table.
+    """Return rows (effect, "above SIZE") of the effects that were not seen, for a table.
 
-    All rotors share one row, and so do all cable lengths: each has the largest limit.
+    A size above SIZE is ruled out. All rotors share one row, all cable lengths another (one for
+    each parameter if an effect has several); a shared row states the largest of its limits.
     """
     largest: dict[str, Excluded] = {}
     spoken_of = {m.rotor for m in found.mentioned} | {f.term.rotor for f in found.found}

@@ -102,10 +102,11 @@ class ReportedEffect:
         return int(np.argmax(np.abs(self.value[:, own[0]]))) if own else 0
 
     def parameters(self, names: tuple[str, ...]) -> dict[str, Any]:
-        """Return parameters as JSON: value, unit, 95 % interval; per-flight values with every
-        flight's.
+        """Return a dict of each parameter's value, unit and 95 % interval (`ci95`), for JSON.
 
-        `names` are the flights' names.
+        The value of a per-flight parameter is that of flight `self.flight`, whose name is added as
+        `flight`; `per_flight` and `per_flight_ci95` list those of all flights, in the order of
+        their `names`.
         """
         out: dict[str, Any] = {}
         for k, p in enumerate(self.term.effect.parameters):

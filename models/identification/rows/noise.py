@@ -55,8 +55,11 @@ class Whitening:
     weight: Floats  # (n, R) root of the Huber weight
 
     def apply(self, values: Floats) -> Floats:
-        """Filter and weight values (N, R, ...), rpm in modes; return (n, R, ...) in units of the
-        noise."""
+        """Filter the rows of `values` (N, R, ...), rpm, in R modes, and divide them by the noise.
+
+        Return (n, R, ...), without unit: the n rows of `self.rows`, each less what its two
+        predecessors predict (not where `unfiltered`), times its weight.
+        """
         if self.coefficients.any():
             first, second = (c[:, *[None] * (values.ndim - 2)] for c in self.coefficients.T)
             filtered = values[2:] - first * values[1:-1]
