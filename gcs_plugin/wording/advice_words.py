@@ -22,6 +22,7 @@ from thrustmargin.gcs_plugin.wording.language import (
 from thrustmargin.gcs_plugin.wording.thrust_left import least_words, left_words
 from thrustmargin.models.model.advice import Advice, FlightLevel
 from thrustmargin.models.model.fault_test import LEAST, MOST, RotorFault
+from thrustmargin.models.model.fill_limits import FillLevel
 from thrustmargin.models.model.model_misfit import Caveat
 from thrustmargin.models.model.output_faults import MisreadSpeed
 from thrustmargin.models.model.rotor_faults import FaultEpisode
@@ -341,6 +342,8 @@ def action_steps(advice: Advice) -> list[tuple[ActionKind, str]]:
             # It did fly below the limit with a load, so the wind that contradicts it is checked.
             kind, done = ActionKind.CHECK_WIND, actions.CHECK_WIND.text
         return [*([(kind, done)] if within else []), (_fill_kind(advice), load), *then]
+    if advice.fill.level is FillLevel.NO_TANK:
+        return [*first, *then]  # that there is no tank is no step
     later = advice.fill.beyond_gauge_kg > 0.0
     load = say("until then {load}" if later else "then {load}", load=load)
     return [*first, (_fill_kind(advice), load), *then]

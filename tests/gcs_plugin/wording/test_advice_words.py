@@ -217,6 +217,9 @@ def test_what_to_do_follows_the_same_order():
         "it has no tank; fly turns and climbs more gently; carry less than the "
         "16.0 kg of this flight"
     )
+    asked = action(replace(within, rotor_names=(), fill=tankless))
+    assert "find by a motor" in asked
+    assert "tank" not in asked  # where something else is to be done
     gauge = action(replace(ADVICE, fill=replace(FILL, beyond_gauge_kg=3.4)))
     assert "thrust shows 3.4 kg more than was reported" in gauge
     assert "until then fill at most 8.6 kg" in gauge
