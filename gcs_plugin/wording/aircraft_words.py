@@ -17,6 +17,7 @@ from thrustmargin.gcs_plugin.wording.language import (
     shown_unit,
     within,
 )
+from thrustmargin.gcs_plugin.wording.thrust_left import left_words
 from thrustmargin.mission.forecast.experience import FlownMission
 from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.effects.base import Placed
@@ -34,13 +35,17 @@ from thrustmargin.models.physics.known_battery import KnownBattery
 def mission_words(mission: FlownMission) -> str:
     """Return a mission as its forecast said it and as it was flown."""
     parts = []
-    for words, pair, factor, unit in (
-        ("{said} s, flown {flown}", mission.seconds, 1.0, ""),
-        ("{said} Wh, flown {flown}", mission.energy_wh, 1.0, ""),
-        ("{said} of thrust on legs, flown {flown}", mission.leg_use, 100.0, "%"),
-        ("{said} at most, flown {flown}", mission.peak_use, 100.0, "%"),
+    for words, pair in (
+        ("{said} s, flown {flown}", mission.seconds),
+        ("{said} Wh, flown {flown}", mission.energy_wh),
     ):
-        said, flown = (number(factor * value, unit, 0) for value in (pair.said, pair.flown))
+        said, flown = (number(value, "", 0) for value in (pair.said, pair.flown))
+        parts.append(say(words, said=said, flown=flown))
+    for words, pair in (
+        ("thrust left on legs {said}, flown {flown}", mission.leg_use),
+        ("at least {said}, flown {flown}", mission.peak_use),
+    ):
+        said, flown = (left_words(1.0 - use) for use in (pair.said, pair.flown))
         parts.append(say(words, said=said, flown=flown))
     text = say("its forecast said {parts}", parts="; ".join(parts))
     return text if mission.complete else f"{text} ({say('the plan was left before its end')})"

@@ -22,7 +22,7 @@ from thrustmargin.gcs_plugin.commands.shared.inputs import (
     Reading,
 )
 from thrustmargin.gcs_plugin.wording.language import percent
-from thrustmargin.gcs_plugin.wording.thrust_left import percent_down
+from thrustmargin.gcs_plugin.wording.thrust_left import left_words
 from thrustmargin.models.errors import DataError, LogError, require
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ def _flight_lines(flight: LearntFlight, log_name: str) -> tuple[str, ...]:
     held = f"interval held {percent(row.coverage)}"
     taught = "" if row.not_taught is None else f"; taught nothing: {row.not_taught}"
     said = "the model was made from it" if row.trained else f"{held}{taught}"
-    second = f"  steady flight: thrust left down to {percent_down(1.0 - row.use_lasting)} %; {said}"
+    second = f"  steady flight: thrust left down to {left_words(1.0 - row.use_lasting)}; {said}"
     changed = () if row.change is None else (f"  {change_words(row.change)}",)
     return (first, second, *changed)
 
