@@ -1,4 +1,4 @@
-"""Where the monitor's findings go: page, recording, announcements, metrics, each one an `Output`.
+"""Outputs of the monitor: page, recording, announcements, metrics, each one an `Output`.
 
 A new output is one file with a class and a function `output(context, value)` that makes it, and one
 line in a table: `OUTPUTS` of `commands/flight/monitor.py`, or of the `__init__` of an extra.

@@ -37,7 +37,7 @@ _NO_REPORT = (EventKind.ARMED, EventKind.DISARMED, EventKind.RESOLVED, EventKind
 
 
 class Corroboration(StrEnum):
-    """How the log stands beside a report."""
+    """Relation of the log to a report of the vehicle."""
 
     AGREES = "agrees"  # the same motor by speeds
     OTHER_MOTOR = "other motor"  # another one by speeds

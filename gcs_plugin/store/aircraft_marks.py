@@ -49,7 +49,7 @@ class Marks:
 
 
 class MarksMatch(StrEnum):
-    """What the marks of a log say of a known aircraft."""
+    """Result of comparing the marks of a log with those of a known aircraft."""
 
     SAME = "same"
     # Of these the user must choose: the marks contradict each other, or do not suffice.

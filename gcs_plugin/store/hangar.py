@@ -17,7 +17,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -31,7 +31,7 @@ from thrustmargin.models.errors import DataError
 from thrustmargin.models.json_values import from_json_values, to_json_values
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.aircraft_change import AircraftChange
-from thrustmargin.models.model.clearance import Clearance, Condition
+from thrustmargin.models.model.clearance import BLIND, Clearance, Condition
 from thrustmargin.models.model.mode_walk import (
     FlightOffsets,
     ModeState,
@@ -75,13 +75,8 @@ class NotTaught(StrEnum):
 #: Levels of a flight that forbid the next one; of one without thrust a row does not know whether
 #: it was one rotor alone or the load.
 _GROUNDING = (FlightLevel.DAMAGED, FlightLevel.LOST, FlightLevel.BATTERY)
-#: Reason for which the last flight taught nothing -> what it leaves open for the next one.
-_OPEN: Mapping[NotTaught, Caveat] = {
-    NotTaught.NO_VERDICT: Caveat.ROTORS_NOT_SOUGHT,
-    NotTaught.TOO_SHORT: Caveat.ROTORS_NOT_SOUGHT,
-    NotTaught.LOAD: Caveat.LOAD,
-    NotTaught.READINGS: Caveat.ROTOR_SPEEDS,
-}
+#: Reasons of a flight that taught nothing in which nobody could have seen a weak rotor.
+_UNSEEING = (NotTaught.NO_VERDICT, NotTaught.TOO_SHORT)
 #: Reasons for which the readings of a flight say nothing of the sound aircraft's power.
 UNTRUSTED = (NotTaught.FAULT, NotTaught.LOST, NotTaught.NO_VERDICT, NotTaught.READINGS)
 
@@ -115,6 +110,7 @@ class AircraftFlight:
     coverage: float = NAN  # share of speeds inside the interval of the state before the flight
     bias: float = NAN  # mean of ln measured over predicted speed
     fault_kinds: tuple[str, ...] = ()  # of each bad rotor or motor, as "propeller"
+    caveats: tuple[Caveat, ...] = ()  # what the flight left open
     suspects: tuple[int, ...] = ()  # rotors, from 1, that were found bad or of which one was
     change: AircraftChange | None = None  # how it differs from the flights before it
     offsets: FlightOffsets | None = None
@@ -229,9 +225,12 @@ class KnownAircraft:
                 rotors = sorted(set(row.suspects))
                 return Clearance(level=level, rotors=tuple(rotors), log_name=row.log_name)
             conditions = [Condition(caveat=Caveat.BAD_BEFORE)]
-        open_of = _OPEN.get(rows[-1].not_taught) if rows and rows[-1].not_taught else None
-        if open_of is not None:
-            conditions.append(Condition(caveat=open_of))
+        if rows:
+            last = rows[-1]
+            left = last.caveats
+            if last.not_taught in _UNSEEING and not set(BLIND) & set(left):
+                left = (*left, Caveat.ROTORS_NOT_SOUGHT)
+            conditions += [Condition(caveat=one) for one in left]
         return Clearance(conditions=tuple(conditions))
 
     def power_before(self, start_unix_s: float = math.inf) -> PowerLaw | None:

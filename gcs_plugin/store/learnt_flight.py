@@ -105,6 +105,7 @@ def learnt_flight(
         coverage=coverage(analysis),
         bias=advice.misfit.bias,
         fault_kinds=tuple(one.fault.kind for one in advice.faults),
+        caveats=advice.caveats,
         suspects=tuple(one.fault.rotor + 1 for one in advice.faults),
         change=change,
         offsets=offsets,

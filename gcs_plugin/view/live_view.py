@@ -195,7 +195,7 @@ class HeardVehicles:
 
 @dataclass(slots=True, eq=False)
 class Aircraft:
-    """What all browsers show of one vehicle; used by the drawing thread alone."""
+    """State of one vehicle that all browsers share; used by the drawing thread alone."""
 
     number: int
     trail: Trail

@@ -198,7 +198,7 @@ class Phase(StrEnum):
 
 
 class Urgency(StrEnum):
-    """How soon a finding asks for something; each has one colour on every page."""
+    """Urgency of a finding; each has one colour on every page."""
 
     STOP = "stop"  # red: nobody flies before
     BEFORE_NEXT = "before the next day of work"  # amber
@@ -235,7 +235,7 @@ class Trouble(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class TroubleAnswer:
-    """What a finding asks for in one phase, how soon, and how its repair is proved."""
+    """Answer to a finding in one phase: the action, its urgency, and the proof of the repair."""
 
     urgency: Urgency
     action: Action

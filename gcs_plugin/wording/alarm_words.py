@@ -359,8 +359,12 @@ def asked(name: str) -> int:
 
 
 def alarm_line(text: str, missing: str, times: int, seconds: float) -> str:
-    """Return an alarm with its count within `seconds`, or with the reason why it cannot be
-    confirmed."""
+    """Return an alarm with its count within `seconds`, if above 1, and with the reason why it
+    cannot be confirmed, if so.
+
+    `missing` is a key of MISSING, or empty where nothing is missing. Count and reason may both be
+    there.
+    """
     if times > 1:
         long = duration(seconds)
         text = say("{alarm} ({times} times in {long})", alarm=text, times=times, long=long)

@@ -46,8 +46,9 @@ class FlightAnswer:
 
     @property
     def contact_lines(self) -> tuple[str, ...]:
-        """How hard the motors of an aircraft that is not known worked; once it has landed also what
-        else is in the log, and what its owner is asked."""
+        """Return the lines about how hard the motors of an unknown aircraft worked; once it has
+        landed also what else is in the log, and what its owner is asked.
+        """
         contact, whole = self.contact, math.isnan(self.until_s)
         if contact is None:
             return ()
@@ -58,7 +59,7 @@ class FlightAnswer:
 
     @property
     def urgency(self) -> actions.Urgency | None:
-        """How soon it asks for something, which is its colour; None where nothing is known."""
+        """Return the urgency of the answer, which is its colour; None where nothing is known."""
         return actions.urgency_of(self.level, left_open=self.left_open)
 
     @property

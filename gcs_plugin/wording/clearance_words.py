@@ -69,6 +69,8 @@ def condition_words(condition: Condition) -> str:
             return say("WHAT WAS BAD IN AN EARLIER FLIGHT WAS REPAIRED")
         which = actions.rotors_words(suspects(flight)).upper()
         return say("THE DAMAGE OF {rotors} WAS REPAIRED (FOUND IN AN EARLIER FLIGHT)", rotors=which)
+    if caveat is Caveat.UNSEEN and flight is None:
+        return say("ITS LAST FLIGHT WENT WELL (A PART OF IT IS NOT IN THE LOG)")
     if caveat is Caveat.UNSEEN and flight is not None:
         if flight.ends_in_flight:
             at = clock(flight.unseen_from_s)

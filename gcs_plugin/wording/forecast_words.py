@@ -214,7 +214,7 @@ _PLACES: Mapping[str, str] = {
 
 
 def place_words(made: PlanForecast) -> tuple[str, ...]:
-    """Where thrust is short or next to none, and slopes; what leads into the ground first."""
+    """Return lines about places short of thrust, and slopes; what leads into the ground first."""
     order = {kind: rank for rank, kind in enumerate(reversed(tuple(_PLACES)))}
     found = sorted(made.places, key=lambda place: (order[place.kind], -place.amount))
     words = [
@@ -308,7 +308,7 @@ def sortie_words(made: PlanForecast) -> tuple[str, ...]:
 
 
 def _field_words(made: PlanForecast, litres: float) -> str:
-    """What the whole field takes, beside this fill and the largest that may fly."""
+    """Return the line about the needs of the whole field, with this fill and the largest."""
     sorties, liquid = made.needs.sorties, _liquid(made)
     with_area = math.isfinite(made.swath)
     field = f" ({area(sum(s.lines for s in sorties) * made.swath)})" if with_area else ""

@@ -217,7 +217,7 @@ def not_heard_on(urls: Iterable[str]) -> str:
 
 
 def last_heard(number: int, unix_s: float) -> str:
-    """When a vehicle that has left was last heard, by the time of day of this computer."""
+    """Return when a vehicle that has left was last heard, by this computer's time of day."""
     at = time.strftime("%H:%M", time.localtime(unix_s))
     return f"vehicle {number} was last heard at {at}"
 

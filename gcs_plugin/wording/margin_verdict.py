@@ -68,7 +68,7 @@ class Fact:
 def verdict_facts(
     worst: Moment | None, advice: Advice, claim: AirframeClaim, basis: str, not_flown: str = ""
 ) -> tuple[Fact, ...]:
-    """What a pilot needs beside the first line, one thing a line.
+    """Return the facts that a pilot needs beside the first line, one a line.
 
     `not_flown` says why the log has no flight to check; empty where it has one, and `basis` what
     thrust utilisation rests on.
@@ -104,7 +104,7 @@ def _to_do(advice: Advice) -> tuple[Fact, ...]:
 
 
 def _beyond(worst: Moment) -> tuple[Fact, ...]:
-    """That a rotor made more than the airframe says that it can, and what may be wrong.
+    """Return that a rotor made more thrust than the airframe allows, and what may be wrong.
 
     The poles of a motor turn eRPM into speeds, and have no part in speeds made from outputs.
     """
@@ -124,7 +124,7 @@ def _beyond(worst: Moment) -> tuple[Fact, ...]:
 
 
 def load_facts(track: FlightTrack) -> tuple[Fact, ...]:
-    """What is on board and how that is known, where no gauge says it."""
+    """Return the load on board and its source, where no gauge reports it."""
     source = track.source("tank_kg")
     known = track.tank_kg[track.flying & np.isfinite(track.tank_kg)]
     reported = source.kind is not SourceKind.STATED and source.meaning is not Meaning.HOVER_THRUST
@@ -137,7 +137,7 @@ def load_facts(track: FlightTrack) -> tuple[Fact, ...]:
 
 
 def voltage_facts(analysis: FlightAnalysis) -> tuple[Fact, ...]:
-    """That the battery's voltage is not known for a part of the flight, and what stands in."""
+    """Return that the voltage is unknown for a part of the flight, and its replacement."""
     track, craft = analysis.track, analysis.model.airframe
     unknown_s = float(track.row_seconds[track.flying & ~(track.voltage > 0.0)].sum())
     if analysis.withheld or unknown_s <= 0.05 * track.flying_s:
@@ -149,7 +149,7 @@ def voltage_facts(analysis: FlightAnalysis) -> tuple[Fact, ...]:
 
 
 def unseen_facts(track: FlightTrack) -> tuple[Fact, ...]:
-    """Which parts of the flight are unseen: before the log, in its pauses, after it."""
+    """Return the parts of the flight that the log lacks: before it, in its pauses, after it."""
     words = [say("begins in flight: what was before is unseen")] if track.flying[:1].any() else []
     for begin_s, long_s in zip(*pauses_in_flight(track), strict=True):
         pause = {"long": language.duration(float(long_s)), "clock": language.clock(float(begin_s))}
@@ -183,7 +183,7 @@ def worst_words(moment: Moment) -> str:
 
 
 def moment_words(moment: Moment) -> str:
-    """Which, when and in what movement: `rotor 1, front right, at 0:52, turning left, 9.0 kg`."""
+    """Return rotor, time and movement: `rotor 1, front right, at 0:52, turning left, 9.0 kg`."""
     known = {"rotor": moment.rotor, "clock": language.clock(moment.time_s)}
     words, place = "rotor {rotor}, {place}, at {clock}", place_words(moment.rotor_name)
     parts = [say(words if place else "rotor {rotor}, at {clock}", place=place, **known)]
@@ -208,7 +208,7 @@ def estimate(figure: Estimate, unit: str = "", decimals: int = 1, factor: float 
 
 
 def _outputs_go_on(analysis: FlightAnalysis) -> str:
-    """That motor outputs are there where speeds are not: of an ESC that was heard none is made.
+    """Return that motor outputs go on where speeds stop, and are not used for a silent ESC.
 
     Empty where no ESC was ever heard: the log has no ESC telemetry to look at.
     """
@@ -224,7 +224,7 @@ def _outputs_go_on(analysis: FlightAnalysis) -> str:
 def basis_words(
     analysis: FlightAnalysis, measured_s: float, known_s: float, airborne_s: float
 ) -> str:
-    """What the thrust utilisation of a flight rests on, s of which each is known."""
+    """Return the source of a flight's thrust utilisation, with the seconds of each."""
     if known_s == 0.0:
         return say("nothing measured, nothing predicted")
     missing = airborne_s - known_s

@@ -113,7 +113,7 @@ DO_NOT_LIFT = frozenset(
 
 
 class MotorState(StrEnum):
-    """How a motor started."""
+    """State of a motor during the run-up."""
 
     TURNS = "turns"
     LATE = "late"

@@ -30,7 +30,7 @@ COVERAGE_SPREAD, SPREAD_FLIGHTS = 0.06, 5
 
 
 class ChangeKind(StrEnum):
-    """How a flight differs from the flights before it, the gravest first."""
+    """Kinds of difference of a flight from the flights before it, the gravest first."""
 
     WEAK_ROTOR = "weak_rotor"  # offsets since the last repair add up to a rotor's loss
     OFFSET = "offset"  # of a mode, beyond what the walk allows
@@ -48,7 +48,7 @@ class ChangeMode(StrEnum):
 
 
 class CauseKind(StrEnum):
-    """What the search over effects found of a change."""
+    """Outcome of the search over effects for the cause of a change."""
 
     NAMED = "named"
     UNEXPLAINED = "unexplained"
@@ -82,7 +82,7 @@ class CausingEffect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChangeCause:
-    """What the search over effects says of the flights since a change, from the state before it."""
+    """Result of the search over effects on the flights since a change, from the state before it."""
 
     kind: CauseKind
     flights: int
@@ -93,7 +93,7 @@ class ChangeCause:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AircraftChange:
-    """How a flight differs from the flights of its aircraft before it."""
+    """Difference of a flight from the flights of its aircraft before it."""
 
     kind: ChangeKind
     modes: tuple[ModeChange, ...] = ()  # those beyond what the walk allows, the largest first

@@ -33,7 +33,7 @@ class Condition:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Clearance:
-    """What the last flights of an aircraft mean for its next take-off.
+    """Consequence of an aircraft's last flights for its next take-off.
 
     `level` is the level that forbids it: one of GROUNDING, or UNKNOWN where no answer has a ground;
     None where nothing forbids it. `flight` is the flight with that level.

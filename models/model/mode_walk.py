@@ -178,7 +178,7 @@ def walk(
 
 
 class _Update(NamedTuple):
-    """One update of the filter; arrays (..., R) for steps of any leading shape."""
+    """Result of one update of the filter; arrays (..., R) for steps of any leading shape."""
 
     flight: FlightOffsets
     known: Floats  # variance before the step

@@ -213,7 +213,7 @@ def full_at_rest(nominal_voltage: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class DayField:
-    """How people write one value of a day: in files, in JSON and as an option."""
+    """Notation of one value of a day: in files, in JSON and as an option."""
 
     key: str  # in a file and in JSON
     option: str

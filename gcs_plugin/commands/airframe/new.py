@@ -172,7 +172,7 @@ class MadeAirframe:
 
 
 def _reported(found: VehicleParameters, owner: OwnerStatement, fitted: Fitted) -> ReportedAirframe:
-    """What the vehicle says and a bench table shows."""
+    """Return the facts that the vehicle reports and a bench table shows."""
     from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import reported_airframe
 
     reported = reported_airframe(

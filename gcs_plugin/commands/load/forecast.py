@@ -86,7 +86,8 @@ def forecast(
 
     The plan is flown in time by the autopilot's own limits: legs, turns at line ends, climbs, wind,
     the tank and the voltage falling. Of a log its mission and parameters are taken, and the rotors
-    and motors that were bad in its last flight.
+    and motors that were bad in its last flight. The exit code is no permission to fly: it is 1 only
+    where the log is of another aircraft; scripts read `verdict.level` of --json.
 
     Example: thrustmargin forecast demo --fill 16 --flow 2.5
 

@@ -94,7 +94,7 @@ def pseudonym(key: str, text: str) -> str:
 
 
 def key_file() -> Path:
-    """Where this user's key of pseudonyms is."""
+    """Return the path of this user's key of pseudonyms."""
     base = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
     return Path(base) / "thrustmargin" / "anonymise.key"
 

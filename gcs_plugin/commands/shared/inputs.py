@@ -48,7 +48,7 @@ Share = Annotated[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadingOptions:
-    """What the user says of the flight: which aircraft, what was on board, and the air of the day.
+    """Options about the flight: which aircraft, what was on board, and the air of the day.
 
     Example: --load 8 --load-end 2 --air-temperature 18
     """

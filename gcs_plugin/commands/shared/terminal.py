@@ -1,4 +1,4 @@
-"""What commands print: text of a log or a file name is shown, never obeyed; and progress bars."""
+"""Print for commands: text of a log or a file name is shown, never obeyed; and progress bars."""
 
 from __future__ import annotations
 

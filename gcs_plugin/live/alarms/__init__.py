@@ -1,1 +1,1 @@
-"""What an alarm is, the rules, and those that stand."""
+"""Alarms of a vehicle: their type, the rules that raise them, and the list of active ones."""

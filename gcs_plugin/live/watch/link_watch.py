@@ -1,4 +1,4 @@
-"""How one vehicle is heard: who sends under its id, since when it is silent, which rotors are.
+"""Watch the link of one vehicle: who sends under its id, since when it is silent, which rotors are.
 
 `LinkWatch` follows the frames of one system id, before they are decoded. `RotorSilence` follows the
 rows made of them. Neither has a clock of its own.

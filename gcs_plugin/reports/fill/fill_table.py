@@ -93,7 +93,9 @@ class FillTable:
         return bool(self.model.airframe.tank_volume_l) and self.fill.reason != "unsound"
 
     def rows(self, state: str) -> list[tuple[str, list[str]]]:
-        """For each altitude its name and the largest fills over the temperatures, for people."""
+        """Return for each altitude its name and the largest fills over the temperatures, for
+        people.
+        """
         made = []
         for row, altitude in enumerate(self.altitudes):
             first = (list(self.voltages).index(state) * len(self.altitudes) + row) * len(
@@ -163,7 +165,7 @@ def temperatures(table: FillTable) -> list[str]:
 
 
 def conditions(table: FillTable) -> list[str]:
-    """What the recommendation holds for, a sentence each."""
+    """Return the conditions that the recommendation holds for, a sentence each."""
     airframe = table.model.airframe
     sure = how_sure(table.fill)
     drag_unknown = table.model.network is None and table.found.airspeed > 0.0
@@ -231,6 +233,6 @@ def json_text(table: FillTable) -> str:
 
 
 def html_text(table: FillTable) -> str:
-    """One page to print: the recommendation, what it holds for, and the table."""
+    """Return a page to print: the recommendation, the day it holds for, and the table."""
     context = {"table": table, "conditions": conditions(table), "temperatures": temperatures}
     return page_text("thrustmargin.gcs_plugin.reports.fill", context, draws=False)

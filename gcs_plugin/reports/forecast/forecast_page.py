@@ -270,7 +270,7 @@ def gate_text(made: PlanForecast, card: FillCard, *, plan: str, refuse: bool) ->
 
 
 def _comment(text: str) -> str:
-    """One line of ASCII, which no name of a file can leave."""
+    """Return a text as a line of ASCII, which no name of a file can leave."""
     return clean(text).encode("ascii", "replace").decode()[:90]
 
 
@@ -288,7 +288,7 @@ def html_text(made: PlanForecast, name: str) -> str:
 
 
 def pdf_bytes(made: PlanForecast, name: str) -> bytes:
-    """The same on A4."""
+    """Return the forecast's page as a PDF on A4."""
     from thrustmargin.gcs_plugin.reports.paper import pdf_page
 
     figures = {"use": _chart(made)}

@@ -107,7 +107,7 @@ def load_rows(analysis: FlightAnalysis, limits: Ceiling) -> tuple[JsonObject, ..
 def redundancy_rows(
     analysis: FlightAnalysis, rows: Mapping[str, Floats], seconds: Floats
 ) -> JsonObject:
-    """What one lost rotor would have meant along the flight, and how much may be filled.
+    """Return what one lost rotor would have meant along the flight, and the largest fills.
 
     The fills are those at which thrust in use in hover meets the limit, and at which redundancy
     with yaw uncontrolled is 1: at the start of the flight, and the least over it.

@@ -206,7 +206,7 @@ def misread_row(misread: MisreadSpeed | None) -> JsonObject | None:
 
 
 def look_facts(findings: Iterable[Finding]) -> Iterator[Fact]:
-    """What must be known of the log beside its verdict, the names of the rotors first."""
+    """Return the findings about the log to show beside its verdict, names of rotors first."""
     order = sorted(report_findings(findings), key=lambda one: one.spoils is not Spoils.ROTOR_NAMES)
     for one in order:
         if one.spoils is Spoils.ROTOR_NAMES:

@@ -144,7 +144,7 @@ def report_flight(
 
 
 def _basis(made: Advised) -> tuple[str, float]:
-    """What the thrust utilisation rests on, in words, and the share of the flight measured."""
+    """Return the source of the thrust utilisation, in words, and the share that is measured."""
     analysis, seconds = made.analysis, made.analysis.track.row_seconds
     known = np.any(np.isfinite(airborne_use(analysis)), axis=1)
     measured_s = float(seconds[known & analysis.any_measured].sum())
@@ -280,7 +280,7 @@ def _rotors(analysis: FlightAnalysis, seconds: Floats, limit: float) -> tuple[da
 
 
 def _quality(log: FlightLog) -> data.JsonObject:
-    """How whole the log is, and what had to be assumed; a silence is over 1 s without a message."""
+    """Return the gaps of the log and the assumptions of its reading; a silence is over 1 s long."""
     track, whole = log.track, log.quality
     counted = ("bytes", "frames", "bytes_skipped", "damaged_places", "bad_checksum")
     return {

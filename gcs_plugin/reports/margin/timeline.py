@@ -1,4 +1,4 @@
-"""What was reported of a flight in order of time: by vehicle, by engineer, by this program."""
+"""List the reports about a flight in order of time: by vehicle, by engineer, by this program."""
 
 from __future__ import annotations
 

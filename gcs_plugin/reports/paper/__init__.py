@@ -1,1 +1,1 @@
-"""What is drawn on paper: figures and pages as PDF, one figure as SVG."""
+"""Draw on paper: figures and pages as PDF, one figure as SVG."""

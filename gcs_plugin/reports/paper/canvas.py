@@ -45,11 +45,11 @@ class Axis:
 
     @property
     def scale(self) -> float:
-        """Pixels a unit."""
+        """The number of pixels a unit."""
         return abs(self.end - self.begin) / (self.high - self.low)
 
     def with_scale(self, scale: float) -> Axis:
-        """The same pixels about the same middle with so many pixels a unit."""
+        """Return this axis about the same middle, with `scale` pixels a unit."""
         middle, half = 0.5 * (self.low + self.high), 0.5 * abs(self.end - self.begin) / scale
         return Axis(self.kind, middle - half, middle + half, self.begin, self.end)
 
@@ -109,7 +109,7 @@ PIXEL = 25.4 / 140.0  # mm on paper: type of 16 pixels is 8 pt
 
 @dataclass(frozen=True, slots=True)
 class Lettering:
-    """How a line of words looks, and on which side of its place it stands; turned reads upwards."""
+    """Style of a line of words, and the side of its place on which it stands; turned reads up."""
 
     size: float
     colour: Colour = (0, 0, 0)
@@ -149,7 +149,7 @@ class PdfCanvas:
             pdf.polyline(self._mm(points))
 
     def area(self, points: Floats, colour: Colour) -> None:
-        """What points (N, 2) enclose."""
+        """Fill the area that points (N, 2) enclose."""
         with self._pdf.local_context(fill_color=_bytes(colour), fill_opacity=(*colour, 1.0)[3]):
             self._pdf.polygon(self._mm(points), style="F")
 
@@ -162,7 +162,7 @@ class PdfCanvas:
                 pdf.circle(x, y, radius, style="F")
 
     def text(self, at: tuple[float, float], words: str, look: Lettering) -> None:
-        """One line of words beside a place."""
+        """Draw one line of words beside a place."""
         pdf = self._pdf
         ((x, y),) = self._mm(np.array([at]))
         with pdf.local_context(text_color=_bytes(look.colour)):
@@ -173,7 +173,7 @@ class PdfCanvas:
                 pdf.text(left, low, words)
 
     def width(self, words: str, size: float) -> float:
-        """How wide the words are in plain type."""
+        """Return the width of the words in plain type."""
         with self._pdf.local_context():
             self._set_type(size, bold=False)
             return self._pdf.get_string_width(words) / self._pixel
@@ -184,7 +184,7 @@ class PdfCanvas:
 
     @contextmanager
     def clipped(self, box: Box) -> Iterator[None]:
-        """Nothing outside the box is drawn on."""
+        """Draw nothing outside the box while the context is open."""
         (x, y), (w, h) = np.array(box[:2]) * self._pixel + self._corner, box[2:]
         with self._pdf.rect_clip(x, y, w * self._pixel, h * self._pixel):
             yield

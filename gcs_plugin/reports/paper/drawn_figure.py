@@ -305,7 +305,7 @@ def _key(shown: Mapping[str, Trace], made: Figure, canvas: Canvas) -> None:
 
 
 def _sample(trace: Trace, at: tuple[float, float], canvas: Canvas) -> None:
-    """How a trace looks, beside its name."""
+    """Draw the sample of a trace beside its name."""
     x, y = at
     span = Axis("linear", 0.0, 1.0, x, x + 34.0), Axis("linear", 0.0, 1.0, y + 6.0, y - 6.0)
     panel = PlotArea(*span, {}, {})

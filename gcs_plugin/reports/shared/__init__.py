@@ -1,4 +1,4 @@
-"""What every report shares: the page around it, its style, its plots, and the logs left out."""
+"""Parts of every report: the page around it, its style, its plots, and the logs left out."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What every page that is written to a file shares: head, style, scripts and their policy.
+"""Shell of every page that is written to a file: head, style, scripts and their policy.
 
 A page asks nothing of any network: plotly.js (its basic bundle, MIT) and the figures' JSON are in
 it, packed with gzip as base64 in inert <script> elements, and its content security policy lets only

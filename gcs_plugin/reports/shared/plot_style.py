@@ -169,7 +169,7 @@ def keep_extremes(values: Floats, buckets: int) -> NDArray[np.intp]:
 
 
 def keep_worst(score: Floats, buckets: int) -> NDArray[np.intp]:
-    """One row number a bucket of (T,) `score`: the greatest; buckets without a number keep none."""
+    """Return one row number a bucket of (T,) `score`: the greatest; none for a bucket of NaN."""
     rows = score.size
     edges = np.linspace(0, rows, min(buckets, rows) + 1).astype(np.intp)
     which = np.repeat(np.arange(edges.size - 1), np.diff(edges))
@@ -236,7 +236,10 @@ def filled(x: NDArray[Any], lower: Floats, upper: Floats, *, color: str, **shown
 
 
 def below_limit(time_s: Floats, left: Floats, least: float) -> Trace | None:
-    """Where less than the share `least` of thrust is left, filled; `left` (T,) is in %."""
+    """Return the filled band where less than the share `least` of thrust is left.
+
+    `left` (T,) is in %.
+    """
     return band(
         time_s, np.fmin(left, 100 * least), np.full(left.size, 100 * least), color=OVER_FILL
     )
@@ -256,7 +259,7 @@ def left_axis(title: str, left: Floats, least: float) -> dict[str, Any]:
 
 
 def in_tank(time_s: Floats, tank_kg: Floats, spraying: Floats, name: str) -> list[Trace | None]:
-    """What is on board over time, and in colour while it is sprayed."""
+    """Return the lines of the load on board over time, and of it while it is sprayed."""
     sprayed = np.where(spraying > 0.5, tank_kg, np.nan)
     return [
         line(time_s, tank_kg, color=INK, name=name, width=2),

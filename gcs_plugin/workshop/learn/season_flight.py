@@ -344,7 +344,7 @@ def learnt_columns(row: AircraftFlight) -> dict[str, Any]:
     return {
         name: json.dumps(to_json_values(value)) if is_dataclass(value) else value
         for name, value in values.items()
-    } | {name: list(values[name]) for name in ("fault_kinds", "suspects", "bad_arms")}
+    } | {name: list(values[name]) for name in ("fault_kinds", "caveats", "suspects", "bad_arms")}
 
 
 def _notes(track: FlightTrack) -> list[str]:

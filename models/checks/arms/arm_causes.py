@@ -51,7 +51,7 @@ class Cause(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Moved:
-    """How a cause of size 1 moves one figure: the mean and standard deviation over parts.
+    """Effect of a cause of size 1 on one figure: its mean and standard deviation over parts.
 
     `sure` is the probability that it moves it at all: what only "may" change is as often unchanged,
     and must not count against the cause then.
@@ -64,7 +64,7 @@ class Moved:
 
 @dataclass(frozen=True, slots=True)
 class Pattern:
-    """What one cause does to the figures of its arm."""
+    """Changes that one cause makes in the figures of its arm."""
 
     moved: Mapping[ArmQuantity, Moved]
     both_ways: bool = False  # its size may be negative: a larger propeller, a reading that is low

@@ -87,7 +87,7 @@ class ArmFigures:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ArmReadings:
-    """What T rows of one flight report of R arms; NaN unknown."""
+    """Readings of R arms in T rows of one flight; NaN unknown."""
 
     time_s: Floats  # (T,)
     flying: Bools  # (T,)

@@ -72,7 +72,7 @@ class ArmLaw:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Departure:
-    """How far the arms of one flight are from what is expected, in one quantity, as shares.
+    """Difference of one flight's arms from the expected figures of one quantity, as shares.
 
     `departure` (R,) is NaN where unknown; `covariance` (R, R) is that of a sound aircraft, without
     what moves all arms together; `freedom` is the number of flights that its scale is known from.

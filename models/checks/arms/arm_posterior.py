@@ -74,7 +74,7 @@ class ArmFinding:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmAnswer:
-    """What the arms' figures of one flight or of some together show."""
+    """Findings about the arms from the figures of one flight or of several together."""
 
     findings: tuple[ArmFinding, ...]
     quantities: tuple[ArmQuantity, ...]  # that were compared

@@ -157,7 +157,7 @@ class CrossValidation:
         return np.array([square[fold.rows].mean() for fold in self.folds])
 
     def with_persistent_effects(self, members: Collection[int]) -> Floats:
-        """Like `with_effects`, but predict only with effects that also apply to later flights.
+        """Predict like `with_effects`, but only with effects that also apply to later flights.
 
         All `members` are fitted; those of their flights alone (a wind, a step) are then left out of
         the prediction.

@@ -326,8 +326,11 @@ def _fly_once(
 def rows_of(
     model: RotorModel, track: FlightTrack, effects: Sequence[Effect], of_outputs: bool
 ) -> RowsToFit:
-    """Return a track's rows, ROW_S apart; with `of_outputs`, only shares of predicted speeds are
-    used."""
+    """Return rows of a track, ROW_S apart, whose rotor speeds are the model's own prediction.
+
+    No measured speed is in them. The channels serve the effects of the model, of its airframe and
+    of `effects`. With `of_outputs` only shares of the speeds are used.
+    """
     used = [*(p.effect for p in model.placed), *effects_for(model.airframe), *effects]
     every = round(ROW_S / (track.time_s[1] - track.time_s[0]))
     which = np.arange(0, track.time_s.size, every)

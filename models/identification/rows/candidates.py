@@ -331,7 +331,7 @@ def derivatives(rows: RowsToFit, trials: Sequence[TrialEffect], index: int) -> F
 
 
 def value_columns(rows: RowsToFit, trials: Sequence[TrialEffect], index: int) -> ValueColumns:
-    """Like `derivatives`, but per-flight values of one parameter share a column."""
+    """Return columns like `derivatives`, but per-flight values of one parameter share a column."""
     free = trials[index].candidate.free
     parameters = sorted({k for k, _ in free})
     return ValueColumns.with_source(

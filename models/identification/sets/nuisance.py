@@ -228,9 +228,10 @@ class Nuisance:
         return replace(filtered, values=self.whitening.apply(filtered.values))
 
     def flight_draws(self, z: ValueColumns) -> Floats:
-        """Return L^-1 S'z (draws of all flights, q) of filtered columns z.
+        """Return L^-1 S'z of filtered columns z, shape (draws of all flights, columns of z).
 
-        Its square is the part of z'z that the scatter absorbs.
+        With D returned, D'D is the part of z'z that the scatter absorbs. In a column of one flight
+        the draws of other flights are 0.
         """
         draws = []
         for f, rows in enumerate(self.flights):

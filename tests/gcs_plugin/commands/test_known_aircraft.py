@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.kinds_of_logs import KINDS
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.logs.read import read_log
 from thrustmargin.gcs_plugin.store.aircraft_marks import marks_of
@@ -146,6 +147,21 @@ def test_the_last_flight_of_an_aircraft_is_heard_by_fill_and_forecast(hangar, ca
     assert "ONLY IF WHAT WAS BAD IN AN EARLIER FLIGHT WAS REPAIRED: " in said.splitlines()[0]
     assert run(["fill", *place, "--air-temperature", "15"]) == 0
     assert "ONLY IF WHAT WAS BAD IN AN EARLIER FLIGHT WAS REPAIRED." in capsys.readouterr().out
+
+
+def test_what_the_last_flight_left_open_is_a_condition_of_fill_and_forecast(
+    hangar, capsys, tmp_path
+):
+    place = ["--aircraft", "north", "--hangar", str(hangar.folder)]
+    ends = KINDS["truncated"](tmp_path)
+    reported(hangar, str(ends), "--aircraft", "north")
+    capsys.readouterr()
+    open_ = "ITS LAST FLIGHT WENT WELL (A PART OF IT IS NOT IN THE LOG)"
+    assert run(["fill", *place, "--air-temperature", "15"]) == 0
+    assert f"\nONLY IF {open_}.\n" in capsys.readouterr().out
+    assert run(["forecast", str(LOG.with_name("v4_m4_q2.5.tlog")), "--fill", "4", *place]) == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    assert first.startswith(f"TAKE OFF WITH 4.0 kg (4.0 L) ONLY IF {open_}: ")
 
 
 def test_the_mission_of_a_damaged_flight_counts_for_no_forecast(hangar, capsys):

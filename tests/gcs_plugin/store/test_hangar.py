@@ -20,6 +20,7 @@ from thrustmargin.gcs_plugin.store.hangar import (
 )
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.mode_walk import FlightOffsets
+from thrustmargin.models.model.model_misfit import Caveat
 
 DAY = 86_400.0
 
@@ -232,3 +233,6 @@ def test_what_the_last_flight_did_not_show_is_open(hangar: Hangar):
     assert hangar.load("north").clearance().caveats == ("weak rotors not looked for",)
     hangar.add_flight("north", row("b", 4.2, verdict="under"))
     assert not hangar.load("north").clearance().conditions
+    ends = row("c", 5.2, verdict="under", caveats=(Caveat.UNSEEN, Caveat.GAUGE))
+    hangar.add_flight("north", ends)
+    assert hangar.load("north").clearance().caveats == (Caveat.UNSEEN, Caveat.GAUGE)
