@@ -168,6 +168,9 @@ PROVE_VOLTAGE = next_flight(
 PROVE_SPEEDS = next_flight(
     "settings", "report the next flight with ESC telemetry: rotors are looked at by their speed"
 )
+PROVE_LEARNT = next_flight(
+    "logs", "learn its sound rotors: thrustmargin learn LOGS, three sound flights or more"
+)
 PROVE_AIR = next_flight("barometer", "report the next flight: nothing of its air is left out")
 PROVE_MODEL = next_flight("logs", "report the next flight: speeds and model must agree")
 CHECK_LINK = hands_on("link", "look at radio, cable and power of the telemetry")
@@ -225,6 +228,7 @@ class Trouble(StrEnum):
     BAROMETER = "barometer"
     MODEL = "model"
     ROTORS_UNSEEN = "weak rotors not looked for"
+    ROTORS_UNLEARNT = "sound rotors not learnt"
     LOG = "part of the flight not in the log"
     REPAIR = "repair that nobody noted"
     WIND = "wind"
@@ -276,6 +280,7 @@ _TABLE: Mapping[Trouble, _Row] = {
     Trouble.BAROMETER: _Row(_SOON, CHECK_BAROMETER, PROVE_AIR),
     Trouble.MODEL: _Row(_SOON, CHECK_MODEL, PROVE_MODEL, _SOON),
     Trouble.ROTORS_UNSEEN: _Row(_SOON, INSPECT_ALL, PROVE_SPEEDS),
+    Trouble.ROTORS_UNLEARNT: _Row(_SOON, INSPECT_ALL, PROVE_LEARNT),
     Trouble.LOG: _Row(_SOON, SEE_END, PROVE_LOG),
     Trouble.REPAIR: _Row(_SOON, NOTE_REPAIR, PROVE_REPAIR),
     Trouble.WIND: _Row(_SOON, CHECK_WIND, PROVE_AIR),
@@ -304,6 +309,7 @@ OF_CAVEAT: Mapping[Caveat, Trouble] = {
     Caveat.MODEL: Trouble.MODEL,
     Caveat.ROTORS_NOT_SOUGHT: Trouble.ROTORS_UNSEEN,
     Caveat.ROTORS_BY_OUTPUTS: Trouble.ROTORS_UNSEEN,
+    Caveat.ROTORS_UNLEARNT: Trouble.ROTORS_UNLEARNT,
     Caveat.UNSEEN: Trouble.LOG,
     Caveat.BAD_BEFORE: Trouble.REPAIR,
 }

@@ -58,6 +58,7 @@ _NOTES: Mapping[Caveat, str] = {
     Caveat.BAROMETER: "BAROMETER LEFT OUT",
     Caveat.ROTORS_NOT_SOUGHT: "WEAK ROTORS NOT LOOKED FOR",
     Caveat.ROTORS_BY_OUTPUTS: "ROTORS LOOKED AT BY OUTPUTS ALONE",
+    Caveat.ROTORS_UNLEARNT: "A WORN ROTOR WOULD NOT HAVE SHOWN",
 }
 PREDICTED_ALONE = (
     "predicted: for most of the flight no rotor speed was measured, nor made from motor outputs"
@@ -67,6 +68,11 @@ NOT_SOUGHT = (
 )
 BY_OUTPUTS = (
     "by motor outputs alone in {long}: a sudden change is found, a rotor weak from the start is not"
+)
+
+UNLEARNT = (
+    "no flight has shown how its sound rotors turn: a change in flight is found, a rotor weak from "
+    "the start is not"
 )
 
 PEAK_S = 1.5  # s from reading to reading, from which the peak of a turn can lie between two
@@ -357,6 +363,7 @@ _OPEN: Mapping[Caveat, ActionKind] = {
     Caveat.BAROMETER: ActionKind.CHECK_BAROMETER,
     Caveat.ROTORS_NOT_SOUGHT: ActionKind.INSPECT_ROTORS,
     Caveat.ROTORS_BY_OUTPUTS: ActionKind.INSPECT_ROTORS,
+    Caveat.ROTORS_UNLEARNT: ActionKind.INSPECT_ROTORS,
 }
 
 
@@ -411,6 +418,8 @@ def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
         found.append(("weak rotors", say(NOT_SOUGHT, long=duration(advice.unsought_s))))
     elif Caveat.ROTORS_BY_OUTPUTS in advice.caveats:
         found.append(("weak rotors", say(BY_OUTPUTS, long=duration(advice.by_outputs_s))))
+    elif Caveat.ROTORS_UNLEARNT in advice.caveats:
+        found.append(("weak rotors", say(UNLEARNT)))
     if math.isfinite(use.lasting_most):
         found.append(("steady flight", _lasting(advice)))
         seldom = say(_PEAKS, seconds=f"{use.step_s:.2g}") if use.step_s > PEAK_S else ""

@@ -110,6 +110,7 @@ _TO_CHECK: Mapping[Caveat, str] = {
     Caveat.BAROMETER: "the barometer",
     Caveat.ROTORS_NOT_SOUGHT: "all propellers",
     Caveat.ROTORS_BY_OUTPUTS: "all propellers",
+    Caveat.ROTORS_UNLEARNT: "all propellers",
 }
 
 

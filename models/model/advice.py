@@ -61,6 +61,7 @@ from thrustmargin.models.model.rotor_faults import (
     fault_history,
     fault_signals,
     faults_in_model,
+    trim_known,
 )
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.day import DaySource
@@ -319,6 +320,7 @@ def advise(
                 model_fails=misfit.found and not faults,
                 unsought_s=unsought_s,
                 by_outputs_s=by_outputs_s,
+                trim_known=planned or bool(faults) or trim_known(analysis.model),
                 misread=misread is not None,
                 complete=planned or not (np.isfinite(ends_s) or begun or paused_s > 0.0),
             ),

@@ -20,7 +20,12 @@ from thrustmargin.models.model.model_misfit import Caveat
 #: Levels that forbid the next take-off until somebody has looked at the aircraft.
 GROUNDING = (FlightLevel.DAMAGED, FlightLevel.LOST, FlightLevel.BATTERY, FlightLevel.NO_THRUST)
 #: Caveats of a flight in which a weak rotor could not have been seen.
-BLIND = (Caveat.ROTORS_NOT_SOUGHT, Caveat.ROTORS_BY_OUTPUTS, Caveat.ROTOR_SPEEDS)
+BLIND = (
+    Caveat.ROTORS_NOT_SOUGHT,
+    Caveat.ROTORS_BY_OUTPUTS,
+    Caveat.ROTORS_UNLEARNT,
+    Caveat.ROTOR_SPEEDS,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

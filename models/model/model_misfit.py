@@ -55,6 +55,7 @@ class Caveat(StrEnum):
     MODEL = "model"  # measured speeds contradict it
     ROTORS_NOT_SOUGHT = "weak rotors not looked for"
     ROTORS_BY_OUTPUTS = "weak rotors looked for by motor outputs alone"
+    ROTORS_UNLEARNT = "no flight has shown how its sound rotors turn"
     UNSEEN = "part of the flight not in the log"
     BAD_BEFORE = "part that was bad in an earlier flight"  # of several flights together
 
@@ -84,6 +85,7 @@ def caveats(
     model_fails: bool,
     unsought_s: float,
     by_outputs_s: float,
+    trim_known: bool = True,
     misread: bool = False,
     complete: bool = True,
 ) -> tuple[Caveat, ...]:
@@ -92,7 +94,9 @@ def caveats(
     `beyond_gauge_kg` is the load by hover thrust beyond the reported one, `model_fails` whether the
     model contradicts the measured speeds, `misread` whether one ESC reads too high or low,
     `unsought_s` the s in flight without data for finding a weak rotor, and `by_outputs_s` the s in
-    which only motor outputs would have shown a sudden one. `complete` is whether the log contains
+    which only motor outputs would have shown a sudden one. `trim_known` is whether flights have
+    shown how the sound rotors turn, without which a rotor weak from the start shows nothing.
+    `complete` is whether the log contains
     the whole flight.
     """
     found = {
@@ -113,6 +117,8 @@ def caveats(
         found.add(Caveat.ROTORS_NOT_SOUGHT)
     elif least_s > 0.0 and unsought_s + by_outputs_s >= least_s:
         found.add(Caveat.ROTORS_BY_OUTPUTS)
+    elif not trim_known:
+        found.add(Caveat.ROTORS_UNLEARNT)
     return tuple(caveat for caveat in Caveat if caveat in found)
 
 

@@ -488,6 +488,15 @@ def _good_trim(model: RotorModel) -> tuple[Floats, int] | None:
     return 2.0 * np.array(of_mode) / float(hover.mean()), flights or 0
 
 
+def trim_known(model: RotorModel) -> bool:
+    """Return whether flights have shown how the sound rotors of a model's aircraft turn.
+
+    Without them a constant difference may be its centre of gravity as well as a weak rotor, and
+    only a change in flight is found.
+    """
+    return _good_trim(model) is not None
+
+
 def rotor_fade(model: RotorModel, modes: Floats) -> RotorFade:
     """Return the test for a slow loss of thrust, by the modes (R, R) of a model's layout."""
     steps, torque = (a @ modes for a in loss_steps(model))

@@ -279,6 +279,7 @@ _OPEN: Mapping[Caveat, str] = {
     Caveat.BAROMETER: "the barometer was left out",
     Caveat.ROTORS_NOT_SOUGHT: "weak rotors were not looked for",
     Caveat.ROTORS_BY_OUTPUTS: "rotors were looked at by motor outputs alone",
+    Caveat.ROTORS_UNLEARNT: "a rotor weak from the start would not have shown",
     Caveat.UNSEEN: "a part was not in the log",
 }
 #: Verdict -> its words in a count of flights.

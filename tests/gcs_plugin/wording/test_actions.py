@@ -131,6 +131,7 @@ ASKED = {
     "barometer": ("soon", "nothing", "weather station", "left out"),
     "model": ("soon", "soon", "identify", "speeds and model must agree"),
     "weak rotors not looked for": ("soon", "nothing", "every propeller", "ESC telemetry"),
+    "sound rotors not learnt": ("soon", "nothing", "every propeller", "three sound flights"),
     "part of the flight not in the log": ("soon", "nothing", "how the flight ended", "whole log"),
     "repair that nobody noted": ("soon", "nothing", "is repaired", "the loss must be gone"),
     "wind": ("soon", "nothing", "airspeed sensor", "left out"),

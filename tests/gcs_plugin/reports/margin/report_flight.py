@@ -20,7 +20,8 @@ HOSTILE = "</script><script>alert(1)</script><img src=x onerror=alert(2)>\"'&{{7
 
 @cache
 def model() -> RotorModel:
-    return physics_model(load_airframe("topxgun-f16-sitl"))
+    """The aircraft's own law of thrust, with a scatter of its sound rotors of 5 rpm a mode."""
+    return replace(physics_model(load_airframe("topxgun-f16-sitl")), background_rpm=(5.0,) * 4)
 
 
 @cache
@@ -28,13 +29,19 @@ def log() -> FlightLog:
     return read_log(LOG, airframe=model().airframe)
 
 
-def flight(track: FlightTrack | None = None, **changes: object) -> tuple[FlightAnalysis, FlightLog]:
-    """The flight analysed, with fields of its track or log replaced."""
+def flight(
+    track: FlightTrack | None = None, taught: bool = True, **changes: object
+) -> tuple[FlightAnalysis, FlightLog]:
+    """The flight analysed, with fields of its track or log replaced.
+
+    Without `taught` no flights have shown how its sound rotors turn.
+    """
     recorded = log() if track is None else replace(log(), track=track)
     of_track = {k: v for k, v in changes.items() if hasattr(recorded.track, k)}
     of_log = {k: v for k, v in changes.items() if k not in of_track}
     recorded = replace(recorded, track=replace(recorded.track, **of_track), **of_log)  # type: ignore[arg-type]
-    return analyse(recorded.track, model()), recorded
+    shown = model() if taught else replace(model(), background_rpm=())
+    return analyse(recorded.track, shown), recorded
 
 
 def without(*channels: str) -> tuple[FlightAnalysis, FlightLog]:

@@ -78,6 +78,15 @@ def test_time_above_the_limit_is_the_share_of_airborne_rows(analysis, report):
     )
 
 
+def test_a_rotor_weak_from_the_start_does_not_show_before_flights_have_shown_sound_ones(report):
+    said = report_flight(*flight(taught=False), max_utilisation=0.5).verdict
+    assert said["headline"].endswith("THE 50 % LIMIT (A WORN ROTOR WOULD NOT HAVE SHOWN)")
+    assert said["action"].startswith("with the battery off, inspect every propeller")
+    (rotors,) = (fact.text for fact in said["facts"] if fact.label == "weak rotors")
+    assert "a rotor weak from the start is not" in rotors
+    assert "weak rotors" not in {fact.label for fact in report.verdict["facts"]}
+
+
 def test_a_log_that_ends_in_flight_says_so_and_one_that_ends_on_the_ground_does_not(report):
     analysis, _ = flight()
     assert "log" not in {fact.label for fact in report.verdict["facts"]}
