@@ -385,13 +385,15 @@ def claimed(
 ) -> Iterator[FlightLog]:
     """Yield the logs that are flights of the airframe; add the others to `unused` with the reason.
 
-    Rows after a loss of control are dropped with a remark, and so are speeds that motor outputs
-    gave while telemetry was lost: neither is a flight to learn from.
+    Print the parts of a flight that its log lacks. Rows after a loss of control are dropped with a
+    remark, and so are speeds that motor outputs gave while telemetry was lost: neither is a flight
+    to learn from.
     """
     from thrustmargin.gcs_plugin.logs.inspection import left_out_findings
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.gcs_plugin.wording.check_words import remedy_words, withheld_words
     from thrustmargin.gcs_plugin.wording.flight_words import lost_rows, not_flown
+    from thrustmargin.gcs_plugin.wording.margin_verdict import unseen_facts
     from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
     from thrustmargin.models.model.inferred.speed_basis import measured_only
 
@@ -403,6 +405,8 @@ def claimed(
             continue
         for one in left_out_findings(log.track):
             console.print(escape(f"{log.name}: {one.check}: {one.words}"), soft_wrap=True)
+        for part in unseen_facts(log.track):
+            console.print(escape(f"{log.name}: {part.label}: {part.text}"), soft_wrap=True)
         if losses := loss_of_control(log.track):
             console.print(escape(f"{log.name}: {lost_rows(losses)}"), soft_wrap=True)
             log = replace(log, track=before_loss(log.track, losses))

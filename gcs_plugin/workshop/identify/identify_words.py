@@ -482,16 +482,16 @@ def margin_words(change: MarginChange, names: tuple[str, ...]) -> str:
     worst = change.worst_after - change.worst_before
     if abs(worst) > 2.0 * abs(typical) and abs(worst) >= NOTICED:
         return say(
-            "at the worst moments ({share} of the time) margin of {rotor} {change}",
+            "at the worst moments ({share} of the time) thrust left on {rotor} {change}",
             share=percent(WORST_SHARE),
             rotor=who,
             change=_change_words(change.worst_before, change.worst_after),
         )
     if abs(typical) < NOTICED:
-        words = "margin of {rotor} stays at {share}"
+        words = "thrust left on {rotor} stays at {share}"
         return say(words, rotor=who, share=percent(change.typical_after))
     moved = _change_words(change.typical_before, change.typical_after)
-    return say("margin of {rotor} {change}", rotor=who, change=moved)
+    return say("thrust left on {rotor} {change}", rotor=who, change=moved)
 
 
 def _change_words(before: float, after: float) -> str:

@@ -115,6 +115,21 @@ def test_what_follows_a_loss_of_control_is_not_learnt_from_and_that_is_said(tmp_
     assert (words in told.getvalue()) is lost
 
 
+def test_a_log_that_ends_in_flight_is_learnt_from_and_its_end_is_named(tmp_path):
+    whole = made_flight(0, duration=90.0)
+    landed = replace(whole, flying=whole.time_s < 80.0)
+    printed = {}
+    for name, track in (("cut", whole), ("landed", landed)):
+        write_csv(track, tmp_path / f"{name}.csv")
+        console = Console(file=io.StringIO(), width=200)
+        inputs = Inputs(logs=(tmp_path / f"{name}.csv",), airframe="topxgun-f16-sitl")
+        read = read_logs(inputs, [], console, model=physics_model(F16))
+        assert len(list(claimed(read, [], console))) == 1
+        printed[name] = console.file.getvalue()
+    assert "ends in flight, at 1:29: the rest is unseen" in printed["cut"]
+    assert "ends in flight" not in printed["landed"]
+
+
 @pytest.mark.parametrize("given", [True, False])
 def test_a_log_without_a_flight_says_so_and_asks_for_no_airframe(tmp_path, given):
     track = made_flight(0, duration=90.0)

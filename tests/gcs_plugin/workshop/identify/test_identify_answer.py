@@ -91,7 +91,7 @@ def test_part_amount_and_action_come_first_then_the_error(worn):
     before, after = worn.before.rmse_rpm, worn.after.rmse_rpm
     assert second.startswith(f"Rotor speed error (RMSE) {before:.0f} -> {after:.0f} rpm (")
     assert "on 3 flights, each predicted without itself; the best that " in second
-    assert "margin of the worst rotor falls from " in second
+    assert "thrust left on the worst rotor falls from " in second
 
 
 def test_rotors_come_before_all_else(worn):
@@ -368,15 +368,15 @@ def test_a_rotor_that_makes_more_thrust_is_never_called_weak(worn):
 
 
 def test_the_margin_is_said_where_the_effect_moves_it():
-    assert (
-        margin_words(change(), NAMES) == "margin of rotor 1 (front right) falls from 46 % to 41 %"
-    )
+    typical = "thrust left on rotor 1 (front right) falls from 46 % to 41 %"
+    assert margin_words(change(), NAMES) == typical
     fast = change(rotor=None, typical_after=0.459, worst_after=0.1)
     assert margin_words(fast, NAMES) == (
-        "at the worst moments (1 % of the time) margin of the worst rotor falls from 30 % to 10 %"
+        "at the worst moments (1 % of the time) "
+        "thrust left on the worst rotor falls from 30 % to 10 %"
     )
     still = change(typical_after=0.461, worst_after=0.301)
-    assert margin_words(still, NAMES) == "margin of rotor 1 (front right) stays at 46 %"
+    assert margin_words(still, NAMES) == "thrust left on rotor 1 (front right) stays at 46 %"
     small = change(typical_before=0.464, typical_after=0.456, worst_after=0.29)
     assert "falls from 46.4 % to 45.6 %" in margin_words(small, NAMES)
     assert "rises from 41 % to 46 %" in margin_words(
