@@ -70,6 +70,7 @@ class NotTaught(StrEnum):
     LOAD = "the load is not the one reported"
     READINGS = "rotor speeds that are not trusted"
     TOO_SHORT = "too little flight with rotor speeds and load"
+    MODEL = "its model was not made yet"
 
 
 #: Levels of a flight that forbid the next one; of one without thrust a row does not know whether

@@ -77,6 +77,8 @@ def learnt_flight(
             analysis, flight=flight, start_unix_s=start_unix_s, longitude_deg=longitude_deg
         )
     reason = not_taught(advice, offsets)
+    if reason is None and not model.taught:
+        reason = NotTaught.MODEL
     step = None
     if offsets is not None and reason is None and model.interval is not None:
         step = step_of(aircraft, offsets)

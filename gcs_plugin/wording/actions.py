@@ -145,7 +145,7 @@ GROUND_BATTERY = next_flight(
     "less",
 )
 FILL_LESS = next_flight("load", "fill less: thrustmargin fill says how much")
-INSPECT_ALL = hands_on("propeller", "inspect every propeller: a weak one does not show in this log")
+INSPECT_ALL = hands_on("propeller", "inspect every propeller: a weak one would not have shown")
 CHECK_ESCS = at_desk("ESC", "check the telemetry of the ESCs: its speeds were left out")
 CHECK_MODEL = at_desk("logs", "check load, gauge and ESC telemetry, then run thrustmargin identify")
 SEE_END = next_flight("log", "see how the flight ended")

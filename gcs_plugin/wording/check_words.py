@@ -293,6 +293,8 @@ def claim_words(claim: AirframeClaim) -> str:
 def known_words(known: KnownFrom) -> str:
     """Return on what the prediction of a known aircraft rests."""
     own = {"name": Verbatim(known.aircraft), "flights": known.flights, "days": known.days}
+    if known.flights == 0:
+        return say("aircraft {name}: no flight has taught its model yet", **own)
     if known.flights == 1:
         return say("aircraft {name}, known from 1 flight", **own)
     if known.days == 1:
@@ -338,6 +340,12 @@ def remedy_words(claim: AirframeClaim) -> str:
             "another battery state its cells: `thrustmargin airframe new --from {source} --cells "
             "COUNT`, or name another with --airframe",
             source=source,
+        )
+    if claim.known_from is not None:
+        return say(
+            "set right what reads wrong; if nothing does, make the aircraft again, with its mass, "
+            "size and motors: `thrustmargin learn LOGS --aircraft {name} --again`",
+            name=Verbatim(claim.known_from.aircraft),
         )
     if claim.basis == "given":
         return say(

@@ -64,6 +64,8 @@ ASSUMED: Mapping[str, str] = {
     "PX4 corners": "corners cut by ArduPilot's rule: that of PX4 is not modelled",
     "pump by speed": "the flow falls with the speed over ground in turns",
     "no forward flight": "drag and lift of forward flight are not known of this aircraft",
+    "no turns": "what turning the nose takes is not known of this aircraft: the thrust left is "
+    "that without turns",
     "nose ahead": "the nose points along the first leg at take-off: a turn there is not in it",
     "nose gives way": "the nose gains at most {0} °/s² in turns: the rotors give no more",
     "first part": "only {0} of {1} min are flown in detail: the rest as these",
@@ -461,8 +463,12 @@ def _only_if(made: PlanForecast) -> str:
 def _as_far(made: PlanForecast) -> str:
     """Return what the verdict leaves out, for the same line, because that line is read alone."""
     parts = []
-    if made.wind_left_out:
+    if made.wind_left_out and made.turns_left_out:
+        parts.append(say(", LEAVING OUT WIND AND TURNS, WHICH TAKE MORE THRUST"))
+    elif made.wind_left_out:
         parts.append(say(", LEAVING OUT THE WIND, WHOSE DRAG IS NOT KNOWN"))
+    elif made.turns_left_out:
+        parts.append(say(", LEAVING OUT TURNS, WHICH TAKE MORE THRUST"))
     if made.not_understood:
         parts.append(say(", AS FAR AS THE PLAN IS UNDERSTOOD"))
     if "first part" in made.assumed:

@@ -65,7 +65,7 @@ Assumption = Literal[
     "efficiency", "level ground", "PX4 corners", "pump by speed",
     "no forward flight", "extrapolated", "nose gives way", "first part", "alike", "aircraft",
     "nose ahead", "unlike", "hidden mass", "earlier battery", "pump always", "pump always stated",
-    "pump lines", "pump lines stated",
+    "pump lines", "pump lines stated", "no turns",
 ]  # fmt: skip
 
 

@@ -59,6 +59,7 @@ from thrustmargin.mission.forecast.way import (
     plan_legs,
     timed_legs,
 )
+from thrustmargin.mission.forecast.yaw_response import yaw_authority
 from thrustmargin.mission.plan_check import PlanFinding, check_plan
 from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan, NotUnderstood
 from thrustmargin.mission.pump_rule import (
@@ -94,6 +95,7 @@ DIRECTIONS = 8
 #: so much at most of the rest, of what is unlike that.
 WHOLE_S, FIRST_S, UNLIKE_S = 1350.0, 300.0, 600.0
 WIND_TRIED_S = 240.0
+LEAST_TURN = math.radians(10.0)  # rad of yaw along a plan, from which its turns take thrust
 LONGEST_LEG_S = 7200.0  # with its wait, more than any battery of a multirotor lasts
 
 
@@ -231,6 +233,13 @@ class PlanForecast:
     def wind_left_out(self) -> bool:
         """Return whether there is wind, and the model knows no drag of this aircraft."""
         return "no forward flight" in self.assumed and self.given.wind_ned != STILL
+
+    @property
+    def turns_left_out(self) -> bool:
+        """Return whether the nose turns on the way, and the model knows no yaw inertia, so that no
+        thrust for turning is in the answer.
+        """
+        return "no turns" in self.assumed
 
     @property
     def needed_kg(self) -> float:
@@ -388,6 +397,8 @@ def forecast(
         assumed["pump by speed"] = ()
     if model.forward_flight is None:
         assumed["no forward flight"] = ()
+    if not yaw_authority(model)[0] > 0.0 and np.ptp(np.unwrap(flight.course.yaw)) > LEAST_TURN:
+        assumed["no turns"] = ()
     if np.any(analysis.prediction.basis == Basis.PHYSICS) and model.network is not None:
         assumed["extrapolated"] = ()
     largest = largest_fill(

@@ -316,7 +316,7 @@ def _flight_count(samples: Samples) -> int:
     count = len(samples.flights)
     if count < 3:
         raise DataError(
-            f"{count} flights with usable rows ({', '.join(samples.flights)}); a split by flight "
-            "needs at least 3: one each to learn from, to stop on and to test on"
+            f"{count} flight{'s' * (count != 1)} with usable rows ({', '.join(samples.flights)}); "
+            "a split by flight needs at least 3: one each to learn from, to stop on and to test on"
         )
     return count

@@ -130,11 +130,10 @@ def learn_logs(
     made: list[tuple[LearntFlight, FlightLog]] = []
     kept: list[tuple[LearntFlight, FlightLog]] = []
     for log, claim in sorted(read, key=_start):
-        if not claim.withheld:
-            known_from = KnownFrom(
-                aircraft=aircraft.name, flights=len(aircraft.sound_flights), days=aircraft.days
-            )
-            claim = replace(claim, known_from=known_from)
+        known_from = KnownFrom(
+            aircraft=aircraft.name, flights=len(aircraft.sound_flights), days=aircraft.days
+        )
+        claim = replace(claim, known_from=known_from)
         flight = learnt_flight(
             log, claim, model, aircraft, flight=flight_key(log), limit=inputs.limit
         )

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
@@ -28,6 +30,7 @@ from thrustmargin.models.errors import DataError, LogError, require
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from thrustmargin.gcs_plugin.commands.shared.inputs import ReadingOptions
     from thrustmargin.gcs_plugin.logs import FlightLog
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.gcs_plugin.store.aircraft_marks import Marks, MarksMatch
@@ -56,14 +59,15 @@ def learn(
     owner: Annotated[OwnerStatement, tyro.conf.OmitArgPrefixes] = NOTHING_STATED,
     reading: Reading = AS_HEARD,
     known: Known = ANY_KNOWN,
+    again: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False,
     seed: int = 0,
 ) -> int:
     """Make aircraft known from their logs: who they are, their airframes, their models.
 
     Groups the logs by aircraft. Of a new one it asks for what no log says, makes its airframe from
-    the hover in its flights, and trains its model on those that are sound. A known one is followed:
-    each flight is compared with what was known before it, and then taught. Afterwards `report`,
-    `replay` and the others know the aircraft of a log by themselves.
+    the hover in its flights, and trains its model on those that are sound, three or more. A known
+    one is followed: each flight is compared with what was known before it, and then taught.
+    Afterwards `report`, `replay` and the others know the aircraft of a log by themselves.
 
     Example: thrustmargin learn flights --aircraft north-field-2 --mass 18 --arm 0.74
     --tank-litres 0 --power-set hobbywing-x6-plus
@@ -75,6 +79,8 @@ def learn(
         owner: What no log says of a new aircraft; asked for in a terminal.
         reading: How the logs are read.
         known: The name of the aircraft, and where it is kept.
+        again: Make a known aircraft again from these logs: its airframe too where the options state
+            what no log says. What other flights taught is set aside until they are learnt again.
         seed: Number from which all chance of the training is drawn.
     """
     require("train", "torch", "scipy")
@@ -98,16 +104,11 @@ def learn(
     for group in groups:
         if group in new:
             known_one, trained = _make(group, owner, inputs, hangar, progress, seed=seed)
-            paths = [path for path in group.paths if _untrained(path, known_one)]
         else:
-            known_one, trained = hangar.load(str(group.name)), []
-            hangar.keep(
-                known_one.name,
-                [*known_one.marks, *group.marks],
-                made_unix_s=known_one.made_unix_s,
-                training=known_one.training,
+            known_one, trained = _follow(
+                group, owner, inputs, hangar, progress, again=again, seed=seed
             )
-            paths = list(group.paths)
+        paths = [path for path in group.paths if _untrained(path, known_one)]
         learnt, known_one = learn_logs(
             known_one, paths, inputs, hangar, unread, progress, must_keep=True
         )
@@ -130,10 +131,15 @@ def _flight_lines(flight: LearntFlight, log_name: str) -> tuple[str, ...]:
     row, first = flight.row, f"{log_name}: {headline(flight.advice)}"
     if row.not_taught is NotTaught.NO_VERDICT:
         return (f"{first}; nothing learnt",)
-    held = f"interval held {percent(row.coverage)}"
-    taught = "" if row.not_taught is None else f"; taught nothing: {row.not_taught}"
-    said = "the model was made from it" if row.trained else f"{held}{taught}"
-    second = f"  steady flight: thrust left down to {left_words(1.0 - row.use_lasting)}; {said}"
+    parts = []
+    if row.trained:
+        parts.append("the model was made from it")
+    elif math.isfinite(row.coverage):
+        parts.append(f"interval held {percent(row.coverage)}")
+    if row.not_taught is not None:
+        parts.append(f"taught nothing: {row.not_taught}")
+    said = "; ".join(["", *parts])
+    second = f"  steady flight: thrust left down to {left_words(1.0 - row.use_lasting)}{said}"
     changed = () if row.change is None else (f"  {change_words(row.change)}",)
     return (first, second, *changed)
 
@@ -211,29 +217,70 @@ def _make(
 ) -> tuple[KnownAircraft, list[tuple[LearntFlight, FlightLog]]]:
     """Make a new aircraft: its airframe from hovers, its model from the sound flights. Return it
     with the flights that its model was made from."""
-    import time
-
-    from thrustmargin.gcs_plugin.commands.airframe.new import AirframeNew
-    from thrustmargin.gcs_plugin.commands.shared.inputs import claimed, listed, read_logs
-    from thrustmargin.gcs_plugin.commands.shared.known import flight_key, keep, with_flight
     from thrustmargin.gcs_plugin.store.hangar import checked_name
-    from thrustmargin.gcs_plugin.store.learnt_flight import learnt_flight
-    from thrustmargin.gcs_plugin.workshop.learn.train import training_run
-    from thrustmargin.gcs_plugin.workshop.learn.training_tables import fitness_sentence
-    from thrustmargin.models.model.advice import advise
-    from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
-    from thrustmargin.models.model.model_file import save_model
-    from thrustmargin.models.model.rotor_model import physics_model
-    from thrustmargin.models.model.training import TrainSettings
-    from thrustmargin.models.physics.airframe import load_airframe
 
     name = checked_name(group.name or _folder_name(group, hangar) or _new_name(group.marks[0]))
-    folder = hangar.aircraft_folder(name)
-    folder.mkdir(parents=True, exist_ok=True)
-    airframe_file = folder / "airframe.toml"
+    with TemporaryDirectory(prefix="thrustmargin-") as drafts:
+        draft = Path(drafts) / "airframe.toml"
+        inputs = replace(
+            inputs, reading=_draft_airframe(draft, name, group, owner, inputs, console)
+        )
+        return _make_model(name, group, inputs, hangar, console, airframe=draft, seed=seed)
+
+
+def _follow(
+    group: _Group,
+    owner: OwnerStatement,
+    inputs: Inputs,
+    hangar: Hangar,
+    console: Console,
+    *,
+    again: bool,
+    seed: int,
+) -> tuple[KnownAircraft, list[tuple[LearntFlight, FlightLog]]]:
+    """Return a known aircraft, with the flights that its model was made from now.
+
+    A model is made where no flights have made one, or `again`; an airframe where the owner states
+    it. Raise DataError where a statement contradicts what flights have taught.
+    """
+    known = hangar.load(str(group.name))
+    stated = owner != NOTHING_STATED
+    taught = known.model().taught
+    if stated and taught and not again:
+        count = len(known.sound_flights)
+        raise DataError(
+            f"{known.name} is known from {count} flight{'s' * (count != 1)} with the airframe of "
+            f"{known.airframe_file}; to make both again by these statements and logs, add --again"
+        )
+    marks = [*known.marks, *group.marks]
+    hangar.keep(known.name, marks, made_unix_s=known.made_unix_s, training=known.training)
+    if taught and not again:
+        return hangar.load(known.name), []
+    group = replace(group, marks=tuple(marks))
+    with TemporaryDirectory(prefix="thrustmargin-") as drafts:
+        draft = known.airframe_file
+        if stated:
+            draft = Path(drafts) / "airframe.toml"
+            reading = _draft_airframe(draft, known.name, group, owner, inputs, console)
+            inputs = replace(inputs, reading=reading)
+        return _make_model(known.name, group, inputs, hangar, console, airframe=draft, seed=seed)
+
+
+def _draft_airframe(
+    draft: Path,
+    name: str,
+    group: _Group,
+    owner: OwnerStatement,
+    inputs: Inputs,
+    console: Console,
+) -> ReadingOptions:
+    """Write an airframe file by the hovers of a group of logs and the owner's statements. Return
+    how the logs are to be read."""
+    from thrustmargin.gcs_plugin.commands.airframe.new import AirframeNew
+
     made = AirframeNew(
         source=str(group.paths[0]),
-        out=airframe_file,
+        out=draft,
         owner=replace(owner, name=owner.name or name),
         hover=group.paths,
         reading=inputs.reading,
@@ -241,35 +288,83 @@ def _make(
     ).made(console)
     for note in made.notes:
         console.print(escape(f"note: {note}"), soft_wrap=True)
-    craft: Airframe = load_airframe(airframe_file)
+    return made.reading
+
+
+def _make_model(
+    name: str,
+    group: _Group,
+    inputs: Inputs,
+    hangar: Hangar,
+    console: Console,
+    *,
+    airframe: Path,
+    seed: int,
+) -> tuple[KnownAircraft, list[tuple[LearntFlight, FlightLog]]]:
+    """Train the model of an aircraft on the sound flights of a group; keep it with its airframe.
+
+    Return the aircraft with the flights that its model was made from: none where they are too few,
+    and its model is then its airframe alone. What other flights taught is set aside. Raise
+    DataError, and change nothing, where they are too few for an aircraft that has a model.
+    """
+    import time
+
+    from thrustmargin.gcs_plugin.commands.shared.inputs import claimed, listed, read_logs
+    from thrustmargin.gcs_plugin.commands.shared.known import flight_key, keep, with_flight
+    from thrustmargin.gcs_plugin.store.hangar import NotTaught
+    from thrustmargin.gcs_plugin.store.learnt_flight import learnt_flight
+    from thrustmargin.gcs_plugin.workshop.learn.train import training_run
+    from thrustmargin.gcs_plugin.workshop.learn.training_tables import fitness_sentence
+    from thrustmargin.models.model.advice import advise
+    from thrustmargin.models.model.airframe_claim import KnownFrom
+    from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
+    from thrustmargin.models.model.model_file import save_model
+    from thrustmargin.models.model.rotor_model import physics_model
+    from thrustmargin.models.model.training import TrainSettings
+    from thrustmargin.models.physics.airframe import load_airframe
+    from thrustmargin.models.whole_file import whole_file
+
+    folder = hangar.aircraft_folder(name)
+    earlier = hangar.load(name) if name in hangar.names() else None
+    craft: Airframe = load_airframe(airframe)
     base = physics_model(craft)
-    reading = made.reading
-    its = replace(inputs, logs=group.paths, airframe=str(airframe_file), reading=reading)
+    its = replace(inputs, logs=group.paths, airframe=str(airframe))
     unfit: list[UnusedLog] = []
-    logs = list(claimed(read_logs(its, unfit, console, model=base), unfit, console))
+    itself = KnownFrom(aircraft=name, flights=0, days=0)
+    read = (
+        (log, replace(claim, known_from=itself))
+        for log, claim in read_logs(its, unfit, console, model=base)
+    )
+    logs = list(claimed(read, unfit, console))
     sound = []
     for log in logs:
         advice = advise(analysis_for_verdict(analyse(log.track, base))).advice
         if not advice.faults and not advice.losses:
             sound.append(log)
     model, training = base, []
+    lacking = listed(unfit) or "no sound flight"
     if sound:
         try:
             run = training_run(
                 [log.track for log in sound], craft, TrainSettings(seed=seed), console
             )
         except DataError as error:  # too few flights, or none with steady rows
-            console.print(escape(f"no model of its own yet: {error}"), soft_wrap=True)
+            lacking = str(error)
         else:
             model = run.model
             kept = {track.name for track in run.tracks}
             training = [log for log in sound if log.track.name in kept]
             if model.good_flights is not None:
                 console.print(fitness_sentence(model.good_flights, model))
-    else:
-        console.print(
-            f"no model of its own yet: {listed(unfit) or 'no sound flight'}", soft_wrap=True
-        )
+    if not training:
+        if earlier is not None and earlier.model().taught:
+            raise DataError(f"{name} stays as it was: {lacking}")
+        console.print(escape(f"no model of its own yet: {lacking}"), soft_wrap=True)
+    for row in earlier.sound_flights if earlier else ():
+        hangar.add_flight(name, replace(row, not_taught=NotTaught.MODEL, trained=False))
+    folder.mkdir(parents=True, exist_ok=True)
+    with whole_file(folder / "airframe.toml") as draft:
+        draft.write_bytes(airframe.read_bytes())
     save_model(model, folder / "model.safetensors")
     hangar.keep(
         name,
@@ -279,7 +374,8 @@ def _make(
     )
     known = hangar.load(name)
     used = {log.path for log in training}
-    its = replace(its, logs=tuple(path for path in group.paths if path in used))
+    of_it = tuple(path for path in group.paths if path in used)
+    its = replace(its, logs=of_it, airframe=str(known.airframe_file))
     taught = []
     for log, claim in read_logs(its, [], console, model=model):
         flight = learnt_flight(log, claim, model, known, flight=flight_key(log))
@@ -325,10 +421,15 @@ def card(aircraft: KnownAircraft) -> tuple[str, ...]:
     import numpy as np
 
     flights, days = aircraft.sound_flights, aircraft.days
+    if not flights:
+        return (
+            f"{aircraft.name}: no flight has made its model, kept in {aircraft.folder}",
+            "  its airframe is all: a rotor that is weak from the start does not show",
+            f"  next: learn three sound flights or more together: thrustmargin learn LOGS "
+            f"--aircraft {aircraft.name}",
+        )
     counted = f"{len(flights)} flight{'s' * (len(flights) != 1)} on {days} day{'s' * (days != 1)}"
     lines = [f"{aircraft.name}: known from {counted}, kept in {aircraft.folder}"]
-    if not flights:
-        return (*lines, "  no sound flight has taught anything of it: its airframe is all")
     held = [row.coverage for row in flights if not row.trained and np.isfinite(row.coverage)]
     if held:
         lines.append(

@@ -93,7 +93,9 @@ def commission(
     inputs = curve.inputs if trained is None else trained.model.inputs
     used = [i for i, track in enumerate(tracks) if training_rows(track, inputs).any()]
     if len(used) < 3:
-        raise DataError(f"{len(used)} flights with usable rows; at least 3 are needed")
+        raise DataError(
+            f"{len(used)} flight{'s' * (len(used) != 1)} with usable rows; at least 3 are needed"
+        )
     bases = [(curve, model_folds(curve, used))]
     if trained is not None:
         bases.insert(0, (trained.model, trained.folds))

@@ -43,7 +43,7 @@ def reported(hangar: Hangar, *words: str) -> dict:
 
 def test_a_named_aircraft_is_predicted_by_its_state_and_taught_once(hangar, capsys):
     reported(hangar, str(LOG), "--aircraft", "north")
-    assert "aircraft north, known from" in capsys.readouterr().out
+    assert "aircraft north: no flight has taught its model yet" in capsys.readouterr().out
     (first,) = hangar.load("north").flights
     assert first.log_name == LOG.name
     assert first.not_taught is None

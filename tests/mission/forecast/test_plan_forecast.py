@@ -8,12 +8,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tests.mission.plans_made import HOME, TWO_LINES, plan_of, spot
+from tests.mission.plans_made import FIRST, HOME, SECOND, TWO_LINES, plan_of, spot
 from thrustmargin.mission.forecast.battery import FlightBattery, formula_coefficient
 from thrustmargin.mission.forecast.plan_forecast import TakeOff, forecast
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.model_file import shipped_model
+from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.electric_power import FlightPower, PowerLaw
 
 MODEL = shipped_model()
@@ -52,6 +53,18 @@ def test_the_weakest_place_is_a_turn_and_its_parts_are_named():
     windy = outlook(day=replace(DAY, wind=12.0, wind_from_deg=0.0)).weakest
     assert windy is not None
     assert windy.wind != 0.0
+
+
+def test_turns_of_an_aircraft_without_a_known_yaw_inertia_are_left_out_and_named():
+    bare = physics_model(MODEL.airframe)
+    made = forecast(plan_of(*TWO_LINES), bare, DAY, parameters=PARAMETERS)
+    assert made.turns_left_out
+    assert made.weakest is not None
+    assert made.weakest.utilisation < 0.8 * outlook().weakest.utilisation
+    assert not outlook().turns_left_out
+    north = ((22, spot(*HOME[:2])), (16, spot(FIRST, 11.0)), (16, spot(SECOND, 11.0)))
+    straight = forecast(plan_of(*north), bare, DAY, parameters=PARAMETERS)
+    assert not straight.turns_left_out
 
 
 def test_a_wind_from_nowhere_is_the_worst_of_all():

@@ -80,7 +80,7 @@ def test_wind_that_no_rotor_holds_is_no_take_off_with_a_reason(tmp_path, capsys)
     assert len(first.partition(": ")[2]) > 20
     # Where drag is not known, wind is no part of the answer, which says so.
     assert run(["forecast", str(path), *strong, "--airframe", "topxgun-f16"]) == 0
-    assert "LEAVING OUT THE WIND, WHOSE DRAG IS NOT KNOWN: " in capsys.readouterr().out
+    assert "LEAVING OUT WIND AND TURNS, WHICH TAKE MORE THRUST: " in capsys.readouterr().out
 
 
 def test_the_height_of_the_last_lift_off_is_that_of_home(capsys):
