@@ -192,7 +192,8 @@ class KnownAircraft:
     @property
     def days(self) -> int:
         """Return the number of days of the sound flights."""
-        return len({row.offsets.day for row in self.sound_flights if row.offsets is not None})
+        rows = self.sound_flights
+        return len({local_day(row.started_unix_s, row.longitude_deg) for row in rows})
 
     def flights_before(self, start_unix_s: float) -> tuple[AircraftFlight, ...]:
         """Return the last RECENT flights before a Unix time whose readings are trusted.

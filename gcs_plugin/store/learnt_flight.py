@@ -77,8 +77,11 @@ def learnt_flight(
             analysis, flight=flight, start_unix_s=start_unix_s, longitude_deg=longitude_deg
         )
     reason = not_taught(advice, offsets)
+    trained = flight in aircraft.training
     if reason is None and not model.taught:
         reason = NotTaught.MODEL
+    elif reason is NotTaught.TOO_SHORT and trained:  # by motor outputs, which give no offsets
+        reason = None
     step = None
     if offsets is not None and reason is None and model.interval is not None:
         step = step_of(aircraft, offsets)
@@ -112,7 +115,7 @@ def learnt_flight(
         change=change,
         offsets=offsets,
         not_taught=reason,
-        trained=flight in aircraft.training,
+        trained=trained,
         arms=flight_arm_figures(analysis, flight=flight),
         bad_arms=bad_arms(advice),
     )

@@ -336,13 +336,14 @@ def _misread_rotor(analysis: FlightAnalysis, found: FaultHistory) -> MisreadSpee
     """Return the rotor whose ESC misreports its speed, from the rows in flight.
 
     Return None where no speeds were measured, no margin is claimed, or `found` contains a fault,
-    which changes speeds as well.
+    which changes speeds as well. Speeds made from motor outputs are of no ESC.
     """
+    measured = analysis.track.flying & ~analysis.from_outputs.any(axis=1)
     track = analysis.track
-    blind = analysis.withheld or not track.reports("rotor_speed_rpm")
+    blind = analysis.withheld or not track.reports("rotor_speed_rpm") or not measured.any()
     if blind or any(faults for _, faults in found):
         return None
-    signals = fault_signals(analysis, slice(None))[track.flying]
+    signals = fault_signals(analysis, slice(None))[measured]
     taught = analysis.model.good_flights is not None
     return misread_speed(signals, track.rotor_count, taught=taught)
 

@@ -376,14 +376,17 @@ def _make_model(
     used = {log.path for log in training}
     of_it = tuple(path for path in group.paths if path in used)
     its = replace(its, logs=of_it, airframe=str(known.airframe_file))
-    taught = []
+    made, dated = [], []
     for log, claim in read_logs(its, [], console, model=model):
         flight = learnt_flight(log, claim, model, known, flight=flight_key(log))
-        if flight.row.flight in known.training and flight.row.offsets is not None:
-            taught.append((flight, log))
+        if flight.row.flight not in known.training:
+            continue
+        made.append((flight, log))
+        if math.isfinite(flight.row.started_unix_s):
+            dated.append((flight, log))
             known = with_flight(known, flight.row)
-    keep(taught, known, hangar)
-    return known, taught
+    keep(dated, known, hangar)
+    return known, made
 
 
 def _untrained(path: Path, aircraft: KnownAircraft) -> bool:

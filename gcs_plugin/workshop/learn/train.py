@@ -12,13 +12,14 @@ import tyro
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Reading
-from thrustmargin.models.errors import LogError, require
+from thrustmargin.models.errors import DataError, LogError, require
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.flight import FlightTrack
+    from thrustmargin.models.identification.good_flights.commissioning import Commissioned
     from thrustmargin.models.model.rotor_model import RotorModel
     from thrustmargin.models.model.training import Trained, TrainSettings
     from thrustmargin.models.physics.airframe import Airframe
@@ -148,13 +149,25 @@ def training_run(
 ) -> TrainingRun:
     """Train the model of an aircraft on its flights, with a progress line on the console.
 
-    Raises LogError when no flight can be used.
+    Flights in which a rotor is weak, beside a model of the others, are left out. Raises LogError
+    when no flight can be used, and DataError when fewer than FEWEST_FLIGHTS are sound.
     """
     from datetime import UTC, datetime
     from importlib.metadata import version
 
+    from rich.markup import escape
+
+    from thrustmargin.gcs_plugin.commands.shared.inputs import listed
     from thrustmargin.gcs_plugin.commands.shared.terminal import steps
-    from thrustmargin.models.identification.good_flights.commissioning import commission
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.gcs_plugin.wording.actions import Phase
+    from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
+    from thrustmargin.gcs_plugin.wording.language import Verbatim, say
+    from thrustmargin.models.identification.good_flights.commissioning import (
+        FEWEST_FLIGHTS,
+        commission,
+    )
+    from thrustmargin.models.identification.good_flights.weak_flights import weak_flights
     from thrustmargin.models.model.flight_arms import learnt_arms
     from thrustmargin.models.model.rotor_model import physics_model
     from thrustmargin.models.model.thermometer import learnt_thermometer, with_air_temperature
@@ -164,31 +177,58 @@ def training_run(
     thermometer = learnt_thermometer(kept, aircraft)
     kept = [with_air_temperature(track, thermometer) for track in kept]
     names, date = settings.names(), datetime.now(UTC).date().isoformat()
-    trained = None
-    with steps(console, total=len(names) + 1, lines=True) as step:
 
-        def on_epoch(name: str, epoch: int, loss: float) -> None:
-            step(f"{name}: epoch {epoch}, validation loss {loss:.4f}", names.index(name))
+    def run(good: Sequence[FlightTrack]) -> tuple[Trained | None, Commissioned]:
+        """Return network and model of some flights."""
+        trained = None
+        with steps(console, total=len(names) + 1, lines=True) as step:
 
-        if network_can_learn(kept):
-            trained = fit(
-                kept,
+            def on_epoch(name: str, epoch: int, loss: float) -> None:
+                step(f"{name}: epoch {epoch}, validation loss {loss:.4f}", names.index(name))
+
+            if network_can_learn(good):
+                trained = fit(
+                    good,
+                    aircraft,
+                    settings,
+                    date=date,
+                    version=version("thrustmargin"),
+                    progress=on_epoch,
+                )
+            made = commission(
+                trained,
+                good,
                 aircraft,
-                settings,
                 date=date,
-                version=version("thrustmargin"),
-                progress=on_epoch,
+                seed=settings.seed,
+                coverage=settings.coverage,
+                progress=lambda what: step(what, len(names)),
             )
-        made = commission(
-            trained,
-            kept,
-            aircraft,
-            date=date,
-            seed=settings.seed,
-            coverage=settings.coverage,
-            progress=lambda what: step(what, len(names)),
-        )
-    model = replace(made, thermometer=thermometer)
+        return trained, made
+
+    trained, made = run(kept)
+    if weak := weak_flights(made.left_out):
+        names_of = aircraft.rotor_names
+        sound_ones = "{fault}, beside a model of the other flights"
+        bad = [
+            UnusedLog(
+                name=one.name,
+                reason=say(
+                    sound_ones, fault=Verbatim(fault_words(one.fault, names_of, Phase.RECORDED))
+                ),
+            )
+            for one in weak
+        ]
+        unfit += bad
+        kept = [track for track in kept if track.name not in {one.name for one in bad}]
+        if len(kept) < FEWEST_FLIGHTS:
+            raise DataError(
+                f"{listed(bad)}; that leaves {len(kept)} of the {FEWEST_FLIGHTS} sound flights "
+                "that a model takes"
+            )
+        console.print(escape(f"made again without {listed(bad)}"), soft_wrap=True)
+        trained, made = run(kept)
+    model = replace(made.model, thermometer=thermometer)
     model = replace(model, arms=learnt_arms(model, kept))
     return TrainingRun(model=model, trained=trained, tracks=kept, unfit=unfit)
 

@@ -50,6 +50,7 @@ from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import track_air
 from thrustmargin.models.physics.flight_phases import training_rows
 
+FEWEST_FLIGHTS = 3  # that a model is made from
 FOLDS = 5  # folds of a base without training
 
 #: Called with a description of the present step.
@@ -72,6 +73,14 @@ class Chain:
         return self.samples.rotor_speed_rpm - self.predicted_rpm
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Commissioned:
+    """A model made from good flights, and each of these with a model that was made without it."""
+
+    model: RotorModel
+    left_out: tuple[HeldOutFlights, ...]
+
+
 @threadpool_limits.wrap(limits=1)  # small matrices: threads would only wait for each other
 def commission(
     trained: Trained | None,
@@ -82,7 +91,7 @@ def commission(
     seed: int = 0,
     coverage: float = 0.9,
     progress: Progress | None = None,
-) -> RotorModel:
+) -> Commissioned:
     """Build an aircraft's model from at least 3 good flights, with their between-flight variation.
 
     `trained` is the result of `training.train` on the same tracks, or None without a network.
@@ -92,9 +101,10 @@ def commission(
     curve = physics_model(airframe)
     inputs = curve.inputs if trained is None else trained.model.inputs
     used = [i for i, track in enumerate(tracks) if training_rows(track, inputs).any()]
-    if len(used) < 3:
+    if len(used) < FEWEST_FLIGHTS:
         raise DataError(
-            f"{len(used)} flight{'s' * (len(used) != 1)} with usable rows; at least 3 are needed"
+            f"{len(used)} flight{'s' * (len(used) != 1)} with usable rows; "
+            f"at least {FEWEST_FLIGHTS} are needed"
         )
     bases = [(curve, model_folds(curve, used))]
     if trained is not None:
@@ -138,7 +148,7 @@ def commission(
     amplitudes = best.residual_rpm @ modes(airframe).directions
     delays = np.array([delay_of(assemble_flight(model, tracks[i])) for i in used])
     shown = with_delays(shown, delays)
-    return replace(
+    made = replace(
         model,
         training_domain=training_domain(samples),
         training=None if trained is None else trained.model.training,
@@ -146,6 +156,7 @@ def commission(
         background_rpm=tuple(learnt_spread(amplitudes, samples.flight).tolist()),
         good_flights=shown,
     )
+    return Commissioned(model=made, left_out=tuple(left_out))
 
 
 def with_delays(shown: GoodFlights, delays: Floats) -> GoodFlights:

@@ -12,10 +12,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.made_sources import sent
-from tests.models.made_flights import level_flight
+from tests.models.made_flights import F16, level_flight, made_flight, made_flights
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.workshop.learn.model_figures import loss_figure, write_loss_curves
@@ -23,6 +24,7 @@ from thrustmargin.gcs_plugin.workshop.learn.train import (
     _usable_flights,
     network_can_learn,
     train,
+    training_run,
 )
 from thrustmargin.gcs_plugin.workshop.learn.training_tables import (
     interval_sentence,
@@ -32,7 +34,8 @@ from thrustmargin.models.errors import AirframeError, DataError, LogError
 from thrustmargin.models.identification.good_flights import standard_effects
 from thrustmargin.models.model.model_file import load_model, shipped_model
 from thrustmargin.models.model.rotor_model import physics_model
-from thrustmargin.models.model.training import LossCurve
+from thrustmargin.models.model.training import LossCurve, TrainSettings
+from thrustmargin.models.network.network import NetConfig
 from thrustmargin.models.network.validity import Interval, MeasuredCoverage
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.flight_phases import training_rows
@@ -249,3 +252,24 @@ def test_ctrl_c_ends_a_training_without_leaving_a_file(few_logs, tmp_path):
     assert process.returncode == 130
     assert "Traceback" not in error
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("sound", [3, 2])
+def test_a_flight_with_a_weak_rotor_teaches_no_model(sound, monkeypatch, capsys):
+    monkeypatch.setattr(standard_effects, "STANDARD", ("air_density",))
+    flights = [*made_flights(sound), made_flight(40, loss=0.08, rotor=2, name="worn.csv")]
+    quick = TrainSettings(splits=("flights",), members=3, net=NetConfig(max_epochs=1))
+    console = Console(width=400)
+    if sound == 2:
+        few = "worn.csv: Rotor 3 front left .* less thrust.*leaves 2 of the 3 sound flights"
+        with pytest.raises(DataError, match=few):
+            training_run(flights, F16, quick, console)
+        return
+    run = training_run(flights, F16, quick, console)
+    assert [track.name for track in run.tracks] == [one.name for one in flights[:3]]
+    (left,) = run.unfit
+    assert left.name == "worn.csv"
+    assert "less thrust, beside a model of the other flights" in left.reason
+    assert run.model.good_flights is not None
+    assert run.model.good_flights.flights == 3
+    assert "made again without worn.csv: Rotor 3 front left" in capsys.readouterr().out

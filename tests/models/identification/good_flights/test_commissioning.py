@@ -97,7 +97,7 @@ def test_the_network_stays_unless_flights_left_out_are_worse_with_it(known):
 
 def test_three_flights_without_a_network_make_a_model_with_effects_and_interval():
     tracks = [with_weight_forward(t, 0.02) for t in made_flights(3, duration=60.0)]
-    model = commission(None, tracks, F16, date="2025-06-01")
+    model = commission(None, tracks, F16, date="2025-06-01").model
     assert "cg_offset" in {e.name for e in model.effects}
     shown = model.good_flights
     assert shown is not None

@@ -86,12 +86,12 @@ def test_one_flight_and_motor_outputs_show_no_curve(flights):
 
 @pytest.mark.slow
 def test_training_keeps_the_curve_where_flights_left_out_are_predicted_better(flights):
-    made = commission(None, flights, F16, date="2026-01-02")
+    made = commission(None, flights, F16, date="2026-01-02").model
     assert any(one.name == "unnamed_cause" for one in made.effects)
     assert made.good_flights is not None
     errors = list(made.good_flights.flight_rmse_rpm.values())
     assert np.mean(errors) < 0.6 * rmse(MODEL, flights)
-    plain = commission(None, with_curve(6, ()), F16, date="2026-01-02")
+    plain = commission(None, with_curve(6, ()), F16, date="2026-01-02").model
     assert not any(one.name == "unnamed_cause" for one in plain.effects)
 
 
