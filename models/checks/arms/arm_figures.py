@@ -16,6 +16,7 @@ voltage U [V], air density rho over a reference density.
     glitches     such falls that nothing answers, per block
     lost         share of the ESC's telemetry frames that is lost
     standing     I_i while the rotor stands, as a share of I_i in flight
+    spool_up     ln N_i - ln f_i over the others' at spool-up; `spool_up` has it
 
 and of the aircraft, with one value for all arms:
 
@@ -72,6 +73,7 @@ class ArmQuantity(StrEnum):
     GLITCHES = "glitches"
     LOST = "lost"
     STANDING = "standing"
+    SPOOL_UP = "spool_up"
     SHAKING = "shaking"
     CLIPPING = "clipping"
 

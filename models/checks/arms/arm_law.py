@@ -31,7 +31,7 @@ LEAST_FLIGHTS = 3
 #: the noise of a mounted IMU. Jumps: 0.3 % of speed, the noise of an ESC's speed. Desync and
 #: glitches: one in 17 minutes; in 4.2 h of recorded flights there was none. Lost frames: in those
 #: flights none was lost; one pause of half a second in 150 s. Standing: 0.2 A, two steps of an ESC,
-#: at 20 A. Shaking: of a heavy quad between days. Clipping: a shock or two in a flight.
+#: at 20 A. Spool-up and shaking: of a heavy quad between flights or days. Clipping: a shock or two.
 USUAL_SCATTER: Mapping[ArmQuantity, float] = MappingProxyType(
     {
         ArmQuantity.THRUST: 0.03,
@@ -47,6 +47,7 @@ USUAL_SCATTER: Mapping[ArmQuantity, float] = MappingProxyType(
         ArmQuantity.GLITCHES: 0.005,
         ArmQuantity.LOST: 0.003,
         ArmQuantity.STANDING: 0.01,
+        ArmQuantity.SPOOL_UP: 0.05,
         ArmQuantity.SHAKING: 0.35,
         ArmQuantity.CLIPPING: 0.05,
     }
