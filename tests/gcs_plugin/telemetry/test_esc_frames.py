@@ -44,7 +44,8 @@ def test_an_error_rate_goes_to_the_motor_of_its_esc():
 def test_a_rate_of_zero_throughout_is_of_no_esc_that_counts():
     rates = tuple(counted("esc_error_rate", esc, np.zeros(1000)) for esc in (0, 1))
     paused = TIME_S[(TIME_S < 40.0) | (TIME_S > 50.0)]
-    assert shares({"esc_error_rate": rates}, speeds(paused, TIME_S))[0] > 0.09
+    found = shares({"esc_error_rate": rates}, speeds(paused, TIME_S))
+    assert found == pytest.approx([0.105, 0.0], abs=0.006)
 
 
 def test_errors_that_a_counter_adds_are_compared_with_the_reports():

@@ -98,6 +98,21 @@ def test_a_motor_half_a_second_late_is_said_and_one_a_third_is_not():
     assert run_up(flight(late={2: 0.8}))[0] == (CRITICAL, "DO NOT LIFT: motor 3 does not turn")
 
 
+def test_a_motor_that_is_asked_for_half_as_much_is_sound_at_its_speed():
+    track = flight(output=(1.0, 1.0, 1.0, 0.5))
+    assert run_up(track)[0][0] == INFO
+    assert forbidden(track) == set()
+
+
+def test_a_start_that_was_broken_off_blames_no_motor():
+    """All motors stop after 0.4 s, before the third was late."""
+    track = flight(late={2: np.inf})
+    speed = np.where(track.time_s[:, None] >= 5.4, 0.0, track.rotor_speed_rpm)
+    broken = replace(track, rotor_speed_rpm=speed, flying=np.zeros_like(track.flying))
+    assert run_up(broken) == []
+    assert forbidden(broken) == set()
+
+
 def test_a_hot_esc_and_a_silent_one():
     hot = run_up(flight(), celsius={9: 91.0, 10: 89.0})
     assert hot == [(CRITICAL, "DO NOT LIFT: ESC 2 has 91 C")]

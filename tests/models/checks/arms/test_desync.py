@@ -41,6 +41,11 @@ def test_a_fall_that_the_output_answers_is_a_desync_of_that_rotor():
     assert found.fell.sum() == found.answered.sum() == 1
 
 
+def test_an_answer_in_the_moment_of_the_fall_does_not_explain_it():
+    found = speed_falls(flown(FALL, (1.5,) * 5))
+    assert found.answered.sum(axis=0).tolist() == [0, 0, 1, 0]
+
+
 def test_one_wrong_frame_is_not_answered():
     found = speed_falls(flown((0.5,)))
     assert found.fell.sum() == 1

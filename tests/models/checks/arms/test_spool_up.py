@@ -49,8 +49,8 @@ def test_the_finding_has_the_speeds_of_earlier_flights_and_forbids_nothing():
 
 
 def test_the_ratio_of_outputs_is_taken_into_account_and_makes_it_less_sure():
-    """A motor asked for 12 % less turns slower, and is itself."""
-    output = np.array([1.0, 1.0, 0.88, 1.0])
+    """A motor asked for 30 % less turns a quarter slower, and is itself."""
+    output = np.array([1.0, 1.0, 0.7, 1.0])
     assert found(OWN, law(), output=tuple(output)) == []
     figure = spool_up_figure([(0.9, 0.9), (1.0, 1.0), (np.nan, 1.0)])
     assert figure is not None
