@@ -92,6 +92,10 @@ TRACK_CHANNELS: Mapping[str, TrackChannel] = MappingProxyType(
         "motor_temperature": TrackChannel("K", 5.0, 180.0, 600.0, per_rotor=True),
         # Of the body, once per revolution of each rotor; of recorded flights with fast IMU samples.
         "vibration_per_rev": TrackChannel("m/s²", 5.0, 0.0, 500.0, per_rotor=True),
+        # Of recorded flights: the share of an ESC's frames that is lost, and how the body shakes.
+        "esc_lost": TrackChannel("0..1", 8.0, 0.0, 1.0, per_rotor=True),
+        "vibration": TrackChannel("m/s²", 5.0, 0.0, 500.0),
+        "clipping": TrackChannel("1", 5.0, 0.0, 1e10),
         "voltage": TrackChannel("V", 3.0, 0.0, 1000.0),
         "current": TrackChannel("A", 3.0, -2000.0, 5000.0),
         "pressure": TrackChannel("Pa", 5.0, 10_000.0, 120_000.0, direct=True),
@@ -187,6 +191,9 @@ class FlightTrack:
     esc_temperature: Floats  # (T, R) K
     motor_temperature: Floats  # (T, R) K
     vibration_per_rev: Floats  # (T, R) m/s², amplitude at the frequency at which each rotor turns
+    esc_lost: Floats  # (T, R) share of an ESC's frames that is lost
+    vibration: Floats  # (T,) m/s², level of vibration by the autopilot's own filter
+    clipping: Floats  # (T,) times that the accelerometer was at its limit, since the start
     voltage: Floats  # (T,) V of the battery
     current: Floats  # (T,) A of the battery
     pressure: Floats  # (T,) Pa static

@@ -7,10 +7,12 @@ optional, empty where unknown: `time_s`; `position_north/_east/_down`; `velocity
 `specific_force_forward/_right/_down` (m/s², (0, 0, -9.81) at rest); `airspeed`, without it from
 velocity and wind; `wind_north/_east/_down` (the velocity of the air); `tank_kg`;
 `rotor_speed_rpm_1` to `_R` and `throttle_1` to `_R` in motor order, and so `esc_voltage_1`,
-`esc_current_1`, `esc_temperature_1`, `motor_temperature_1` (K) and `vibration_per_rev_1` (m/s², the
-body's at the frequency of that rotor); `voltage`, `current`, `pressure` (Pa), `temperature` (K, of
-the air or of a warm board: `train` learns which), `altitude` (m AMSL), `height_agl` (m), `spraying`
-(1 or 0), `flying` (1 or 0). A first line `# {...}` contains what has no column: the origin of
+`esc_current_1`, `esc_temperature_1`, `motor_temperature_1` (K), `vibration_per_rev_1` (m/s², the
+body's at the frequency of that rotor) and `esc_lost_1` (share of that ESC's telemetry frames);
+`vibration` (m/s², the autopilot's level), `clipping` (times that the accelerometer was at its
+limit); `voltage`, `current`, `pressure` (Pa), `temperature` (K, of the air or of a warm board:
+`train` learns which), `altitude` (m AMSL), `height_agl` (m), `spraying` (1 or 0), `flying` (1 or
+0). A first line `# {...}` contains what has no column: the origin of
 positions, the start in Unix time, the source of each channel.
 
 Tables of other programs are read too: separated by commas, semicolons or tabs; with a decimal point

@@ -122,12 +122,14 @@ def _of_instance(
     return signals, order
 
 
-#: Fields of an ESC in esc_status, which are channels of that name, and their units.
+#: Fields of an ESC in esc_status, which are channels of that name (but for the counter), and their
+#: units.
 _ESC_FIELDS = (
     ("esc_voltage", "V"),
     ("esc_current", "A"),
     ("esc_temperature", "degC"),
     ("motor_temperature", "degC"),
+    ("esc_errorcount", "1"),
 )
 
 
@@ -162,7 +164,8 @@ def _with_escs(motors: UlogMotors, topic: Topic) -> UlogMotors:
                 if unit == "degC":  # 0 is what an ESC without that sensor reports
                     values = np.where(topic[column] == 0, np.nan, values)
                 source = topic_source("esc_status", name, unit)
-                signals.append(topic_signal(name, source, topic, values, motor))
+                channel = "esc_errors" if name == "esc_errorcount" else name
+                signals.append(topic_signal(channel, source, topic, values, motor))
     stated = int(topic["esc_count"].max(initial=0)) if "esc_count" in topic else 0
     if stated and stated != len(seen):
         notes.append(f"esc_status says {stated} ESCs; {len(seen)} of them are motors that report")
@@ -226,6 +229,10 @@ def _height(topic: Columns) -> Floats:
     return -in_si(topic, "z", "m")
 
 
+def _clipping(topic: Columns) -> Floats:
+    return in_si(topic, "accel_clipping", "1").sum(axis=1)
+
+
 def _landed(topic: Columns) -> Floats:
     return np.where(topic["landed"] > 0, 1.0, 2.0)
 
@@ -259,6 +266,8 @@ RULES: tuple[Rule, ...] = (
     Rule(_POSITION, ("ref_alt", "z", "z_global"), "altitude", convert=_altitude),
     Rule(_POSITION, _DISTANCE, "height_agl", convert=_ground_distance, note="above ground"),
     Rule(_POSITION, ("z",), "height_agl", convert=_height, note=_ABOVE_ORIGIN),
+    Rule("vehicle_imu_status", ("accel_vibration_metric",), "vibration", "m/s/s"),
+    Rule("vehicle_imu_status", ("accel_clipping",), "clipping", convert=_clipping),
     Rule("vehicle_land_detected", ("landed",), "landed", convert=_landed),
     Rule("actuator_armed", ("armed",), "armed"),
     Rule(
@@ -284,7 +293,15 @@ RULES: tuple[Rule, ...] = (
     Rule(_FUEL, ("percent_remaining",), "fuel_percent", "%", unknown=tuple(range(101, 256))),
 )
 #: Fields that a log has element by element, and how many there are.
-VECTORS = {"q": 4, "q_d": 4, "xyz": 3, "gyro_rad": 3, "accelerometer_m_s2": 3, "control": 12}
+VECTORS = {
+    "q": 4,
+    "q_d": 4,
+    "xyz": 3,
+    "gyro_rad": 3,
+    "accelerometer_m_s2": 3,
+    "control": 12,
+    "accel_clipping": 3,
+}
 _EVERY_INSTANCE = (_BATTERY, _FUEL)
 #: Topics that are read.
 TOPICS = (

@@ -5,7 +5,7 @@
 Channels that do not go into a FlightTrack as they are: `geodetic` (latitude °, longitude °,
 altitude m), `home` and `ekf_origin` (the same), `landed` (MAV_LANDED_STATE), `armed` (1 or 0),
 `mission_item` (that is flown), `servo_us` (16 outputs, by port from 0), `esc_rpm`, `esc_voltage`,
-`esc_current`, `esc_failure` (by output number from 0; the last is ESC_FAILURE_FLAGS),
+`esc_current`, `esc_errors`, `esc_failure` (by output number from 0; the last is ESC_FAILURE_FLAGS),
 `battery_voltage`, `battery_current`, `battery_percent`, `battery_consumed` (by battery id; mAh, in
 a tank ml), `battery_cells` (in series), `battery_capacity` (mAh), `battery_nominal` (V; these by
 battery id, too), `named_value` (by name), `fuel_remaining`, `fuel_percent` (by id).
@@ -130,11 +130,18 @@ def _esc_info_temperature(columns: Columns) -> Floats:
     return np.where((raw == 32767) | (raw == 0), np.nan, kelvin)
 
 
+def _vibration(columns: Columns) -> Floats:
+    # ArduPilot sends three axes in m/s²; PX4 its accelerometer as z, and small numbers besides.
+    axes = [in_si(columns, name, "1") for name in _VIBRATION]
+    return np.sqrt(np.sum(np.square(axes), axis=0))
+
+
 #: ESC messages with four ESCs each -> number of the first output, counted from 0.
 ESC_TELEMETRY_FIRST: Mapping[str, int] = MappingProxyType(
     {f"ESC_TELEMETRY_{n + 1}_TO_{n + 4}": n for n in range(0, 32, 4)}
 )
 
+_VIBRATION = ("vibration_x", "vibration_y", "vibration_z")
 _PLACE = ("degE7", "degE7", "mm")
 _RATES, _FORCE = ("rollspeed", "pitchspeed", "yawspeed"), ("xacc", "yacc", "zacc")
 _T, _WARM = ("temperature",), Meaning.BOARD_TEMPERATURE
@@ -247,6 +254,9 @@ MAVLINK_RULES: tuple[Rule, ...] = (
         convert=_esc_info_temperature,
         index="index",
     ),
+    Rule("ESC_INFO", ("error_count",), "esc_errors", index="index"),
+    Rule("VIBRATION", _VIBRATION, "vibration", convert=_vibration),
+    Rule("VIBRATION", ("clipping_0",), "clipping"),
     Rule("NAMED_VALUE_FLOAT", ("value",), "named_value"),
     Rule("FUEL_STATUS", ("remaining_fuel",), "fuel_remaining", index="id", convert=_liquid),
     Rule("FUEL_STATUS", ("percent_remaining",), "fuel_percent", "%", index="id", unknown=(255,)),

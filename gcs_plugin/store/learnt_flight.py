@@ -117,7 +117,7 @@ def learnt_flight(
         not_taught=reason,
         trained=trained,
         arms=flight_arm_figures(analysis, flight=flight),
-        bad_arms=bad_arms(advice),
+        bad_arms=bad_arms(advice, track.rotor_count),
     )
     return LearntFlight(analysis=analysis, advice=advice, row=row)
 
@@ -221,10 +221,14 @@ def not_taught(advice: Advice, offsets: FlightOffsets | None) -> NotTaught | Non
     return NotTaught.TOO_SHORT if offsets is None else None
 
 
-def bad_arms(advice: Advice) -> tuple[int, ...]:
-    """Return the arms, from 0, of which a part that flies may be bad, not a reading alone."""
-    found = () if advice.arms is None else advice.arms.findings
-    return tuple(one.arm for one in found if not one.only_sensors)
+def bad_arms(advice: Advice, rotors: int) -> tuple[int, ...]:
+    """Return the arms, from 0, of `rotors`, of which a part that flies may be bad, not a reading
+    alone. All of them where the aircraft shakes and no arm shows why."""
+    if advice.arms is None:
+        return ()
+    if advice.arms.aircraft is not None:
+        return tuple(range(rotors))
+    return tuple(one.arm for one in advice.arms.findings if not one.only_sensors)
 
 
 def coverage(analysis: FlightAnalysis) -> float:

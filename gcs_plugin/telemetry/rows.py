@@ -9,6 +9,7 @@ from itertools import chain
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
+from thrustmargin.gcs_plugin.telemetry.esc_frames import lost_frames
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap
 from thrustmargin.gcs_plugin.telemetry.position import (
     GroundContact,
@@ -195,6 +196,12 @@ def flight_rows(
     if found := [signal for signal in shaken if signal is not None]:
         channels["vibration_per_rev"] = _columns("vibration_per_rev", shaken, clock_s, "linear")
         reported["vibration_per_rev"], sources["vibration_per_rev"] = found, found[0].source
+    lost = [] if live else lost_frames(signals, motors, speeds_of_escs)
+    if found := [signal for signal in lost if signal is not None]:
+        channels["esc_lost"] = _columns("esc_lost", lost, clock_s, "linear")
+        reported["esc_lost"], sources["esc_lost"] = found, found[0].source
+    for channel in () if live else ("vibration", "clipping"):
+        put(channel, signals.get(channel, ()))
     if reported["rotor_speed_rpm"]:
         sources["rotor_speed_rpm"] = motors.esc_source(measured.signals)
     if reported["throttle"]:

@@ -169,12 +169,14 @@ ASKED = ("", "see messages", GENTLY, "slow down", LAND.words, "CONTROL LOST")
 _ASKS = {
     **dict.fromkeys(("margin", "predicted margin", "margin ahead"), 2),
     "saturation": 3,
-    **dict.fromkeys(("stopped", "rotor", "motor", "esc", "heat", "lead", "battery", "misfit"), 4),
+    **dict.fromkeys(("stopped", "rotor", "motor", "esc", "desync", "heat", "lead", "battery"), 4),
+    "misfit": 4,
     "control": 5,
 }
 #: Of an arm's heat, while it stands and once its number is of the past.
 _HEAT_OF = {False: "ESC {rotor}", True: "Motor {rotor}"}
 HEAT_WAS_NEAR = "Arm {rotor} was near its temperature limit"
+DESYNC_WAS = "ESC {rotor} lost its motor's step: check its wires"
 LEAD_WAS_HOT = "Lead {rotor} lost power: feel its lugs"
 #: Kinds of margin that are compared with the limit.
 MEASURED_MARGIN, PREDICTED_MARGIN, MARGIN_AHEAD = (
@@ -320,6 +322,16 @@ def lead_words(rotor: int, watts: float) -> str:
 def lead_past(rotor: int) -> str:
     """Return the words of a lead's alarm, of an arm from 1, whose number is of the past."""
     return say(LEAD_WAS_HOT, rotor=rotor)
+
+
+def desync_words(rotor: int, times: int) -> str:
+    """Return `ESC 3 lost its motor's step 2 times: land` of an arm, from 1."""
+    return say("ESC {rotor} lost its motor's step {times} times: land", rotor=rotor, times=times)
+
+
+def desync_past(rotor: int) -> str:
+    """Return the words of a desync alarm, of an arm from 1, whose number is of the past."""
+    return say(DESYNC_WAS, rotor=rotor)
 
 
 def esc_words(rotor: int, place: str, flags: int) -> str:

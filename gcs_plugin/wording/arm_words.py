@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 
 from thrustmargin.gcs_plugin.wording.actions import Action, at_desk, hands_on
 from thrustmargin.gcs_plugin.wording.language import percent, percent_within, say
 from thrustmargin.models.checks.arms.arm_causes import Cause
-from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer, ArmFinding, PossibleCause
+from thrustmargin.models.checks.arms.arm_posterior import (
+    AIRCRAFT,
+    ArmAnswer,
+    ArmFinding,
+    PossibleCause,
+)
 from thrustmargin.models.checks.arms.arm_trend import PowerTrend
 
 #: The part, as one of several that it may be.
@@ -15,10 +21,15 @@ PARTS: Mapping[Cause, str] = {
     Cause.PROPELLER: "its propeller",
     Cause.MOTOR: "its motor",
     Cause.ESC: "its ESC",
+    Cause.DESYNC: "a desync of its ESC",
+    Cause.SHORT: "a short in its motor or ESC",
     Cause.LEAD: "its lead or a lug",
     Cause.IMBALANCE: "its balance or mount",
+    Cause.SHAKEN: "a propeller's balance, or a mount",
+    Cause.TELEMETRY: "the telemetry of its ESC",
     Cause.SPEED_READING: "the reading of its speed",
     Cause.CURRENT_READING: "the reading of its current",
+    Cause.CURRENT_OFFSET_READING: "the zero of its current",
     Cause.VOLTAGE_READING: "the reading of its voltage",
     Cause.ESC_TEMPERATURE_READING: "the reading of its ESC's temperature",
     Cause.MOTOR_TEMPERATURE_READING: "the reading of its motor's temperature",
@@ -32,8 +43,15 @@ AMOUNTS: Mapping[Cause, tuple[str, str]] = {
     ),
     Cause.MOTOR: ("its motor takes {amount} more power at its speed", ""),
     Cause.ESC: ("its ESC takes {amount} more power at its speed", ""),
+    Cause.DESYNC: (
+        "its motor falls out of step with its ESC in {amount} of all stretches of 5 s",
+        "",
+    ),
+    Cause.SHORT: ("it draws {amount} of its current in flight while its rotor stands", ""),
     Cause.LEAD: ("its lead or a lug takes {amount} more of the voltage under load", ""),
     Cause.IMBALANCE: ("it shakes the frame by {amount} of g more, once per revolution", ""),
+    Cause.SHAKEN: ("it shakes {amount} more than on earlier flights at its rotor speed", ""),
+    Cause.TELEMETRY: ("its ESC loses {amount} of its telemetry", ""),
     Cause.SPEED_READING: (
         "its speed reads {amount} too high",
         "its speed reads {amount} too low",
@@ -41,6 +59,10 @@ AMOUNTS: Mapping[Cause, tuple[str, str]] = {
     Cause.CURRENT_READING: (
         "its current reads {amount} too high",
         "its current reads {amount} too low",
+    ),
+    Cause.CURRENT_OFFSET_READING: (
+        "its current reads {amount} of that in flight too high at rest",
+        "its current reads {amount} of that in flight too low at rest",
     ),
     # The offset is of the battery's voltage over the ESC's: above zero, the ESC reads low.
     Cause.VOLTAGE_READING: (
@@ -63,11 +85,22 @@ LOOKS: Mapping[Cause, Action] = {
     ),
     Cause.MOTOR: hands_on("motor", "turn its motor by hand: it must run as freely as the others"),
     Cause.ESC: hands_on("ESC", "right after landing, compare the heat of its ESC with the others'"),
+    Cause.DESYNC: hands_on("ESC", "look at the three motor wires and the signal plug of its ESC"),
+    Cause.SHORT: hands_on(
+        "motor", "compare the resistance between its three motor wires with the others'"
+    ),
     Cause.LEAD: hands_on("lead", "right after landing, feel its lugs and connectors for heat"),
     Cause.IMBALANCE: hands_on("propeller", "balance its propeller and tighten the motor's screws"),
+    Cause.SHAKEN: hands_on(
+        "propeller", "balance the propellers and feel whether the autopilot's mount is tight"
+    ),
+    Cause.TELEMETRY: hands_on("ESC", "look at the signal and telemetry plug of its ESC"),
     Cause.SPEED_READING: at_desk("ESC", "check the pole count and telemetry of its ESC"),
     Cause.CURRENT_READING: hands_on(
         "ESC", "put another ESC on that arm for one flight: a wrong reading goes with the ESC"
+    ),
+    Cause.CURRENT_OFFSET_READING: at_desk(
+        "ESC", "see whether its current is the same while disarmed; nothing flies worse by it"
     ),
     Cause.VOLTAGE_READING: at_desk(
         "ESC", "compare its voltage at rest with that of the battery; nothing flies worse by it"
@@ -82,10 +115,14 @@ LOOKS: Mapping[Cause, Action] = {
 
 
 def arm_sentence(finding: ArmFinding) -> str:
-    """Return what is wrong with an arm: interval, probability, other causes, and the look that
-    settles it."""
+    """Return what is wrong with an arm or the whole aircraft: interval, probability, other causes,
+    and the look that settles it."""
     first, *others = finding.causes
-    words = say("arm {arm}: {what}", arm=finding.arm + 1, what=amount_words(first))
+    what = amount_words(first)
+    if finding.arm == AIRCRAFT:
+        words = say("the aircraft: {what}", what=what)
+    else:
+        words = say("arm {arm}: {what}", arm=finding.arm + 1, what=what)
     sure = percent(min(finding.probability * first.probability, 0.99))
     words += say(", {sure} sure", sure=sure)
     if others:
@@ -102,7 +139,10 @@ def amount_words(one: PossibleCause) -> str:
     more, less = AMOUNTS[one.cause]
     least, most = sorted((abs(one.lower), abs(one.upper)))
     ends = (0.0 if one.lower < 0.0 < one.upper else least, most)
-    amount = percent_within(abs(one.size), *ends)
+    size = abs(one.size)
+    if one.cause is Cause.SHAKEN:  # its size is the ln of a ratio
+        size, ends = math.expm1(size), (math.expm1(ends[0]), math.expm1(ends[1]))
+    amount = percent_within(size, *ends)
     return say(more if one.size >= 0.0 or not less else less, amount=amount)
 
 
@@ -118,7 +158,7 @@ def trend_sentence(trend: PowerTrend) -> str:
 
 
 def arm_sentences(answer: ArmAnswer | None, weak: Collection[int] = ()) -> tuple[str, ...]:
-    """Return one sentence for each arm with something wrong.
+    """Return one sentence for each arm with something wrong, and one if the aircraft is shaken.
 
     Of the arms `weak`, from 0, whose thrust another sentence reports, a propeller is not said
     again. A voltage reading alone is left out: every log is checked for it, whatever is known of
@@ -126,9 +166,10 @@ def arm_sentences(answer: ArmAnswer | None, weak: Collection[int] = ()) -> tuple
     """
     if answer is None:
         return ()
+    aircraft = () if answer.aircraft is None else (answer.aircraft,)
     return tuple(
         arm_sentence(one)
-        for one in answer.findings
+        for one in (*answer.findings, *aircraft)
         if one.cause is not Cause.VOLTAGE_READING
         and not (one.arm in weak and one.cause is Cause.PROPELLER)
     )

@@ -20,7 +20,9 @@ from thrustmargin.models.model.fill_limits import NextFill
 #: In the air, by the name of the alarm; {which} is the rotor, motor or ESC with its place.
 _IN_THE_AIR: Mapping[str, str] = {
     "control": "CONTROL LOST",
-    **dict.fromkeys(("stopped", "rotor", "motor", "esc", "heat", "lead"), "LAND: {which}"),
+    **dict.fromkeys(
+        ("stopped", "rotor", "motor", "esc", "desync", "heat", "lead"), "LAND: {which}"
+    ),
     "battery": "LAND: battery",
     "misfit": "LAND: it does not fly as its airframe says",
     "saturation": "SLOW DOWN: {which}",
@@ -37,6 +39,7 @@ _PART: Mapping[str, str] = {
     "motor": "motor {numbers}",
     "esc": "ESC {numbers}",
     "heat": "heat of arm {numbers}",
+    "desync": "desync of ESC {numbers}",
     "lead": "lead {numbers}",
 }
 

@@ -58,6 +58,8 @@ _FOUND: Mapping[TakeoffKind, str] = {
     "the reason",
     TakeoffKind.LEAD: "the lead of ESC {motors} has {value}, the others {reference}: feel its "
     "connectors",
+    TakeoffKind.UNLIKE: "motor {motors} turned at {value}, {low} to {high} on earlier flights at "
+    "that output: check propeller, motor and ESC",
     TakeoffKind.SILENT: "no speed of motor {motors} is reported: not known whether it turns",
     TakeoffKind.WEIGHT: "after lift-off thrust carries {value}, {reference} are stated: check the "
     "fill",
@@ -104,7 +106,7 @@ def _amount(kind: TakeoffKind, value: float) -> str:
     """Return a value of a finding with its unit."""
     if kind in (TakeoffKind.STANDS, TakeoffKind.LATE):
         return number(value, "s", 1)
-    if kind in (TakeoffKind.SLOW, TakeoffKind.FAST, TakeoffKind.EXCHANGED):
+    if kind in (TakeoffKind.SLOW, TakeoffKind.FAST, TakeoffKind.EXCHANGED, TakeoffKind.UNLIKE):
         return number(value, "rpm", 0)
     if kind is TakeoffKind.REVERSED:
         return number(math.degrees(abs(value)), "°/s", 0)

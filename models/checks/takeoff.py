@@ -7,6 +7,7 @@ the first motor that is driven to HOVER_S after lift-off) are compared rotor by 
 - a rotor slower or faster than the others at a common output. Speed follows output by a power
   between LEAST_POWER and MOST_POWER, so a ratio of outputs gives an interval of the ratio of
   speeds, and no curve of the motor is needed;
+- a rotor that is unlike itself on earlier flights of the aircraft, where they are known;
 - yaw that runs away against the moment of the rotors: one turns the wrong way. Rotors of the side
   that the autopilot drives harder are the candidates: yaw alone cannot show which of them it is;
 - per ESC, where the flight table has its channels: temperature, and resistance of its lead;
@@ -26,6 +27,8 @@ from enum import StrEnum
 
 import numpy as np
 
+from thrustmargin.models.checks.arms.arm_law import ArmLaw
+from thrustmargin.models.checks.arms.spool_up import unlike_before, usual_spool_up
 from thrustmargin.models.checks.speed_readings import FLOOR, TURNING
 from thrustmargin.models.flight import (
     TRACK_CHANNELS,
@@ -98,6 +101,7 @@ class TakeoffKind(StrEnum):
     REVERSED = "reversed"  # rad/s of yaw against the rotors' moment
     HOT = "hot"  # K, of the other ESCs
     LEAD = "lead"  # ohm, of the other leads
+    UNLIKE = "unlike"  # rpm, of itself at that output on earlier flights
     SILENT = "silent"  # number of motors with a speed, number of motors
     WEIGHT = "weight"  # kg by thrust, kg stated
     YAW = "yaw"  # share of the yaw authority that is left, least share
@@ -181,14 +185,17 @@ class TakeoffCheck:
         return tuple(one for one in self.findings if one.forbids)
 
 
-def takeoff_checks(track: FlightTrack, airframe: Airframe | None = None) -> list[TakeoffCheck]:
+def takeoff_checks(
+    track: FlightTrack, airframe: Airframe | None = None, arms: ArmLaw | None = None
+) -> list[TakeoffCheck]:
     """Return the check of every run-up of a flight, in order of time.
 
-    `airframe` is None where it is not known: then only the rotors are compared. A run-up that never
-    lifts is checked to its end.
+    `airframe` is None where it is not known: then only the rotors are compared. `arms` are figures
+    of the aircraft's earlier flights, None where none are known. A run-up that never lifts is
+    checked to its end.
     """
     return [
-        checked_run_up(track.rows(rows), airframe, ended=rows.stop < track.time_s.size)
+        checked_run_up(track.rows(rows), airframe, arms, ended=rows.stop < track.time_s.size)
         for rows in run_ups(track)
     ]
 
@@ -203,7 +210,9 @@ class TakeoffWatch:
         #: Check of the last run-up, None before the first.
         self.now: TakeoffCheck | None = None
 
-    def add(self, track: FlightTrack, airframe: Airframe | None = None) -> TakeoffCheck | None:
+    def add(
+        self, track: FlightTrack, airframe: Airframe | None = None, arms: ArmLaw | None = None
+    ) -> TakeoffCheck | None:
         """Add new rows, in order; return the check of the last run-up, None before the first.
 
         Rows that do not follow the last begin another flight. Of a run-up of more than MOST_ROWS
@@ -219,7 +228,7 @@ class TakeoffWatch:
         rows, time_s = list(run_ups(track, from_rest=self._from_rest)), track.time_s
         for part in rows:
             ended = part.stop < time_s.size
-            self.now = checked_run_up(track.rows(part), airframe, ended=ended)
+            self.now = checked_run_up(track.rows(part), airframe, arms, ended=ended)
         if rows and self.now is not None and not self.now.ended:
             first = rows[-1].start
             self._from_rest &= first == 0
@@ -288,7 +297,11 @@ def motors_on(track: FlightTrack) -> Bools:
 
 
 def checked_run_up(
-    track: FlightTrack, airframe: Airframe | None = None, *, ended: bool = False
+    track: FlightTrack,
+    airframe: Airframe | None = None,
+    arms: ArmLaw | None = None,
+    *,
+    ended: bool = False,
 ) -> TakeoffCheck:
     """Return the check of one run-up, whose rows are those that `run_ups` yields so far.
 
@@ -299,7 +312,7 @@ def checked_run_up(
     lift = int(np.argmax(flying)) if flying.any() else time_s.size
     lift_s = float(time_s[lift]) if lift < time_s.size else math.nan
     motors, found = _starts(track, begin, lift)
-    slow_or_fast, ratios = _at_common_output(track, begin, lift)
+    slow_or_fast, ratios = _at_common_output(track, begin, lift, arms)
     found += slow_or_fast
     motors = [
         replace(motor, speed_ratio=speed, output_ratio=output)
@@ -418,9 +431,10 @@ def _idle_rpm(track: FlightTrack, motor: int, rows: slice) -> float:
 
 
 def _at_common_output(
-    track: FlightTrack, begin: int, lift: int
+    track: FlightTrack, begin: int, lift: int, arms: ArmLaw | None
 ) -> tuple[list[TakeoffFinding], list[tuple[float, float]]]:
-    """Compare each rotor's speed with that of the others at the outputs of the run-up.
+    """Compare each rotor's speed with that of the others at the outputs of the run-up, and with
+    its own on the earlier flights of `arms`.
 
     Also return for each rotor the medians of its ratios of speed and of output to the others.
     """
@@ -435,6 +449,7 @@ def _at_common_output(
     found: list[TakeoffFinding] = []
     ratios: list[tuple[float, float]] = []
     exchanged: set[tuple[int, ...]] = set()
+    usual = usual_spool_up(arms, track.name, track.rotor_count)
     for motor in range(track.rotor_count):
         others = _median_of_known(np.delete(speeds, motor, axis=1))
         theirs = _median_of_known(np.delete(outputs, motor, axis=1))
@@ -469,12 +484,38 @@ def _at_common_output(
             if finding.kind is not TakeoffKind.EXCHANGED or finding.motors not in exchanged:
                 found.append(finding)
             exchanged |= {finding.motors} if other is not None else set()
+        if usual is not None and not any(motor in one.motors for one in found):
+            compared = np.where(known, ratio, np.nan), np.where(known, asked, np.nan)
+            off, most = unlike_before(usual, motor, *compared)
+            found += _unlike(time_s, motor, speeds[:, motor], off, most)
     # What an exchange explains is no fault of its own.
     explained = {motor for pair in exchanged for motor in pair}
     found = [
         one for one in found if one.kind is TakeoffKind.EXCHANGED or not explained & set(one.motors)
     ]
     return found, ratios
+
+
+def _unlike(
+    time_s: Floats, motor: int, speed: Floats, off: Floats, most: Floats
+) -> list[TakeoffFinding]:
+    """Return a finding where a motor is off its own history, ln (T,), by more than `most` (T,)."""
+    with np.errstate(invalid="ignore"):
+        row = _first_lasting(time_s, np.abs(off) > most, LASTS_S, READINGS)
+    if row is None:
+        return []
+    before = float(speed[row] * np.exp(-off[row]))
+    return [
+        TakeoffFinding(
+            kind=TakeoffKind.UNLIKE,
+            motors=(motor,),
+            value=float(speed[row]),
+            reference=before,
+            low=before * math.exp(-most[row]),
+            high=before * math.exp(most[row]),
+            time_s=float(time_s[row]),
+        )
+    ]
 
 
 def exchanged_with(motor: int, speeds: Floats, outputs: Floats) -> int | None:

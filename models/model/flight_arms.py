@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from thrustmargin.models.checks.arms.arm_causes import Cause
 from thrustmargin.models.checks.arms.arm_figures import ArmFigures, ArmReadings, arm_figures
 from thrustmargin.models.checks.arms.arm_law import ArmLaw
 from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer, arm_answer
+from thrustmargin.models.checks.arms.desync import speed_falls
+from thrustmargin.models.checks.arms.spool_up import spool_up_figure
+from thrustmargin.models.checks.takeoff import takeoff_checks
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.fault_test import RotorFault
@@ -40,6 +44,7 @@ def flight_arm_figures(analysis: FlightAnalysis, *, flight: str) -> ArmFigures:
         light = np.sum(speed**2, axis=1) < CARRIED * predicted  # False where the load is unknown
     usable = track.flying & ~light & np.isfinite(speed).all(axis=1)
     usable &= signals[:, -1] < RowLimit.NO_FAULT
+    falls = speed_falls(track)
     readings = ArmReadings(
         time_s=track.time_s,
         flying=track.flying,
@@ -54,10 +59,20 @@ def flight_arm_figures(analysis: FlightAnalysis, *, flight: str) -> ArmFigures:
         esc_temperature=track.esc_temperature,
         motor_temperature=track.motor_temperature,
         vibration=track.vibration_per_rev,
+        fell=falls.fell,
+        answered=falls.answered,
+        outputs_known=np.any(np.isfinite(track.throttle) & np.isfinite(speed), axis=0),
+        lost=track.esc_lost,
+        shaking=track.vibration,
+        clipping=track.clipping,
     )
     start = 0.0 if track.start_unix_s is None else track.start_unix_s
     longitude = track.origin.longitude_deg if track.origin else math.nan
-    return arm_figures(readings, flight=flight, day=local_day(start, longitude))
+    made = arm_figures(readings, flight=flight, day=local_day(start, longitude))
+    starts = [check for check in takeoff_checks(track) if np.isfinite(check.lift_s)]
+    ratios = [(one.speed_ratio, one.output_ratio) for one in starts[-1].motors] if starts else []
+    figure = spool_up_figure(ratios)
+    return made if figure is None else replace(made, figures=(*made.figures, figure))
 
 
 def learnt_arms(model: RotorModel, tracks: Sequence[FlightTrack]) -> ArmLaw:

@@ -37,9 +37,11 @@ WITHOUT = {
     "temperatures": TEMPERATURES,
     "motor outputs": ("throttle",),
     "vibration": ("vibration_per_rev",),
+    "level of vibration": ("vibration", "clipping"),
+    "lost frames": ("esc_lost",),
     "all but speeds": (
         *("esc_voltage", "esc_current", *TEMPERATURES),
-        *("throttle", "vibration_per_rev"),
+        *("throttle", "vibration_per_rev", "vibration", "clipping", "esc_lost"),
     ),
 }
 MODEL = physics_model(F16)
@@ -52,8 +54,12 @@ def silenced(track: FlightTrack, channels: Sequence[str]) -> FlightTrack:
 
 def outcome(answer: ArmAnswer, bad: Bad) -> str:
     """One word for an answer about a flight with a known cause."""
+    if bad.cause == "shaken" and answer.aircraft is not None and not answer.findings:
+        return "right"
     if not answer.findings:
-        return "nothing"
+        return "nothing" if answer.aircraft is None else "of the aircraft"
+    if bad.cause == "shaken":
+        return "OTHER ARM"
     if any(one.arm != bad.arm for one in answer.findings):
         return "OTHER ARM"
     listed = [one.cause.value for one in answer.findings[0].causes]
@@ -74,9 +80,8 @@ def table_of(name: str, channels: Sequence[str], seeds: Sequence[int]) -> Table:
             return flight_arm_answer(analyse(silenced(track, channels), known))
 
         for k in range(SOUND_FLIGHTS):
-            alarms += bool(
-                answer(arm_flight(90_000 + 100 * seed + k, 20 + k, aircraft=seed)).findings
-            )
+            found = answer(arm_flight(90_000 + 100 * seed + k, 20 + k, aircraft=seed))
+            alarms += bool(found.findings) or found.aircraft is not None
         for k, (cause, size) in enumerate(counts):
             bad = Bad(cause=cause, size=size, arm=(seed + k) % 4)
             track = arm_flight(50_000 + 100 * seed + k, 30, bad, aircraft=seed)

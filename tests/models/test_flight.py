@@ -14,7 +14,7 @@ def test_channels_that_are_not_given_have_their_shape_and_no_number(rotors):
     track = FlightTrack.of(name="x", time_s=TIME_S, rotor_count=rotors)
     assert track.rotor_count == rotors
     by_rotor = ("rotor_speed_rpm", "throttle", "esc_voltage", "esc_current", "esc_temperature")
-    by_rotor += ("motor_temperature", "vibration_per_rev")
+    by_rotor += ("motor_temperature", "vibration_per_rev", "esc_lost")
     for channel in TRACK_CHANNELS:
         vector = channel.endswith(("_ned", "_frd")) or channel == "attitude"
         columns = (rotors,) if channel in by_rotor else (3,) if vector else ()
@@ -85,6 +85,9 @@ def test_a_report_is_used_for_so_long_and_believed_within_so_much():
         "esc_temperature": (5.0, 180.0, 600.0),
         "motor_temperature": (5.0, 180.0, 600.0),
         "vibration_per_rev": (5.0, 0.0, 500.0),
+        "esc_lost": (8.0, 0.0, 1.0),
+        "vibration": (5.0, 0.0, 500.0),
+        "clipping": (5.0, 0.0, 1e10),
         "voltage": (3.0, 0.0, 1000.0),
         "current": (3.0, -2000.0, 5000.0),
         "pressure": (5.0, 1e4, 1.2e5),

@@ -45,6 +45,7 @@ GRAVEST_FIRST = (
         "telemetry",
         "shared id",
         "esc",
+        "desync",
         "heat",
         "lead",
         "battery",
@@ -112,6 +113,8 @@ class AlarmSettings:
     #: W that a lead loses more than the others': a lug of 20 cm² in the rotors' wash (50 W/m²K)
     #: grows 100 K warm of it.
     lead_watts: float = 10.0
+    #: Falls out of step in 20 s: one may be a wrong frame; in 4 h of sound flights there was none.
+    desyncs: int = 2
 
 
 @dataclass(frozen=True, slots=True)

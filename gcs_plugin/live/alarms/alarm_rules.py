@@ -343,6 +343,21 @@ def lead(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     )
 
 
+def desync(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
+    """Check whether a motor falls out of step with its ESC, again and again."""
+    none: Floats = np.full(now.analysis.track.rotor_speed_rpm[now.rows].shape, np.nan)
+    falls = none if now.heat is None else now.heat.desyncs
+    return AlarmChecks(
+        falls >= s.desyncs,
+        falls == 0.0,
+        np.isfinite(falls),
+        severity=lambda *_: CRITICAL,
+        text=lambda row, k: words.desync_words(k + 1, int(falls[row, k])),
+        rotor=now.analysis.track.rotor_count,
+        past=lambda k: words.desync_past(k + 1),
+    )
+
+
 def airframe(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
     claim = now.analysis.claim
     unsure = claim.basis == "given"
@@ -451,6 +466,7 @@ OF_ROWS = (
     AlarmRule("stopped", 0.0, 3.0, stopped, Missing.SPEEDS, on_ground="kept"),
     AlarmRule("esc", 0.0, 3.0, esc, Missing.ESC, on_ground="checked"),
     AlarmRule("heat", 3.0, 10.0, heat, Missing.HEAT),
+    AlarmRule("desync", 0.0, 10.0, desync, Missing.SPEEDS),
     # Over a climb or a gust a battery and its wires sag: a hot lug lasts.
     AlarmRule("lead", 5.0, 10.0, lead, Missing.HEAT, lull=LULL),
     ROTOR_SPEEDS,

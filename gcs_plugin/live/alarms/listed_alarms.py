@@ -136,6 +136,7 @@ class Alarms:
             takeoff=self._takeoff.add(
                 analysis.track.rows(new),
                 None if analysis.withheld else identified_airframe(analysis.model),
+                None if analysis.withheld else analysis.model.arms,
             ),
         )
         events: list[AlarmEvent] = []

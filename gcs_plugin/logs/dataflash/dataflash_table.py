@@ -25,6 +25,13 @@ from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
 _SMOOTHED = "smoothed by the autopilot's slew limit"
 _PLACE, _WARM = ("latlon deg", "latlon deg", "m"), Meaning.BOARD_TEMPERATURE
+
+
+def _error_rate(columns: Any) -> Floats:
+    # In per cent; the log states no unit for it.
+    return 0.01 * columns.number("Err")
+
+
 #: Preferred sources first. `unit` is used where the log states none; `index` and `only` apply where
 #: the log has that column (older logs number their sensors by message name).
 RULES: tuple[Rule, ...] = (
@@ -63,6 +70,7 @@ RULES: tuple[Rule, ...] = (
     # 0 °C is what an ESC without that sensor reports.
     Rule("ESC", ("Temp",), "esc_temperature", "degC", index="Instance", unknown=(0,)),
     Rule("ESC", ("MotTemp",), "motor_temperature", "degC", index="Instance", unknown=(0,)),
+    Rule("ESC", ("Err",), "esc_error_rate", index="Instance", convert=_error_rate),
     Rule("ESC", ("RawRPM",), "esc_rpm", "rpm", index="Instance"),
     Rule("ESC", ("RPM",), "esc_rpm", "rpm", index="Instance", note=_SMOOTHED),
 )
@@ -75,10 +83,20 @@ def _over_ground(columns: Any) -> Floats:
     )
 
 
+def _vibration(columns: Any) -> Floats:
+    axes = [columns.si(f"Vibe{axis}", "m/s/s") for axis in "XYZ"]
+    return np.sqrt(np.sum(np.square(axes), axis=0))
+
+
+_VIBE = ("VibeX", "VibeY", "VibeZ")
 _COURSE = ("Spd", "GCrs", "VZ")
 #: Those that are taken when nothing else gives the channel.
 LAST_RULES: tuple[Rule, ...] = (
     Rule("GPS", _COURSE, "velocity_ned", index="I", only=0, convert=_over_ground),
+    Rule("VIBE", _VIBE, "vibration", index="IMU", only=0, convert=_vibration),
+    Rule("VIBE", ("Clip",), "clipping", index="IMU", only=0),
+    # Before 4.1 one message has the counts of three sensors.
+    Rule("VIBE", ("Clip0",), "clipping"),
 )
 
 #: Message types that are read besides, and the columns without which they say nothing.
@@ -96,7 +114,7 @@ REQUIRED: Mapping[str, tuple[str, ...]] = {
     "PARM": ("Name", "Value"),
 }
 #: Every message type that is read.
-MESSAGES = tuple(dict.fromkeys([*(rule.message for rule in RULES), *REQUIRED]))
+MESSAGES = tuple(dict.fromkeys([*(rule.message for rule in (*RULES, *LAST_RULES)), *REQUIRED]))
 
 #: ESCs or batteries of one vehicle.
 _MOST_SOURCES = 32

@@ -25,6 +25,10 @@ FILES: dict[str, tuple[tuple[tuple[str, str], ...], str]] = {
         ((f"{_HERE}.on_vehicle", "margin_inputs.lua"),),
         "copy it to APM/scripts of the vehicle's card and set SCR_ENABLE 1",
     ),
+    "vehicle-check": (
+        ((f"{_HERE}.on_vehicle", "takeoff_check.lua"),),
+        "copy it to APM/scripts of the vehicle's card and set SCR_ENABLE 1",
+    ),
     "companion": (
         ((f"{_HERE}.companion", "*"), ("thrustmargin.gcs_plugin.live.bar", "*")),
         "docs/companion.md says how to build the container or start the service",
@@ -33,7 +37,7 @@ FILES: dict[str, tuple[tuple[tuple[str, str], ...], str]] = {
 
 
 def install(
-    what: Positional[Literal["mission-planner", "vehicle-sender", "companion"]],
+    what: Positional[Literal["mission-planner", "vehicle-sender", "vehicle-check", "companion"]],
     folder: Positional[Path],
     *,
     force: bool = False,
@@ -44,7 +48,8 @@ def install(
 
     Args:
         what: mission-planner, its plugin, for its folder `plugins`; vehicle-sender, the Lua script
-            of rotor speeds for slow links; companion, container, BlueOS extension and service.
+            of rotor speeds for slow links; vehicle-check, the check before take-off as a Lua
+            script; companion, container, BlueOS extension and service.
         folder: Folder to copy into.
         force: Replace files that are already there.
     """

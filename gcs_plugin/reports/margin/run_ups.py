@@ -23,7 +23,9 @@ def takeoff_rows(analysis: FlightAnalysis) -> tuple[JsonObject, ...]:
     """Return the check of each run-up in order of time; motors count from 1."""
     airframe = None if analysis.withheld else identified_airframe(analysis.model)
     places = () if analysis.withheld else analysis.places
-    return tuple(_row(analysis, one, places) for one in takeoff_checks(analysis.track, airframe))
+    arms = None if analysis.withheld else analysis.model.arms
+    checks = takeoff_checks(analysis.track, airframe, arms)
+    return tuple(_row(analysis, one, places) for one in checks)
 
 
 def _row(analysis: FlightAnalysis, check: TakeoffCheck, places: Sequence[str]) -> JsonObject:

@@ -3,7 +3,7 @@
 A cause has a size s, a share: of thrust lost, of power needed, of voltage lost at the load of the
 flight, of g shaken, of a reading. It moves each figure of its own arm by a ratio of s, with a
 standard deviation where parts differ; a figure that is not listed does not move. No cause moves a
-figure of another arm.
+figure of another arm. One cause is of the whole aircraft.
 
 Sources. A propeller: thrust and power coefficients go with the fourth and fifth power of the
 diameter (Leishman, Principles of Helicopter Aerodynamics, 2.3), so a cut one loses 5/4 as much
@@ -35,10 +35,15 @@ class Cause(StrEnum):
     PROPELLER = "propeller"  # worn, cut, or of another size
     MOTOR = "motor"  # bearing, magnets, rubbing
     ESC = "esc"  # timing, desync
+    DESYNC = "desync"  # the motor falls out of step with its ESC
+    SHORT = "short"  # of winding or ESC, or a rotor that cannot turn: current without speed
     LEAD = "lead"  # lead, lug or connector
     IMBALANCE = "imbalance"  # unbalanced propeller or loose mount
+    SHAKEN = "shaken"  # the whole aircraft: a propeller out of balance, or a loose mount
+    TELEMETRY = "telemetry"  # signal or telemetry plug of the ESC
     SPEED_READING = "speed_reading"
     CURRENT_READING = "current_reading"
+    CURRENT_OFFSET_READING = "current_offset_reading"  # the same A at any current
     VOLTAGE_READING = "voltage_reading"
     ESC_TEMPERATURE_READING = "esc_temperature_reading"
     MOTOR_TEMPERATURE_READING = "motor_temperature_reading"
@@ -46,7 +51,12 @@ class Cause(StrEnum):
     @property
     def of_sensor(self) -> bool:
         """Return whether the cause is a wrong reading, not a part that flies."""
-        return self.value.endswith("_reading")
+        return self.value.endswith("_reading") or self is Cause.TELEMETRY
+
+    @property
+    def of_aircraft(self) -> bool:
+        """Return whether the cause is of the whole aircraft, not of one arm."""
+        return self is Cause.SHAKEN
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +78,7 @@ class Pattern:
 
     moved: Mapping[ArmQuantity, Moved]
     both_ways: bool = False  # its size may be negative: a larger propeller, a reading that is low
+    largest: float = 0.6  # of the sizes that are tried
 
     def of(self, quantity: ArmQuantity, *, own_voltage: bool) -> Moved:
         """Return what happens to a figure; nothing where it is not listed.
@@ -97,6 +108,7 @@ PATTERNS: Mapping[Cause, Pattern] = MappingProxyType(
                 Q.POWER: Moved(-0.5, 1.0),
                 Q.OUTPUT: Moved(0.0, 0.3, MAY),
                 Q.VIBRATION: Moved(0.2, 0.4, MAY),
+                Q.SHAKING: Moved(0.5, 1.0, MAY),
             },
             both_ways=True,
         ),
@@ -107,6 +119,7 @@ PATTERNS: Mapping[Cause, Pattern] = MappingProxyType(
                 Q.ESC_HEAT: Moved(-0.5, 0.5, MAY),
                 Q.MOTOR_HEAT: Moved(10.0, 6.0),
                 Q.VIBRATION: Moved(0.2, 0.4, MAY),
+                Q.SHAKING: Moved(0.5, 1.0, MAY),
             }
         ),
         Cause.ESC: Pattern(
@@ -115,6 +128,31 @@ PATTERNS: Mapping[Cause, Pattern] = MappingProxyType(
                 Q.OUTPUT: Moved(-0.2, 0.5, MAY),
                 Q.ESC_HEAT: Moved(20.0, 15.0),
                 Q.JUMPS: Moved(0.3, 0.2, MAY),
+                Q.DESYNC: Moved(0.5, 0.5, MAY),
+                Q.GLITCHES: Moved(0.5, 0.5, MAY),
+            }
+        ),
+        # Its size is a share of time, and what it costs beside depends on how long each fall is.
+        Cause.DESYNC: Pattern(
+            {
+                Q.DESYNC: Moved(1.0, 0.3),
+                Q.GLITCHES: Moved(0.3, 0.5, MAY),
+                Q.LOST: Moved(0.3, 0.5, MAY),
+                Q.POWER: Moved(0.1, 0.2, MAY),
+                Q.OUTPUT: Moved(0.0, 0.2, MAY),
+                Q.THRUST: Moved(0.0, 0.2, MAY),
+                Q.ESC_HEAT: Moved(1.0, 2.0, MAY),
+                Q.MOTOR_HEAT: Moved(1.0, 2.0, MAY),
+                Q.JUMPS: Moved(0.1, 0.1, MAY),
+                Q.SHAKING: Moved(1.0, 2.0, MAY),
+            }
+        ),
+        Cause.SHORT: Pattern(
+            {
+                Q.STANDING: _AS_MUCH,
+                Q.POWER: Moved(0.5, 0.5),
+                Q.ESC_HEAT: Moved(0.5, 1.0, MAY),
+                Q.MOTOR_HEAT: Moved(1.0, 2.0, MAY),
             }
         ),
         Cause.LEAD: Pattern(
@@ -123,7 +161,17 @@ PATTERNS: Mapping[Cause, Pattern] = MappingProxyType(
                 Q.OUTPUT: Moved(-2.0, 0.5),
             }
         ),
-        Cause.IMBALANCE: Pattern({Q.VIBRATION: _AS_MUCH}),
+        # An amplitude of one arm adds to what the body has by as much as that is small.
+        Cause.IMBALANCE: Pattern(
+            {
+                Q.VIBRATION: _AS_MUCH,
+                Q.SHAKING: Moved(2.0, 3.0, MAY),
+                Q.CLIPPING: Moved(0.5, 1.0, MAY),
+            }
+        ),
+        # Its size is the ln of the ratio, of which 2 is more than seven times as much.
+        Cause.SHAKEN: Pattern({Q.SHAKING: _AS_MUCH, Q.CLIPPING: Moved(0.2, 0.4, MAY)}, largest=2.0),
+        Cause.TELEMETRY: Pattern({Q.LOST: Moved(1.0, 0.1, MAY), Q.GLITCHES: Moved(1.0, 0.5, MAY)}),
         Cause.SPEED_READING: Pattern(
             {
                 Q.THRUST: Moved(2.0, 0.1),
@@ -136,6 +184,16 @@ PATTERNS: Mapping[Cause, Pattern] = MappingProxyType(
         Cause.CURRENT_READING: Pattern(
             {
                 Q.POWER: Moved(1.0),
+                Q.ESC_HEAT: Moved(-1.5, 0.5),
+                Q.MOTOR_HEAT: Moved(-1.5, 0.5),
+            },
+            both_ways=True,
+        ),
+        # Above zero the power reads more, and the rise of heat per A² less.
+        Cause.CURRENT_OFFSET_READING: Pattern(
+            {
+                Q.STANDING: _AS_MUCH,
+                Q.POWER: _AS_MUCH,
                 Q.ESC_HEAT: Moved(-1.5, 0.5),
                 Q.MOTOR_HEAT: Moved(-1.5, 0.5),
             },

@@ -12,6 +12,16 @@ voltage U [V], air density rho over a reference density.
     motor_heat   the same of the motor
     vibration    body's amplitude at the frequency of N_i, m/s² at 1000 rpm
     jumps        scatter of N_i from sample to sample, as a share of N_i
+    desync       falls of N_i that f_i does not explain and f_i or I_i answers, per block
+    glitches     such falls that nothing answers, per block
+    lost         share of the ESC's telemetry frames that is lost
+    standing     I_i while the rotor stands, as a share of I_i in flight
+    spool_up     ln N_i - ln f_i over the others' at spool-up; `spool_up` has it
+
+and of the aircraft, with one value for all arms:
+
+    shaking      ln of the autopilot's level of vibration over N², N the mean of the rotors
+    clipping     share of blocks in which the accelerometer was at its limit
 
 Power is to N³ as torque is to N² (Leishman, Principles of Helicopter Aerodynamics, 2.3); the force
 of an unbalanced rotor is to N². Each figure is a median over blocks with the standard error that
@@ -27,6 +37,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from thrustmargin.models.checks.speed_readings import TURNING
 from thrustmargin.models.flight import Bools, Floats
 
 BLOCK_S = 5.0  # of the blocks, as in `model.flight_offsets`
@@ -42,6 +53,7 @@ HEAT_TIMES = (30.0, 60.0, 120.0, 240.0, 480.0, 960.0)
 HEAT_STEP = 1.0
 LEAST_RISE = 3.0  # K
 FEWEST_TEMPERATURES = 100  # readings of one arm
+FEWEST_STANDING = 10  # rows in which a rotor stands
 NAN = math.nan
 
 
@@ -57,11 +69,26 @@ class ArmQuantity(StrEnum):
     MOTOR_HEAT = "motor_heat"
     VIBRATION = "vibration"
     JUMPS = "jumps"
+    DESYNC = "desync"
+    GLITCHES = "glitches"
+    LOST = "lost"
+    STANDING = "standing"
+    SPOOL_UP = "spool_up"
+    SHAKING = "shaking"
+    CLIPPING = "clipping"
+
+    @property
+    def of_aircraft(self) -> bool:
+        """Return whether the figure is one value of the whole aircraft, not one of each arm."""
+        return self in (ArmQuantity.SHAKING, ArmQuantity.CLIPPING)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmFigure:
-    """One quantity of the R arms in one flight, with its standard errors; NaN unknown."""
+    """One quantity of the R arms in one flight, with its standard errors; NaN unknown.
+
+    A quantity of the whole aircraft has a single value.
+    """
 
     quantity: ArmQuantity
     value: tuple[float, ...]  # (R,)
@@ -102,6 +129,12 @@ class ArmReadings:
     esc_temperature: Floats  # (T, R) K
     motor_temperature: Floats  # (T, R) K
     vibration: Floats  # (T, R) m/s²
+    fell: Bools  # (T, R) falls of speed that no output explains, see `desync`
+    answered: Bools  # (T, R) those of them that output or current answers
+    outputs_known: Bools  # (R,) whether falls could be seen at all
+    lost: Floats  # (T, R) share of the ESC's frames that is lost
+    shaking: Floats  # (T,) m/s², the autopilot's level of vibration
+    clipping: Floats  # (T,) times that the accelerometer was at its limit, counted on
 
 
 def arm_figures(readings: ArmReadings, *, flight: str, day: int) -> ArmFigures:
@@ -125,6 +158,10 @@ def arm_figures(readings: ArmReadings, *, flight: str, day: int) -> ArmFigures:
         _heat(ArmQuantity.MOTOR_HEAT, one, one.motor_temperature),
         _middle(ArmQuantity.VIBRATION, shaken, unit=9.80665 / (typical / 1000.0) ** 2),
         _middle(ArmQuantity.JUMPS, blocks.jitter(speed)),
+        *_falls(one, blocks.count),
+        _mean_of(ArmQuantity.LOST, blocks.mean(one.lost)),
+        _standing(one),
+        *_shaking(one, blocks),
     ]
     kept = tuple(figure for figure in found if figure is not None)
     return ArmFigures(flight=flight, day=day, figures=kept, own_voltage=own)
@@ -139,6 +176,20 @@ class _Blocks:
         block = np.floor(time_s[rows] / BLOCK_S).astype(np.int64)
         parts = np.split(rows, np.flatnonzero(np.diff(block)) + 1)
         self._rows = [part for part in parts if part.size >= FEWEST_ROWS]
+
+    @property
+    def count(self) -> int:
+        """Return the number of blocks, B."""
+        return len(self._rows)
+
+    def grew(self, counter: Floats) -> Floats:
+        """Return by how much a counter (T,) grew within each block, (B, 1); NaN where unknown."""
+        grown = np.full((len(self._rows), 1), np.nan)
+        for step, rows in zip(grown, self._rows, strict=True):
+            known = counter[rows][np.isfinite(counter[rows])]
+            if known.size > 1:
+                step[0] = float(np.maximum(np.diff(known), 0.0).sum())
+        return grown
 
     def mean(self, values: Floats) -> Floats:
         """Return the mean (B, R) of values (T, R) over the finite rows of each block.
@@ -181,6 +232,68 @@ def _middle(quantity: ArmQuantity, blocks: Floats, *, unit: float = 1.0) -> ArmF
         scatter = MEDIAN_ABSOLUTE * np.median(np.abs(some - value[arm]))
         error[arm] = MEDIAN_ERROR * scatter / math.sqrt(some.size)
     return ArmFigure(quantity=quantity, value=_plain(value), error=_plain(error), unit=unit)
+
+
+def _mean_of(quantity: ArmQuantity, blocks: Floats) -> ArmFigure | None:
+    """Return the means of blocks (B, R) with their errors; None without a known arm.
+
+    It is for shares that are 0 in most blocks, which a median would hide.
+    """
+    known = np.isfinite(blocks)
+    count = known.sum(axis=0)
+    enough = count >= FEWEST_BLOCKS
+    if not enough.any():
+        return None
+    value, error = np.full((2, blocks.shape[1]), np.nan)
+    for arm in np.flatnonzero(enough):
+        some = blocks[known[:, arm], arm]
+        value[arm], error[arm] = some.mean(), some.std() / math.sqrt(some.size)
+    return ArmFigure(quantity=quantity, value=_plain(value), error=_plain(error))
+
+
+def _falls(one: ArmReadings, blocks: int) -> list[ArmFigure | None]:
+    """Return the falls of each arm's speed per block: answered ones, and the others.
+
+    They have no error of their own, because a sound arm has next to none.
+    """
+    if blocks < FEWEST_BLOCKS or not one.outputs_known.any():
+        return []
+    kinds = (ArmQuantity.DESYNC, one.answered), (ArmQuantity.GLITCHES, one.fell & ~one.answered)
+    found: list[ArmFigure | None] = []
+    for quantity, falls in kinds:
+        share = np.where(one.outputs_known, falls.sum(axis=0) / blocks, np.nan)
+        found.append(ArmFigure(quantity=quantity, value=_plain(share), error=_plain(0.0 * share)))
+    return found
+
+
+def _standing(one: ArmReadings) -> ArmFigure | None:
+    """Return the current of each arm while its rotor stands, over that in flight.
+
+    A reading of 0 A is NaN in a flight table: it counts as 0 where the ESC reports a speed at the
+    time and a current in flight.
+    """
+    with np.errstate(invalid="ignore"):
+        stands = (one.speed_rpm < TURNING) & ~one.flying[:, None]
+    value = np.full(one.speed_rpm.shape[1], np.nan)
+    for arm, rows in enumerate(stands.T):
+        flown = one.esc_current[one.usable, arm]
+        flown = flown[np.isfinite(flown)]
+        if rows.sum() >= FEWEST_STANDING and flown.size:
+            value[arm] = np.median(np.nan_to_num(one.esc_current[rows, arm])) / np.median(flown)
+    if not np.isfinite(value).any():
+        return None
+    return ArmFigure(quantity=ArmQuantity.STANDING, value=_plain(value), error=_plain(0.0 * value))
+
+
+def _shaking(one: ArmReadings, blocks: _Blocks) -> list[ArmFigure | None]:
+    """Return the level of vibration against rotor speed, and the share of blocks with clipping."""
+    level = blocks.mean(one.shaking[:, None])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turning = blocks.mean(np.mean(one.speed_rpm, axis=1)[:, None]) / 1000.0
+        shaken = np.log(np.where(level > 0.0, level, np.nan) / turning**2)
+        grown = blocks.grew(one.clipping)
+        clipped: Floats = np.where(np.isnan(grown), np.nan, np.where(grown > 0.0, 1.0, 0.0))
+    return [_middle(ArmQuantity.SHAKING, shaken), _mean_of(ArmQuantity.CLIPPING, clipped)]
 
 
 def _plain(values: Floats) -> tuple[float, ...]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer
+from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer, ArmFinding
 
 
 def answer_json(answer: ArmAnswer | None) -> dict[str, Any] | None:
     """Return an answer as a dict of JSON values; None without one.
 
-    Sizes are shares, as `arm_causes` has them; `ci95` are the ends of their 95 % intervals.
+    `aircraft` is a finding that is of no single arm. Sizes are shares, as `arm_causes` has them;
+    `ci95` are the ends of their 95 % intervals.
     """
     if answer is None:
         return None
@@ -18,25 +19,27 @@ def answer_json(answer: ArmAnswer | None) -> dict[str, Any] | None:
         "compared": list(answer.quantities),
         "earlier_flights": answer.flights,
         "days": answer.days,
-        "findings": [
+        "findings": [{"arm": one.arm + 1} | _finding_json(one) for one in answer.findings],
+        "aircraft": None if answer.aircraft is None else _finding_json(answer.aircraft),
+    }
+
+
+def _finding_json(one: ArmFinding) -> dict[str, Any]:
+    """Return the causes of a finding and the figures that show them as a dict of JSON values."""
+    return {
+        "probability": one.probability,
+        "causes": [
             {
-                "arm": one.arm + 1,
-                "probability": one.probability,
-                "causes": [
-                    {
-                        "cause": cause.cause,
-                        "sensor": cause.cause.of_sensor,
-                        "probability": cause.probability,
-                        "size": cause.size,
-                        "ci95": [cause.lower, cause.upper],
-                    }
-                    for cause in one.causes
-                ],
-                "shown": [
-                    {"quantity": quantity, "departure": share, "standard_deviations": apart}
-                    for quantity, share, apart in one.shown
-                ],
+                "cause": cause.cause,
+                "sensor": cause.cause.of_sensor,
+                "probability": cause.probability,
+                "size": cause.size,
+                "ci95": [cause.lower, cause.upper],
             }
-            for one in answer.findings
+            for cause in one.causes
+        ],
+        "shown": [
+            {"quantity": quantity, "departure": share, "standard_deviations": apart}
+            for quantity, share, apart in one.shown
         ],
     }

@@ -35,6 +35,7 @@ POSSIBLE = 0.05  # probability from which another cause is listed
 #: Sizes that are tried, as shares: from half a per cent, below which no figure repeats, up.
 SIZES = np.geomspace(0.005, 0.6, 40)
 MOST_FINDINGS = 4
+AIRCRAFT = -1  # the arm of a cause that is of the whole aircraft
 #: Standard normal quantiles at which the scale's distribution is averaged over.
 _QUANTILES = np.array([NormalDist().inv_cdf((k + 0.5) / 25) for k in range(25)])
 
@@ -80,6 +81,7 @@ class ArmAnswer:
     quantities: tuple[ArmQuantity, ...]  # that were compared
     flights: int  # earlier flights that they were compared with
     days: int
+    aircraft: ArmFinding | None = None  # what is of no single arm; its arm is AIRCRAFT
 
 
 def arm_answer(
@@ -113,7 +115,8 @@ def arm_answer(
         left = _without(left, found.arm, moved, own_voltage=own_voltage)
     earlier = law.without(flights) if law is not None else ()
     return ArmAnswer(
-        findings=tuple(findings),
+        findings=tuple(one for one in findings if one.arm != AIRCRAFT),
+        aircraft=next((one for one in findings if one.arm == AIRCRAFT), None),
         quantities=quantities,
         flights=len(earlier),
         days=len({one.day for one in earlier}),
@@ -128,11 +131,18 @@ def _without(
     for one in left:
         moves = any(_moves(cause, one.quantity, own_voltage=own_voltage) for cause in causes)
         values = one.departure.copy()
-        if moves:
-            values[arm] = math.nan
+        if moves and (place := _place(one.quantity, arm)) is not None:
+            values[place] = math.nan
         if np.isfinite(values).any():
             kept.append(replace(one, departure=values))
     return kept
+
+
+def _place(quantity: ArmQuantity, arm: int) -> int | None:
+    """Return the index of an arm's value of a quantity; None where AIRCRAFT has none."""
+    if quantity.of_aircraft:
+        return 0
+    return None if arm == AIRCRAFT else arm
 
 
 def _moves(cause: Cause, quantity: ArmQuantity, *, own_voltage: bool) -> bool:
@@ -159,7 +169,8 @@ class _Evidence:
         cut = np.ix_(known, known)
         scales = one.freedom / _chi_squares(one.freedom)
         # What moves all arms together is open, but not where modes are known one by one.
-        open_part = 0.0 if one.quantity is ArmQuantity.THRUST else TOGETHER**2
+        alone = one.quantity is ArmQuantity.THRUST or one.quantity.of_aircraft
+        open_part = 0.0 if alone else TOGETHER**2
         stack = scales[:, None, None] * one.covariance[cut] + one.own[cut] + open_part
         inverse = np.linalg.inv(stack)
         weighted = inverse @ y
@@ -174,7 +185,9 @@ class _Evidence:
 
     def gain(self, arm: int, moved: Moved, sizes: Floats) -> Floats:
         """Return the log likelihood ratio (S,) of a cause of each size at an arm to none."""
-        place, ratio, spread = np.flatnonzero(self.known == arm), moved.ratio, moved.spread
+        at = _place(self.one.quantity, arm)
+        place = np.flatnonzero(self.known == (AIRCRAFT if at is None else at))
+        ratio, spread = moved.ratio, moved.spread
         if not place.size or (ratio == 0.0 and spread == 0.0):
             return np.zeros(sizes.size)
         weighted, inverse = (x[:, place[0]][:, None] for x in (self.weighted, self.inverse))
@@ -203,14 +216,14 @@ def _finding(
     little that none of them is more probable than a sound arm.
     """
     evidence = [_Evidence.of(one) for one in left]
-    rotors = left[0].departure.size
-    both = np.concatenate([-SIZES[::-1], SIZES])
+    rotors = max((one.departure.size for one in left if not one.quantity.of_aircraft), default=0)
     gains: dict[tuple[int, Cause], tuple[Floats, Floats]] = {}
     for cause, pattern in PATTERNS.items():
-        sizes = both if pattern.both_ways else SIZES
+        sizes = SIZES * (pattern.largest / SIZES[-1])
+        sizes = np.concatenate([-sizes[::-1], sizes]) if pattern.both_ways else sizes
         moved = [(one, pattern.of(one.one.quantity, own_voltage=own_voltage)) for one in evidence]
-        for at in given or range(rotors):
-            if given and cause not in given[at]:
+        for at in (AIRCRAFT,) if cause.of_aircraft else given or range(rotors):
+            if given and (cause.of_aircraft or cause not in given[at]):
                 continue
             total = np.zeros(sizes.size)
             for one, how in moved:
@@ -244,9 +257,10 @@ def _finding(
         probability=by_arm[worst],
         causes=tuple(causes),
         shown=tuple(
-            (one.quantity, *_shown(one, worst))
+            (one.quantity, *_shown(one, place))
             for one in left
-            if np.isfinite(one.departure[worst])
+            if (place := _place(one.quantity, worst)) is not None
+            and np.isfinite(one.departure[place])
             and any(_moves(cause, one.quantity, own_voltage=own_voltage) for cause in moved)
         ),
     )

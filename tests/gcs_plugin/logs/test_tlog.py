@@ -208,8 +208,8 @@ def test_repr_says_in_a_few_lines_which_flight_it_is_how_long_and_how_whole(tmp_
         "  channels: attitude, angular_rate_frd, tank_kg, rotor_speed_rpm, esc_voltage, "
         "esc_current, esc_temperature, voltage, current, spraying",
         "  not in the log: position_ned, velocity_ned, asked_attitude, specific_force_frd, "
-        "airspeed, wind_ned, throttle, motor_temperature, vibration_per_rev, pressure, "
-        "temperature, altitude, height_agl",
+        "airspeed, wind_ned, throttle, motor_temperature, vibration_per_rev, esc_lost, vibration, "
+        "clipping, pressure, temperature, altitude, height_agl",
         f"  file: 150 messages in {len(data) + 7} bytes, skipped: 7 bytes in 1 damaged place(s)",
     ]
 

@@ -158,6 +158,12 @@ VALUES: dict[tuple[str, str], tuple[Mapping[str, object], Any]] = {
         {"temperature": [2500, 0, 32767, -500]},
         [298.15, NAN, NAN, 268.15],
     ),
+    ("ESC_INFO", "esc_errors"): ({"error_count": [0, 7, 1, 70_000]}, [0, 7, 1, 70_000]),
+    ("VIBRATION", "vibration"): (
+        {"vibration_x": 2.0, "vibration_y": 3.0, "vibration_z": 6.0},
+        7.0,
+    ),
+    ("VIBRATION", "clipping"): ({"clipping_0": 12}, 12.0),
     ("NAMED_VALUE_FLOAT", "named_value"): ({"value": 9.25}, 9.25),
     ("FUEL_STATUS", "fuel_remaining"): ({"remaining_fuel": 9500.0, "fuel_type": 1}, 9500.0),
     ("FUEL_STATUS", "fuel_percent"): ({"percent_remaining": 60}, 60.0),
@@ -193,6 +199,7 @@ INDEXED = {
     ("ESC_STATUS", "esc_current"): ("index", None),
     ("ESC_INFO", "esc_failure"): ("index", None),
     ("ESC_INFO", "esc_temperature"): ("index", None),
+    ("ESC_INFO", "esc_errors"): ("index", None),
     ("FUEL_STATUS", "fuel_remaining"): ("id", None),
     ("FUEL_STATUS", "fuel_percent"): ("id", None),
 }

@@ -13,7 +13,8 @@ from lupa.lua53 import LuaRuntime
 BINDINGS = """
 seen = { texts = {}, floats = {}, intervals = {}, auth = nil, ids = 1 }
 now = { armed = false, temperature = 20, board = 33, pressure = 101325, rpm = {}, percent = {},
-        volts = {}, healthy = {}, ms = 0 }
+        volts = {}, healthy = {}, ms = 0, centidegrees = {}, channels = {}, pulses = {},
+        flying = false }
 params = {}
 local function up_to(text, most) assert(#text <= most, "too long: " .. text); return text end
 gcs = {}
@@ -48,6 +49,12 @@ function baro:get_temperature() return now.board end
 function baro:get_pressure() return now.pressure end
 esc_telem = {}
 function esc_telem:get_rpm(k) return now.rpm[k] end
+function esc_telem:get_temperature(k) return now.centidegrees[k] end
+SRV_Channels = {}
+function SRV_Channels:find_channel(purpose) return now.channels[purpose] end
+function SRV_Channels:get_output_pwm(purpose) return now.pulses[purpose] end
+vehicle = {}
+function vehicle:get_likely_flying() return now.flying end
 param = {}
 function param:get(name) return params[name] end
 function param:add_table(key, prefix, count) table_prefix = prefix; return key < 200 end

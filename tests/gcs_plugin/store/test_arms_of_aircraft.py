@@ -3,8 +3,13 @@
 from dataclasses import replace
 from pathlib import Path
 
+from tests.gcs_plugin.wording.test_advice_words import ADVICE
 from thrustmargin.gcs_plugin.store.hangar import AircraftFlight, Event, KnownAircraft, NotTaught
+from thrustmargin.gcs_plugin.store.learnt_flight import bad_arms
+from thrustmargin.models.checks.arms.arm_causes import Cause
 from thrustmargin.models.checks.arms.arm_figures import ArmFigure, ArmFigures, ArmQuantity
+from thrustmargin.models.checks.arms.arm_posterior import AIRCRAFT as AIRCRAFT_ITSELF
+from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer, ArmFinding, PossibleCause
 
 
 def row(k, **more):
@@ -40,3 +45,17 @@ def test_after_a_repair_learning_begins_anew():
     assert names(repaired.arms_before()) == ["f2", "f3", "f4"]
     assert names(repaired.arms_before(1200.0)) == ["f0", "f1"]
     assert [one.flight for one in repaired.arms_since_repair] == ["f2", "f3", "f4"]
+
+
+def test_of_a_shaken_aircraft_any_arm_may_be_bad_and_of_a_wrong_reading_none():
+    def finding(arm, cause):
+        one = PossibleCause(cause=cause, probability=1.0, size=0.5, lower=0.4, upper=0.6)
+        return ArmFinding(arm=arm, probability=0.99, causes=(one,), shown=())
+
+    def bad(arms, aircraft=None):
+        answer = ArmAnswer(findings=arms, quantities=(), flights=5, days=3, aircraft=aircraft)
+        return bad_arms(replace(ADVICE, arms=answer), 4)
+
+    assert bad((finding(2, Cause.MOTOR), finding(1, Cause.TELEMETRY))) == (2,)
+    assert bad((), finding(AIRCRAFT_ITSELF, Cause.SHAKEN)) == (0, 1, 2, 3)
+    assert bad_arms(replace(ADVICE, arms=None), 4) == ()

@@ -15,7 +15,12 @@ from thrustmargin.gcs_plugin.wording.arm_words import (
 )
 from thrustmargin.gcs_plugin.wording.language import speaking
 from thrustmargin.models.checks.arms.arm_causes import PATTERNS, Cause
-from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer, ArmFinding, PossibleCause
+from thrustmargin.models.checks.arms.arm_posterior import (
+    AIRCRAFT,
+    ArmAnswer,
+    ArmFinding,
+    PossibleCause,
+)
 from thrustmargin.models.checks.arms.arm_trend import PowerTrend
 
 
@@ -56,6 +61,9 @@ def test_every_cause_has_words_in_every_language(language):
     with speaking(language):
         said = {cause: arm_sentence(finding(possible(cause))) for cause in Cause}
         assert len(set(said.values())) == len(Cause)
+        aircraft = arm_sentence(finding(possible(Cause.SHAKEN, size=0.5), arm=AIRCRAFT))
+        assert ("das Fluggerät" if language == "de" else "the aircraft") in aircraft
+        assert "65 %" in aircraft  # of a size that is the ln of a ratio
         for cause, pattern in PATTERNS.items():
             assert bool(AMOUNTS[cause][1]) == pattern.both_ways
     assert ("Arm 3" if language == "de" else "arm 3") in said[Cause.MOTOR]
@@ -73,6 +81,13 @@ def test_a_voltage_reading_alone_is_left_to_the_check_of_every_log():
     weak = replace(answer, findings=(finding(possible(Cause.PROPELLER), arm=0),))
     assert len(arm_sentences(weak)) == 1
     assert arm_sentences(weak, weak=[0]) == ()
+
+
+def test_what_shakes_the_aircraft_comes_after_its_arms():
+    shaken = finding(possible(Cause.SHAKEN), arm=AIRCRAFT)
+    arms = (finding(possible(Cause.MOTOR)),)
+    answer = ArmAnswer(findings=arms, quantities=(), flights=5, days=2, aircraft=shaken)
+    assert [words[:12] for words in arm_sentences(answer)] == ["arm 3: its m", "the aircraft"]
 
 
 def test_a_trend_says_since_when_and_what_to_look_at():

@@ -213,7 +213,7 @@ def alarms() -> list[str]:
 
 
 LOSS = LossOfControl(kind=LossKind.SPUN, time_s=61.0, value=7.0)
-OF_ROTORS = ("rotor", "motor", "esc", "heat", "lead", "saturation")
+OF_ROTORS = ("rotor", "motor", "esc", "desync", "heat", "lead", "saturation")
 CONTROL = (LossKind.NOT_AS_ASKED, LossKind.TURNED_OVER, LossKind.SPUN, LossKind.FELL)
 
 

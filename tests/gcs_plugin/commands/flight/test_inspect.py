@@ -155,7 +155,7 @@ def test_json_holds_the_same_and_no_nan(log):
     assert told["motor_order"]["motors"] == [1, 2, 3, 4]
     by_name = {c["name"]: c for c in told["channels"]}
     assert by_name["rotor_speed_rpm"]["rate_hz"] == pytest.approx(10.0, rel=0.05)
-    assert len(told["channels"]) == 23
+    assert len(told["channels"]) == 26
 
 
 def test_an_inspection_is_a_few_lines_to_read(log):

@@ -49,6 +49,7 @@ def test_the_times_are_those_of_the_table_that_users_read():
         "esc": (0.0, 3.0, "checked"),
         "heat": (3.0, 10.0, "cleared"),
         "lead": (5.0, 10.0, "cleared"),
+        "desync": (0.0, 10.0, "cleared"),
         "rotor": (0.0, 0.0, "kept"),
         "motor": (0.0, 0.0, "kept"),
         "stopped": (0.0, 3.0, "kept"),
@@ -132,7 +133,7 @@ def test_a_part_is_hot_a_minute_before_its_limit(esc_s, motor_s, on, off, severi
     nothing = np.full((1, 4), NAN)
     two = nothing.copy(), nothing.copy()
     two[0][0, 2], two[1][0, 2] = esc_s, motor_s
-    heat = ArmHeat(esc_s=two[0], motor_s=two[1], lead_watts=nothing)
+    heat = ArmHeat(esc_s=two[0], motor_s=two[1], lead_watts=nothing, desyncs=nothing)
     shown = said(rules.heat, using([0.3] * 4), heat=heat)
     assert shown[2] == (on, off, severity, 3)
     assert not any(other[0] or other[1] for k, other in enumerate(shown) if k != 2)
@@ -151,7 +152,7 @@ def test_the_words_of_heat_are_of_the_part_that_is_first():
     ):
         two = nothing.copy(), nothing.copy()
         two[0][0, 1], two[1][0, 1] = esc_s, motor_s
-        heat = ArmHeat(esc_s=two[0], motor_s=two[1], lead_watts=nothing)
+        heat = ArmHeat(esc_s=two[0], motor_s=two[1], lead_watts=nothing, desyncs=nothing)
         found = rules.heat(USUAL, RowsNow(analysis=analysis, rows=slice(None), heat=heat))
         assert found.text(0, 1) == words
 
@@ -159,9 +160,24 @@ def test_the_words_of_heat_are_of_the_part_that_is_first():
 def test_a_lead_that_loses_ten_watts_more_than_the_others_is_hot():
     nothing = np.full((1, 4), NAN)
     for watts, on, off in ((10.1, True, False), (9.9, False, False), (4.9, False, True)):
-        heat = ArmHeat(esc_s=nothing, motor_s=nothing, lead_watts=np.full((1, 4), watts))
+        lost = np.full((1, 4), watts)
+        heat = ArmHeat(esc_s=nothing, motor_s=nothing, lead_watts=lost, desyncs=nothing)
         assert said(rules.lead, using([0.3] * 4), heat=heat)[3] == (on, off, WARNING, 4)
     assert said(rules.lead, using([0.3] * 4))[0][:2] == (False, False)
+
+
+def test_a_motor_that_falls_out_of_step_twice_in_twenty_seconds_is_said():
+    nothing = np.full((1, 4), NAN)
+    for falls, on, off in ((2.0, True, False), (1.0, False, False), (0.0, False, True)):
+        fell = np.array([[0.0, falls, 0.0, 0.0]])
+        heat = ArmHeat(esc_s=nothing, motor_s=nothing, lead_watts=nothing, desyncs=fell)
+        shown = said(rules.desync, using([0.3] * 4), heat=heat)
+        assert shown[1] == (on, off, CRITICAL, 2)
+        assert [one[0] for one in shown] == [False, on, False, False]
+        found = rules.desync(USUAL, RowsNow(analysis=using([0.3] * 4), rows=slice(None), heat=heat))
+        if on:
+            assert found.text(0, 1) == "ESC 2 lost its motor's step 2 times: land"
+    assert said(rules.desync, using([0.3] * 4))[0][:2] == (False, False)
 
 
 @pytest.mark.parametrize(

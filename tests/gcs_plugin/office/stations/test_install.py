@@ -12,6 +12,7 @@ from thrustmargin.gcs_plugin.cli import run
     [
         ("mission-planner", ["thrustmargin.cs"]),
         ("vehicle-sender", ["margin_inputs.lua"]),
+        ("vehicle-check", ["takeoff_check.lua"]),
         ("companion", ["Dockerfile", "bar.html", "cockpit_extras.json", "thrustmargin.service"]),
     ],
 )

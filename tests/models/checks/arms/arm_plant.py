@@ -32,12 +32,23 @@ CAUSES = (
     "voltage_reading",
     "esc_temperature_reading",
     "motor_temperature_reading",
+    "desync",
+    "short",
+    "telemetry",
+    "current_offset_reading",
+    "shaken",
 )
+#: What the autopilot's filter makes of vibration at 1900 rpm, m/s².
+LEVEL = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bad:
-    """A cause of a size, as a share, on one arm from 0."""
+    """A cause of a size, as a share, on one arm from 0.
+
+    A desync's size is the probability of one in 5 s. Of the whole aircraft being shaken
+    thirty times it is the additional level, of the usual one; its arm means nothing.
+    """
 
     cause: str
     size: float
@@ -104,18 +115,34 @@ def arm_flight(
     said_amps = amps * (1.0 + share["current_reading"]) + 0.3 * rng.standard_normal(amps.shape)
     said_volts = at_esc * (1.0 + share["voltage_reading"]) + 0.03 * rng.standard_normal(amps.shape)
     grown = np.stack([1.0 + share[f"{part}_temperature_reading"] for part in ("esc", "motor")])
+    # What is drawn here has draws of its own, so that the flights before it stay as they are.
+    further = np.random.default_rng(7_000_000 + seed)
+    out_of_step = _falls(further, time_s, share["desync"])
+    said = said * (1.0 - 0.3 * out_of_step)
+    duty = duty * (1.0 + 0.25 * out_of_step)
+    said_amps = said_amps * (1.0 + 0.5 * out_of_step)
+    leak = (share["short"] + share["current_offset_reading"]) * usual_amps
+    said_amps = np.where(flying[:, None], said_amps, 0.0) + leak
+    # A leak heats the part that has it, and is a part of all that the battery gives.
+    hot_esc = hot_esc + _lag(share["short"] * usual_amps * 57.0 * np.ones_like(amps), 200.0) * 0.05
+    frames = further.binomial(50, share["telemetry"], size=(rows, 4)) / 50.0
+    level = LEVEL * np.exp(0.15 * further.standard_normal()) * (speed.mean(axis=1) / 1900.0) ** 2
+    level = (
+        level * (1.0 + 30.0 * share["shaken"].max()) * np.exp(0.2 * further.standard_normal(rows))
+    )
+    level = np.hypot(level, share["imbalance"].max() * 9.80665 * (speed.mean(axis=1) / 1900.0) ** 2)
     hot_esc = np.round(warm + (hot_esc - warm) * grown[0])
     hot_motor = np.round(warm + (hot_motor - warm) * grown[1])
     shaken = amplitude * 9.80665 * (speed / 1900.0) ** 2
     shaken = shaken * np.abs(1.0 + 0.15 * rng.standard_normal(speed.shape))
-    level = np.where(flying, -3.0, 0.0)
+    down = np.where(flying, -3.0, 0.0)
     motor = Provenance(kind=SourceKind.MESSAGE, name="RCOU", fields=("C1",))
     return FlightTrack.of(
         name=f"made_{aircraft}_{day}_{seed}.csv",
         time_s=time_s,
         rotor_count=4,
         flying=flying,
-        position_ned=np.column_stack([np.zeros((rows, 2)), level]),
+        position_ned=np.column_stack([np.zeros((rows, 2)), down]),
         velocity_ned=0.05 * rng.standard_normal((rows, 3)),
         attitude=np.zeros((rows, 3)),
         angular_rate_frd=0.01 * rng.standard_normal((rows, 3)),
@@ -127,18 +154,36 @@ def arm_flight(
         voltage=battery[:, 0] + 0.03 * rng.standard_normal(rows),
         current=amps.sum(axis=1),
         esc_voltage=np.round(said_volts, 1),
-        esc_current=np.where(flying[:, None], np.round(said_amps, 1), np.nan),
+        esc_current=_unless_zero(np.round(said_amps, 1)),
+        esc_lost=frames,
+        vibration=level,
+        clipping=np.zeros(rows),
         esc_temperature=hot_esc,
         motor_temperature=hot_motor,
         vibration_per_rev=np.where(flying[:, None], shaken, np.nan),
         pressure=np.full(rows, 101325.0 * air),
         temperature=np.full(rows, 288.15),
         altitude=np.full(rows, 3.0),
-        height_agl=-level,
+        height_agl=-down,
         origin=Origin(latitude_deg=36.65, longitude_deg=116.9, altitude=0.0),
         start_unix_s=1.7e9 + DAY_S * day,
         sources={"throttle": motor, "rotor_speed_rpm": motor},
     )
+
+
+def _unless_zero(values: np.ndarray) -> np.ndarray:
+    """The values with NaN for 0, which a reader takes for an ESC without that sensor."""
+    return np.where(values == 0.0, np.nan, values)
+
+
+def _falls(rng: np.random.Generator, time_s: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """1 in the rows (T, R) in which a motor is out of step: 0.4 s, in a share of all 5 s."""
+    fell = np.zeros((time_s.size, share.size))
+    for begin in np.arange(GROUND_S + 5.0, time_s[-1] - 5.0, 5.0):
+        out = rng.random(share.size) < share
+        row = int(np.searchsorted(time_s, begin + 1.0 + 2.0 * rng.random()))
+        fell[row : row + 2, out] = 1.0
+    return fell
 
 
 def _lag(values: np.ndarray, tau: float) -> np.ndarray:

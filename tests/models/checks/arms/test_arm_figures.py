@@ -27,6 +27,12 @@ def readings(**given):
         "esc_temperature": UNKNOWN,
         "motor_temperature": UNKNOWN,
         "vibration": UNKNOWN,
+        "fell": np.zeros((TIME_S.size, 4), dtype=np.bool_),
+        "answered": np.zeros((TIME_S.size, 4), dtype=np.bool_),
+        "outputs_known": np.zeros(4, dtype=np.bool_),
+        "lost": UNKNOWN,
+        "shaking": UNKNOWN[:, 0],
+        "clipping": UNKNOWN[:, 0],
     }
     return ArmReadings(**plain | given)
 
@@ -94,3 +100,39 @@ def test_what_a_flight_does_not_report_is_left_out():
     assert not arm_figures(readings(esc_voltage=UNKNOWN), flight="one", day=3).own_voltage
     ground = readings(usable=np.zeros(TIME_S.size, dtype=bool))
     assert arm_figures(ground, flight="one", day=3).figures == ()
+
+
+def test_falls_are_counted_per_block_of_five_seconds_where_outputs_show_them():
+    fell, answered = np.zeros((2, TIME_S.size, 4), dtype=np.bool_)
+    fell[[200, 300, 400], 1] = True
+    answered[[200, 300], 1] = True
+    known = np.array([True, True, True, False])
+    given = {"fell": fell, "answered": answered, "outputs_known": known}
+    desync = values(ArmQuantity.DESYNC, **given)
+    assert desync[:3] == pytest.approx([0.0, 2.0 / 36.0, 0.0])  # 180 s in flight
+    assert np.isnan(desync[3])
+    assert values(ArmQuantity.GLITCHES, **given)[1] == pytest.approx(1.0 / 36.0)
+    assert values(ArmQuantity.DESYNC, fell=fell, answered=answered) == ()
+
+
+def test_lost_frames_are_a_mean_that_blocks_without_any_do_not_hide():
+    lost = np.zeros((TIME_S.size, 4))
+    lost[500:550, 2] = 1.0  # ten of 180 s
+    assert values(ArmQuantity.LOST, lost=lost) == pytest.approx([0.0, 0.0, 10.0 / 180.0, 0.0])
+
+
+def test_current_of_a_rotor_that_stands_is_a_share_of_that_in_flight():
+    speed = np.where(FLYING[:, None], 2000.0, 0.0) * np.ones(4)
+    current = np.where(FLYING, 20.0, np.nan)[:, None] * np.ones(4)
+    current[~FLYING, 1] = 1.0
+    given = {"speed_rpm": speed, "esc_current": current}
+    assert values(ArmQuantity.STANDING, **given) == pytest.approx([0.0, 0.05, 0.0, 0.0])
+    assert values(ArmQuantity.STANDING) == ()  # no rotor stands
+
+
+def test_shaking_is_of_the_aircraft_over_the_square_of_its_rotors_speed():
+    assert values(ArmQuantity.SHAKING, shaking=np.full(TIME_S.size, 8.0)) == pytest.approx(
+        [np.log(2.0)]
+    )
+    count = np.where(TIME_S > 100.0, 5.0, 2.0)  # three times at once
+    assert values(ArmQuantity.CLIPPING, clipping=count) == pytest.approx([1.0 / 36.0])

@@ -75,3 +75,31 @@ def test_a_new_flight_begins_with_new_readings():
     watch.add(first)
     later = flown(5.0, esc_temperature=lambda t: np.full((t.size, 4), 300.0))
     assert np.isinf(watch.add(later).esc_s).all()
+
+
+def test_falls_out_of_step_of_the_last_twenty_seconds_are_counted_in_any_batches():
+    """Two, three seconds apart; ESC 2's output is raised at each."""
+    time_s = np.arange(0.0, 60.0, 0.1)
+    speed, output = np.full((time_s.size, 4), 2000.0), np.full((time_s.size, 4), 0.5)
+    for row in (300, 330):
+        speed[row : row + 3, 1] = 1300.0
+        output[row : row + 4, 1] = 0.7
+    track = FlightTrack.of(
+        name="x", time_s=time_s, rotor_count=4, rotor_speed_rpm=speed, throttle=output
+    )
+    found = ArmWatch().add(track).desyncs
+    # The first is known at 31 s, the second at 34 s, each for twenty seconds.
+    seen = found[[309, 310, 339, 340, 499, 510, 529, 540], 1]
+    assert seen.tolist() == [0.0, 1.0, 1.0, 2.0, 2.0, 1.0, 1.0, 0.0]
+    assert not found[:, [0, 2, 3]].any()
+    for cut in (1, 7):
+        watch, rows = ArmWatch(), range(0, time_s.size, cut)
+        parts = [watch.add(track.rows(slice(k, k + cut))).desyncs for k in rows]
+        np.testing.assert_array_equal(np.concatenate(parts), found)
+
+
+def test_without_outputs_no_fall_can_be_seen():
+    time_s = np.arange(0.0, 5.0, 0.1)
+    speed = np.full((time_s.size, 4), 2000.0)
+    track = FlightTrack.of(name="x", time_s=time_s, rotor_count=4, rotor_speed_rpm=speed)
+    assert np.isnan(ArmWatch().add(track).desyncs).all()
