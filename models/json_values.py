@@ -8,8 +8,8 @@ from dataclasses import MISSING, fields, is_dataclass
 from enum import Enum, StrEnum
 from functools import cache
 from reprlib import repr as shortly
-from types import NoneType
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from types import NoneType, UnionType
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from thrustmargin.models.errors import ModelError
 
@@ -41,6 +41,8 @@ def from_json_values(kind: Any, data: Any, where: str) -> Any:
         if data not in of:
             raise ValueError(f"{where} is {shortly(data)}, none of {', '.join(map(str, of))}")
         return data
+    if get_origin(kind) in (Union, UnionType) and NoneType not in of:
+        return from_json_values(_alternative(of, data, where), data, where)
     if NoneType in of:
         (kind,) = (one for one in of if one is not NoneType)
         return None if data is None else from_json_values(kind, data, where)
@@ -58,6 +60,22 @@ def from_json_values(kind: Any, data: Any, where: str) -> Any:
     if not is_dataclass(kind):
         return {key: from_json_values(of[1], one, f"{where}[{key!r}]") for key, one in data.items()}
     return _dataclass(kind, data, where)
+
+
+def _alternative(kinds: tuple[Any, ...], data: Any, where: str) -> Any:
+    """Return the first of several types that JSON `data` can be; raise ValueError for none."""
+    for kind in kinds:
+        if is_dataclass(kind):
+            fits = isinstance(data, dict) and data.keys() <= {f.name for f in fields(kind)}
+        elif get_origin(kind) is tuple:
+            fits = isinstance(data, list)
+        elif kind is float:
+            fits = data is None or (isinstance(data, (int, float)) and not isinstance(data, bool))
+        else:
+            fits = kind is str and isinstance(data, str)
+        if fits:
+            return kind
+    raise ValueError(f"{where} is {shortly(data)}, of no type that it can have")
 
 
 def _scalar(kind: Any, data: Any, where: str) -> Any:

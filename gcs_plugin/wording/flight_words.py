@@ -128,22 +128,7 @@ def sortie_words(number: int, track: FlightTrack) -> str:
     return f"sortie {number}: from {begun:%Y-%m-%d %H:%M:%S} UTC, {flown}"
 
 
-def restart_words(restarts: int) -> str:
-    """Return the line about restarts of the vehicle's clock within a log."""
-    return f"time went backwards {restarts} time(s) (restart): each stretch is read alone"
-
-
 def several_words(sorties: int, *, load_stated: bool) -> str:
     """Return the line about several sorties in a log; a load stated by the user applies to each."""
     each = "; the load that you state is taken for each of them" if load_stated else ""
     return f"{sorties} sorties in the log, each a flight of its own{each}"
-
-
-def unflown_words(seconds: Sequence[float], reasons: Sequence[str]) -> tuple[str, ...]:
-    """Return lines about parts of a log without a verdict: on the ground (`seconds`), or unreadable
-    (`reasons`)."""
-    idle = ()
-    if seconds:
-        several = "a stretch" if len(seconds) == 1 else f"{len(seconds)} stretches"
-        idle = (f"no verdict on {several} without flight, {duration(sum(seconds))} in all",)
-    return (*idle, *(f"no verdict on a stretch between restarts: {reason}" for reason in reasons))

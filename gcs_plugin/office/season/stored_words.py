@@ -24,6 +24,7 @@ from thrustmargin.gcs_plugin.wording.advice_words import (
     misfit_words,
 )
 from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
+from thrustmargin.gcs_plugin.wording.check_words import in_english
 from thrustmargin.gcs_plugin.wording.flight_words import too_short
 from thrustmargin.gcs_plugin.wording.language import say, sentence
 from thrustmargin.models.model.advice import FlightLevel
@@ -131,7 +132,7 @@ def _column(words: Callable[[StoredAnswer], Any]) -> Callable[[str], Any]:
 
 def _source_column(channel: str) -> Callable[[str], Any]:
     """Return a function from the stored JSON to the words of a channel's source."""
-    return _column(lambda a: a.sources[channel].words if channel in a.sources else None)
+    return _column(lambda a: in_english(a.sources[channel]) if channel in a.sources else None)
 
 
 #: Columns that SQL shows in the reader's language -> how they are made of the column `answer`.

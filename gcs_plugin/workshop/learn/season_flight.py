@@ -38,7 +38,7 @@ from thrustmargin.gcs_plugin.store.season_store import (
 )
 from thrustmargin.gcs_plugin.store.staging import SeasonFlight, drop_flight, stage
 from thrustmargin.gcs_plugin.store.writer_lock import writer_lock
-from thrustmargin.gcs_plugin.wording.check_words import note_words
+from thrustmargin.gcs_plugin.wording.check_words import in_english, note_words
 from thrustmargin.gcs_plugin.wording.flight_words import not_flown
 from thrustmargin.gcs_plugin.wording.language import speaking
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
@@ -310,7 +310,7 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         "findings": _findings_json(report),
         "no_flight_of": [],
         "missing_channels": [c.name for c in log.channels if not c.samples],
-        "unmeasured": list(log.unmeasured),
+        "unmeasured": list(map(in_english, log.unmeasured)),
         **{name: quality[name] for name in QUALITY_COLUMNS},
     }
 
