@@ -8,10 +8,13 @@ from dataclasses import MISSING, fields, is_dataclass
 from enum import Enum, StrEnum
 from functools import cache
 from reprlib import repr as shortly
-from types import NoneType, UnionType
+from types import MappingProxyType, NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from thrustmargin.models.errors import ModelError
+
+#: Metadata of a dataclass field that JSON does not show.
+NOT_IN_JSON: Mapping[str, bool] = MappingProxyType({"not in JSON": True})
 
 
 def to_json_values(value: Any) -> Any:
@@ -22,7 +25,8 @@ def to_json_values(value: Any) -> Any:
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if is_dataclass(value):
-        return {f.name: to_json_values(getattr(value, f.name)) for f in fields(value) if f.init}
+        written = (f for f in fields(value) if f.init and not f.metadata.get("not in JSON"))
+        return {f.name: to_json_values(getattr(value, f.name)) for f in written}
     if isinstance(value, Mapping):
         return {str(key): to_json_values(one) for key, one in value.items()}
     if isinstance(value, (tuple, list, set, frozenset)):

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from math import degrees
 
 from thrustmargin.gcs_plugin.wording import actions
-from thrustmargin.gcs_plugin.wording.language import clock, duration, number, percent, say
+from thrustmargin.gcs_plugin.wording.language import Verbatim, clock, duration, number, percent, say
 from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
 from thrustmargin.models.flight import FlightTrack, FlyingBy
 from thrustmargin.models.provenance import Reason
@@ -99,11 +99,13 @@ def _sign(one: LossOfControl) -> str:
 def event_words(kind: str, subject: str, text: str, time_s: float, count: int) -> str:
     """Return a reported event with its first time and count: `crash (crash check: ERR 12 1) at
     1:23`."""
-    about = subject if not subject.isdigit() else f"motor or part {subject}"
-    details = ": ".join(filter(None, (about if about != kind else "", text)))
-    often = f", {count} times" if count > 1 else ""
-    when = clock(time_s) if time_s >= 0.0 else "the start"
-    return f"{kind}{f' ({details})' if details else ''} at {when}{often}"
+    about = say("motor or part {part}", part=subject) if subject.isdigit() else say(subject)
+    details = ": ".join(filter(None, (about if subject != kind else "", text)))
+    often = say(", {count} times", count=count) if count > 1 else ""
+    what = Verbatim(f"{say(kind)}{f' ({details})' if details else ''}")
+    if time_s < 0.0:
+        return say("{what} at the start", what=what) + often
+    return say("{what} at {clock}", what=what, clock=clock(time_s)) + often
 
 
 #: Beginning of the fact about a motor order that may be wrong.

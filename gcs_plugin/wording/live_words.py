@@ -138,9 +138,9 @@ NO_ROWS = WhyUnknown(
 )
 
 #: Figures that can be unknown, by the name beside the reason.
-MEASURED_MARGIN, PREDICTED_MARGIN = "measured margin", "predicted margin"
+MEASURED_MARGIN, PREDICTED_MARGIN = "measured thrust left", "predicted thrust left"
 TANK, TANK_BY_THRUST, TIME_TO_EMPTY = "tank", "tank by thrust", "time to empty"
-ROUTE_AHEAD, FULL_MARGIN = "route ahead", "margin with a full tank"
+ROUTE_AHEAD, FULL_MARGIN = "route ahead", "thrust left with a full tank"
 #: Reported field -> its name in a line about old values.
 FIELD_WORDS: Mapping[str, str] = {
     "attitude": "attitude",
@@ -169,7 +169,7 @@ ON_GROUND, NO_VERDICT, OLD = "on ground", "NO VERDICT", "OLD"
 BY_THRUST, EMPTY_IN, IF_FULL = "by thrust", "empty in", "if full"
 BEYOND = "<0%"  # of a margin, in a column's width
 LEGEND = (
-    f"margin: worst rotor, ± where not measured, ≈ predicted · {ONE_LOST}: thrust that can be "
+    f"thrust left: worst rotor, ± where not measured, ≈ predicted · {ONE_LOST}: thrust that can be "
     f"held over weight, {SPINS} · route ahead: what lasts, less for moments in turns · "
     f"{BEYOND}: beyond the ceiling · ~ old, the last that was known"
 )
