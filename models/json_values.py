@@ -37,8 +37,9 @@ def to_json_values(value: Any) -> Any:
 def from_json_values(kind: Any, data: Any, where: str) -> Any:
     """Convert JSON values back to the type `kind`; None becomes NaN where a number is required.
 
-    Raises ValueError that names the place, from `where` on, when data is missing, unknown or of
-    another type.
+    A text where a dataclass is required becomes what the dataclass's `of_text` makes of it, if it
+    has one. Raises ValueError that names the place, from `where` on, when data is missing, unknown
+    or of another type.
     """
     of = get_args(kind)
     if get_origin(kind) is Literal:
@@ -59,6 +60,8 @@ def from_json_values(kind: Any, data: Any, where: str) -> Any:
         return tuple(from_json_values(k, d, where) for k, d in zip(kinds, data, strict=True))
     if kind in (float, int, str, bool) or issubclass(get_origin(kind) or kind, StrEnum):
         return _scalar(kind, data, where)
+    if isinstance(data, str) and (of_text := getattr(kind, "of_text", None)):
+        return of_text(data)
     if not isinstance(data, dict):
         raise ValueError(f"{where} is not a table")
     if not is_dataclass(kind):

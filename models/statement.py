@@ -23,6 +23,11 @@ class Statement:
     clauses: tuple[str, ...] = ()  # kinds of the clauses that follow the sentence
     values: tuple[tuple[str, Value], ...] = ()
 
+    @classmethod
+    def of_text(cls, text: str) -> Statement:
+        """Return the statement of a text, which earlier versions wrote into files."""
+        return cls("as written", values=(("text", text),))
+
     def __str__(self) -> str:
         """Return the statement as data, for programmers: `swapped (first 1, second 2)`."""
         values = ", ".join(f"{name} {_text(value)}" for name, value in self.values)

@@ -70,7 +70,7 @@ from thrustmargin.models.flight import (
     Origin,
     known_date,
 )
-from thrustmargin.models.json_values import from_json_values, to_json_values
+from thrustmargin.models.json_values import from_json_values
 from thrustmargin.models.provenance import Meaning, Provenance, Rejected, SourceKind
 from thrustmargin.models.statement import Statement, Value, state
 from thrustmargin.models.units import UNITS, Scale
@@ -198,9 +198,7 @@ def written_sources(path: Path, written: Any) -> dict[str, Provenance]:
         return {}
     try:
         return {
-            clean(channel): _cleaned(
-                from_json_values(Provenance, _with_statements(data), f"the source of {channel}")
-            )
+            clean(channel): _cleaned(from_json_values(Provenance, data, f"the source of {channel}"))
             for channel, data in written.items()
         }
     except ValueError as error:
@@ -208,23 +206,9 @@ def written_sources(path: Path, written: Any) -> dict[str, Provenance]:
         raise LogError(f"{path.name}: in its comment line {error}; {remedy}") from error
 
 
-def _with_statements(data: Any) -> Any:
-    """Return the data of a source with its remarks as statements: earlier versions wrote texts."""
-    if isinstance(data, list):
-        return [_with_statements(one) for one in data]
-    if not isinstance(data, dict):
-        return data
-    made = {name: _with_statements(one) for name, one in data.items()}
-    if isinstance(remarks := data.get("remarks"), list):
-        made["remarks"] = [
-            to_json_values(_as_written(one)) if isinstance(one, str) else one for one in remarks
-        ]
-    return made
-
-
 def _as_written(text: str) -> Statement:
     """Return a text that a table contains, with unprintable characters removed."""
-    return state("as written", text=clean(text))
+    return Statement.of_text(clean(text))
 
 
 def _cleaned_remark(remark: Statement) -> Statement:

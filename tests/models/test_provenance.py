@@ -12,6 +12,7 @@ from tests.made_sources import sent
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.wording.check_words import source_words
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
+from thrustmargin.models.json_values import from_json_values, to_json_values
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse, analysis_for_verdict
 from thrustmargin.models.model.inferred.prepared import fill_channels
 from thrustmargin.models.model.model_file import shipped_model
@@ -169,3 +170,14 @@ def test_no_code_looks_into_a_text_for_people():
 def test_a_look_into_a_text_is_found(line):
     assert looked_into(ast.parse(line)) == [1]
     assert looked_into(ast.parse('x = "tank_kg" in track.sources')) == []
+
+
+def test_remarks_are_read_back_as_they_were_written_and_texts_of_earlier_versions_too():
+    whose = state("capacity set", name="BATT_CAPACITY", ml=16000.0)
+    source = stated(state("tank by percent", whose=whose))
+    assert from_json_values(Provenance, to_json_values(source), "x") == source
+    older = {"kind": "stated", "remarks": ["8 kg at the start"]}
+    assert source_words(from_json_values(Provenance, older, "x")) == "stated: 8 kg at the start"
+    for wrong in ({"kind": "constant", "values": [["a", True]]}, {"kind": "constant", "b": 1}, 7):
+        with pytest.raises(ValueError, match="x"):
+            from_json_values(Provenance, {"kind": "stated", "remarks": [wrong]}, "x")

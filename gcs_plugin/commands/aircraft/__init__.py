@@ -155,7 +155,7 @@ def _show(known: KnownAircraft, console: Console) -> None:
             coverage=row.coverage,
             trained=row.trained,
             not_taught=row.not_taught,
-            faults=tuple(zip(row.fault_kinds, row.suspects, strict=True)),
+            faults=tuple(zip(row.fault_kinds, row.fault_rotors, strict=True)),
             change=row.change,
         )
         lines.append((row.started_unix_s, words))

@@ -320,7 +320,7 @@ class VehicleTelemetry:
             made = rows_of(self._options)
         except LogError as error:
             # Named by the user and not heard (yet): no other source steps in unasked.
-            notes.append(Statement("as written", values=(("text", str(error)),)))
+            notes.append(Statement.of_text(str(error)))
             made = rows_of(replace(self._options, tank="none"))
         if made is None:
             self._row_state = (

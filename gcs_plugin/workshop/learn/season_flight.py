@@ -337,6 +337,10 @@ def forget_flight(flight: str, hangar: Hangar) -> None:
             drop_flight(store, flight)
 
 
+#: Fields of a row that are lists in the store.
+WHOLE_LISTS = ("fault_kinds", "fault_rotors", "caveats", "suspects", "bad_arms")
+
+
 def learnt_columns(row: AircraftFlight) -> dict[str, Any]:
     """Return the columns of `schema.FLIGHTS` that a flight of a known aircraft has: the fields of
     its row, with nested ones as JSON."""
@@ -344,7 +348,7 @@ def learnt_columns(row: AircraftFlight) -> dict[str, Any]:
     return {
         name: json.dumps(to_json_values(value)) if is_dataclass(value) else value
         for name, value in values.items()
-    } | {name: list(values[name]) for name in ("fault_kinds", "caveats", "suspects", "bad_arms")}
+    } | {name: list(values[name]) for name in WHOLE_LISTS}
 
 
 def _notes(track: FlightTrack) -> list[str]:
