@@ -206,7 +206,7 @@ class FlightTrack:
     origin: Origin | None = None
     start_unix_s: float | None = None
     sources: Mapping[str, Provenance] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()  # of the reader, for people
+    notes: tuple[Statement, ...] = ()  # of the reader
     statements: tuple[Statement, ...] = ()  # of the checks
     standard_errors: Mapping[str, Floats] = field(default_factory=dict)  # of inferred channels
 

@@ -8,10 +8,13 @@ from dataclasses import MISSING, fields, is_dataclass
 from enum import Enum, StrEnum
 from functools import cache
 from reprlib import repr as shortly
-from types import NoneType
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from types import MappingProxyType, NoneType, UnionType
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from thrustmargin.models.errors import ModelError
+
+#: Metadata of a dataclass field that JSON does not show.
+NOT_IN_JSON: Mapping[str, bool] = MappingProxyType({"not in JSON": True})
 
 
 def to_json_values(value: Any) -> Any:
@@ -22,7 +25,8 @@ def to_json_values(value: Any) -> Any:
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if is_dataclass(value):
-        return {f.name: to_json_values(getattr(value, f.name)) for f in fields(value) if f.init}
+        written = (f for f in fields(value) if f.init and not f.metadata.get("not in JSON"))
+        return {f.name: to_json_values(getattr(value, f.name)) for f in written}
     if isinstance(value, Mapping):
         return {str(key): to_json_values(one) for key, one in value.items()}
     if isinstance(value, (tuple, list, set, frozenset)):
@@ -33,14 +37,17 @@ def to_json_values(value: Any) -> Any:
 def from_json_values(kind: Any, data: Any, where: str) -> Any:
     """Convert JSON values back to the type `kind`; None becomes NaN where a number is required.
 
-    Raises ValueError that names the place, from `where` on, when data is missing, unknown or of
-    another type.
+    A text where a dataclass is required becomes what the dataclass's `of_text` makes of it, if it
+    has one. Raises ValueError that names the place, from `where` on, when data is missing, unknown
+    or of another type.
     """
     of = get_args(kind)
     if get_origin(kind) is Literal:
         if data not in of:
             raise ValueError(f"{where} is {shortly(data)}, none of {', '.join(map(str, of))}")
         return data
+    if get_origin(kind) in (Union, UnionType) and NoneType not in of:
+        return from_json_values(_alternative(of, data, where), data, where)
     if NoneType in of:
         (kind,) = (one for one in of if one is not NoneType)
         return None if data is None else from_json_values(kind, data, where)
@@ -53,11 +60,29 @@ def from_json_values(kind: Any, data: Any, where: str) -> Any:
         return tuple(from_json_values(k, d, where) for k, d in zip(kinds, data, strict=True))
     if kind in (float, int, str, bool) or issubclass(get_origin(kind) or kind, StrEnum):
         return _scalar(kind, data, where)
+    if isinstance(data, str) and (of_text := getattr(kind, "of_text", None)):
+        return of_text(data)
     if not isinstance(data, dict):
         raise ValueError(f"{where} is not a table")
     if not is_dataclass(kind):
         return {key: from_json_values(of[1], one, f"{where}[{key!r}]") for key, one in data.items()}
     return _dataclass(kind, data, where)
+
+
+def _alternative(kinds: tuple[Any, ...], data: Any, where: str) -> Any:
+    """Return the first of several types that JSON `data` can be; raise ValueError for none."""
+    for kind in kinds:
+        if is_dataclass(kind):
+            fits = isinstance(data, dict) and data.keys() <= {f.name for f in fields(kind)}
+        elif get_origin(kind) is tuple:
+            fits = isinstance(data, list)
+        elif kind is float:
+            fits = data is None or (isinstance(data, (int, float)) and not isinstance(data, bool))
+        else:
+            fits = kind is str and isinstance(data, str)
+        if fits:
+            return kind
+    raise ValueError(f"{where} is {shortly(data)}, of no type that it can have")
 
 
 def _scalar(kind: Any, data: Any, where: str) -> Any:

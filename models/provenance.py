@@ -1,18 +1,18 @@
 """Record the source of a number as data: what sent it, its meaning, and the sources rejected for
 it.
 
-Decisions read these fields. `words` is for people, and `remarks` are text for people that no code
-reads: another text, or another name of a log, changes no number.
+Decisions read these fields. `remarks` are for people, and no decision reads them: another
+remark, or another name of a log, changes no number. `gcs_plugin/wording` makes the words.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import lru_cache
-from types import MappingProxyType
 from typing import Self
+
+from thrustmargin.models.statement import Source, Statement
 
 
 class SourceKind(StrEnum):
@@ -42,27 +42,6 @@ class Meaning(StrEnum):
     HOVER_THRUST = "hover thrust"  # a load made from it
 
 
-#: Words for people on a channel whose meaning differs from its name.
-_MEANINGS: Mapping[Meaning, str] = MappingProxyType(
-    {
-        Meaning.GROUND_SPEED: "ground speed: no airspeed and no wind reported",
-        Meaning.BOARD_TEMPERATURE: "of the autopilot's board: warmer than the air",
-        Meaning.ABOVE_HOME: "height above home, not above the crop",
-    }
-)
-_INFERRED: Mapping[Meaning, str] = MappingProxyType(
-    {
-        Meaning.MOTOR_OUTPUTS: "from motor outputs",
-        Meaning.HOVER_THRUST: "inferred from hover thrust",
-    }
-)
-
-
-_NAMED_BEFORE: Mapping[SourceKind, str] = MappingProxyType(
-    {SourceKind.COLUMN: "column ", SourceKind.AIRFRAME: "airframe "}
-)
-
-
 class Reason(StrEnum):
     """The reason why a source was not used."""
 
@@ -79,7 +58,7 @@ class Reason(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Provenance:
+class Provenance(Source):
     """The source of one channel or one fact."""
 
     kind: SourceKind
@@ -92,7 +71,7 @@ class Provenance:
     parts: tuple[Provenance, ...] = ()  # sources that it was made from
     rejected: tuple[Rejected, ...] = ()
     numbers: tuple[tuple[str, float], ...] = ()  # numbers that it was made with, by name
-    remarks: tuple[str, ...] = ()  # for people; no code reads them
+    remarks: tuple[Statement, ...] = ()  # for people; no decision reads them
 
     @property
     def reported(self) -> bool:
@@ -100,38 +79,12 @@ class Provenance:
         assumption, and not absent."""
         return self.kind in (SourceKind.MESSAGE, SourceKind.TOPIC, SourceKind.COLUMN)
 
-    @property
-    def words(self) -> str:
-        """Return the source for people, as `BATTERY_STATUS voltages of id 0`."""
-        return self.described()
+    def __str__(self) -> str:
+        """Return the source as data, for programmers: `BATTERY_STATUS voltages 0 (port)`."""
+        named = " ".join((self.name or self.kind, *self.fields, self.instance)).rstrip()
+        return f"{named} ({'; '.join(map(str, self.remarks))})" if self.remarks else named
 
-    def described(self, say: Callable[[str], str] = str) -> str:
-        """Return the source for people; `say` translates what is not a name."""
-        remarks = "; ".join(map(say, self.remarks))
-        if self.kind is SourceKind.ABSENT:
-            return say("not in the log")
-        if self.kind is SourceKind.STATED:
-            return f"{say('stated')}: {remarks}" if remarks else say("stated")
-        if self.kind is SourceKind.INFERRED:
-            parts = (part for part in self.parts if part.meaning is not self.meaning)
-            of = ", ".join(part.described(say) for part in parts)
-            named = say(_INFERRED.get(self.meaning, self.name))
-            if named and of and self.meaning is Meaning.MOTOR_OUTPUTS:
-                named = f"{of}; {named}"
-            return f"{named} ({remarks})" if named and remarks else named or remarks
-        if self.parts:
-            named = ", ".join(part.described(say) for part in self.parts)
-        else:
-            fields = f" {', '.join(self.fields)}" if self.fields else ""
-            before = _NAMED_BEFORE.get(self.kind, "")
-            named = f"{say(before) if before else ''}{self.name}{fields}"
-        if self.instance:
-            named = f"{named}{say(' of id ')}{self.instance}"
-        meaning = _MEANINGS.get(self.meaning, "")
-        known = [text for text in (say(meaning) if meaning else "", remarks) if text]
-        return f"{named} ({'; '.join(known)})" if known else named
-
-    def remarked(self, *remarks: str) -> Self:
+    def remarked(self, *remarks: Statement) -> Self:
         """Return the source with more remarks for people."""
         return replace(self, remarks=(*self.remarks, *remarks))
 
@@ -157,6 +110,6 @@ def _of_instance(source: Provenance, instance: int) -> Provenance:
     return replace(source, instance=str(instance))
 
 
-def stated(remark: str) -> Provenance:
+def stated(remark: Statement) -> Provenance:
     """Return the source of a value that the user states, with the amount for people."""
     return Provenance(kind=SourceKind.STATED, remarks=(remark,))

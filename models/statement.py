@@ -9,6 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 
+class Source:
+    """What a statement can name as the source of a number: a `Provenance`."""
+
+    __slots__ = ()
+
+
 @dataclass(frozen=True, slots=True)
 class Statement:
     """One thing found: the kind of its sentence, the clauses after it, and the values of both."""
@@ -16,6 +22,11 @@ class Statement:
     kind: str
     clauses: tuple[str, ...] = ()  # kinds of the clauses that follow the sentence
     values: tuple[tuple[str, Value], ...] = ()
+
+    @classmethod
+    def of_text(cls, text: str) -> Statement:
+        """Return the statement of a text, which earlier versions wrote into files."""
+        return cls("as written", values=(("text", text),))
 
     def __str__(self) -> str:
         """Return the statement as data, for programmers: `swapped (first 1, second 2)`."""
@@ -31,8 +42,8 @@ def _text(value: Value) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-#: A number, a name, or what another sentence or a list of them holds.
-Value = float | str | Statement | tuple[Statement, ...]
+#: A number, a name, the source of a number, or what another sentence or a list of them holds.
+Value = float | str | Statement | Source | tuple[Statement, ...]
 
 
 def state(kind: str, *clauses: str, **values: Value) -> Statement:

@@ -27,6 +27,10 @@ VehicleKind = Literal[
 ]
 
 
+#: A name, as "FRAME_CLASS 1", or a statement; empty for none.
+Evidence = str | Statement
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StatedBattery:
     """The facts that a battery in use reports on itself; 0 where it does not."""
@@ -45,7 +49,7 @@ class StatedBattery:
             "battery capacity": self.capacity_mah,
         }
         known = tuple(state(kind, number=number) for kind, number in numbers.items() if number)
-        return state("battery", known=known, source=self.source.words)
+        return state("battery", known=known, source=self.source)
 
 
 def can_be_cells(cells: int, volts: float) -> bool:
@@ -59,10 +63,10 @@ class VehicleFacts:
     "FRAME_CLASS 1"."""
 
     kind: VehicleKind = "unknown"
-    evidence: str = ""  # for the kind
+    evidence: Evidence = ""  # for the kind
     rotor_count: int = 0  # 0: not reported
-    rotor_evidence: str = ""  # for the number of rotors
-    rotor_conflict: str = ""  # a contradicting number and its source, as "6 by MAV_TYPE 13"
+    rotor_evidence: Evidence = ""  # for the number of rotors
+    rotor_conflict: Evidence = ""  # a contradicting number and its source, 6 by MAV_TYPE 13
     battery: StatedBattery = field(default_factory=StatedBattery)
 
     @property

@@ -34,7 +34,7 @@ STYLES = {CRITICAL: "bold white on red", WARNING: "bold yellow", NOTICE: "dim"}
 #: Heading -> whether it is left out where the terminal is narrower than WIDE.
 COLUMNS = {
     "id": False,
-    "margin": False,
+    "thrust left": False,
     "predicted": False,
     ONE_LOST: False,
     "tank": False,
@@ -44,7 +44,7 @@ COLUMNS = {
     words.IF_FULL: True,
     "age": False,
 }
-WRAPPED = (3, 6, 7)  # of the headings, those of several words; cells are shorter
+WRAPPED = (1, 3, 6, 7)  # of the headings, those of several words; cells are shorter
 WIDE = 110  # characters
 
 

@@ -61,7 +61,7 @@ from thrustmargin.gcs_plugin.telemetry.position import airborne
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.gcs_plugin.telemetry.resample import plausible
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options, stated_track
-from thrustmargin.gcs_plugin.wording.check_words import statement_words
+from thrustmargin.gcs_plugin.wording.check_words import SENTENCES, statement_words
 from thrustmargin.models.checks.motion_units import motion_units
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import (
@@ -74,6 +74,7 @@ from thrustmargin.models.flight import (
 )
 from thrustmargin.models.json_values import from_json_values
 from thrustmargin.models.provenance import Meaning, Provenance, Rejected, SourceKind
+from thrustmargin.models.statement import Statement, Value, state
 from thrustmargin.models.units import UNITS, Scale
 from thrustmargin.models.whole_file import regular
 
@@ -207,6 +208,26 @@ def written_sources(path: Path, written: Any) -> dict[str, Provenance]:
         raise LogError(f"{path.name}: in its comment line {error}; {remedy}") from error
 
 
+def _as_written(text: str) -> Statement:
+    """Return a text that a table contains, with unprintable characters removed."""
+    return Statement.of_text(clean(text))
+
+
+def _cleaned_remark(remark: Statement) -> Statement:
+    """Return the remark with unprintable characters removed from its names."""
+
+    def cleaned(value: Value) -> Value:
+        if isinstance(value, Statement):
+            return _cleaned_remark(value)
+        if isinstance(value, tuple):
+            return tuple(map(_cleaned_remark, value))
+        return clean(value) if isinstance(value, str) else value
+
+    if any(kind not in SENTENCES for kind in (remark.kind, *remark.clauses)):
+        return _as_written(str(remark))
+    return replace(remark, values=tuple((key, cleaned(value)) for key, value in remark.values))
+
+
 def _cleaned(source: Provenance) -> Provenance:
     """Return the source with unprintable characters removed, for display."""
     return replace(
@@ -217,11 +238,11 @@ def _cleaned(source: Provenance) -> Provenance:
         unit=clean(source.unit),
         parts=tuple(map(_cleaned, source.parts)),
         rejected=tuple(Rejected(_cleaned(r.source), r.reason) for r in source.rejected),
-        remarks=tuple(map(clean, source.remarks)),
+        remarks=tuple(map(_cleaned_remark, source.remarks)),
     )
 
 
-def plausible_channels(track: FlightTrack) -> tuple[dict[str, Floats], list[str]]:
+def plausible_channels(track: FlightTrack) -> tuple[dict[str, Floats], list[Statement]]:
     """Return the channels with values out of range as NaN, and notes on columns in another unit.
 
     A column mostly out of range is dropped whole: its values in range are wrong too, as per cent
@@ -236,10 +257,16 @@ def plausible_channels(track: FlightTrack) -> tuple[dict[str, Floats], list[str]
         other = outside > _OTHER_UNIT * np.sum(numbers, axis=0)
         passed[name] = np.where(other, np.nan, kept).reshape(read.shape)
         if other.any():
-            unit = f" {limit.unit}" if limit.unit[0].isalpha() else ""
             notes.append(
-                f"{name}: {outside.max()} of {read.shape[0]} rows are not within {limit.low:g} to "
-                f"{limit.high:g}{unit}: not used; a file columns.toml beside it states units"
+                state(
+                    "column of another unit",
+                    name=name,
+                    outside=float(outside.max()),
+                    rows=float(read.shape[0]),
+                    low=limit.low,
+                    high=limit.high,
+                    unit=f" {limit.unit}" if limit.unit[0].isalpha() else "",
+                )
             )
     return passed, notes
 
@@ -325,7 +352,7 @@ def read_csv(path: Path, *, rotor_count: int = 0) -> FlightTrack:
     return _read_first(path, rotor_count)[0]
 
 
-def _read_first(path: Path, rotor_count: int) -> tuple[FlightTrack, tuple[str, ...]]:
+def _read_first(path: Path, rotor_count: int) -> tuple[FlightTrack, tuple[Statement, ...]]:
     """Read the first flight of a CSV file; also return notes on its other flights."""
     comments, names, body, separator = _parts(decoded(path.read_bytes()))
     stated = stated_columns(path, unit_of_column)
@@ -353,10 +380,10 @@ def _read_first(path: Path, rotor_count: int) -> tuple[FlightTrack, tuple[str, .
     unused = [name for name in names if name not in used]
     stated_about, notes = _statements(comments, path), []
     if torn:
-        notes.append(f"{torn} torn row(s) are left out")
+        notes.append(state("torn rows", count=float(torn)))
     if unused:
-        notes.append(clean(f"columns not used: {', '.join(unused)[:200]}"))
-    unread: tuple[str, ...] = ()
+        notes.append(state("columns not used", names=clean(", ".join(unused)[:200])))
+    unread: tuple[Statement, ...] = ()
     if "flight_number" in columns:
         columns, unread = _first_flight(columns)
     return _track(path, columns, (*notes, *unread), stated_about, rotor_count), unread
@@ -461,13 +488,13 @@ def _statements(comments: Sequence[str], path: Path) -> dict[str, Any]:
     return statements
 
 
-def _first_flight(columns: Mapping[str, Floats]) -> tuple[dict[str, Floats], tuple[str, ...]]:
+def _first_flight(columns: Mapping[str, Floats]) -> tuple[dict[str, Floats], tuple[Statement, ...]]:
     """Return the rows of the first flight of a report, and a note if there are others."""
     numbers = columns["flight_number"]
     first = numbers == numbers[0] if numbers.size else numbers == numbers
     count, unread = 1 + np.unique(numbers[~first]).size, ()
     if count > 1:
-        unread = (f"{count} flights in the file: the first is read, the others not",)
+        unread = (state("further flights", count=float(count)),)
     kept = {name: values[first] for name, values in columns.items() if name != "flight_number"}
     # Columns that only another flight fills, of a channel or of a rotor that this one has not.
     some = {n: values for n, values in kept.items() if n == "time_s" or np.isfinite(values).any()}
@@ -477,7 +504,7 @@ def _first_flight(columns: Mapping[str, Floats]) -> tuple[dict[str, Floats], tup
 def _track(
     path: Path,
     columns: Mapping[str, Floats],
-    notes: Sequence[str],
+    notes: Sequence[Statement],
     statements: Mapping[str, Any],
     rotor_count: int,
 ) -> FlightTrack:
@@ -504,8 +531,11 @@ def _track(
         wind, over_ground = channels.get("wind_ned"), column_source("velocity_north")
         sources["airspeed"] = replace(over_ground, meaning=Meaning.GROUND_SPEED)
         if wind is not None:
-            parts, name = (over_ground, column_source("wind_north")), "velocity less wind"
-            sources["airspeed"] = Provenance(kind=SourceKind.INFERRED, name=name, parts=parts)
+            sources["airspeed"] = Provenance(
+                kind=SourceKind.INFERRED,
+                parts=(over_ground, column_source("wind_north")),
+                remarks=(state("velocity less wind"),),
+            )
         relative = channels["velocity_ned"] - (0.0 if wind is None else wind)
         channels["airspeed"] = np.linalg.norm(relative, axis=1)
     for channel in OF_ROTOR:
@@ -518,7 +548,7 @@ def _track(
     start = statements.get("start_unix_s")
     written = statements.get("notes")
     written = written if isinstance(written, list) else []
-    notes = (*(clean(n) for n in written if isinstance(n, str)), *notes)
+    notes = (*(_as_written(n) for n in written if isinstance(n, str)), *notes)
     for channel in channels.keys() - sources.keys():
         sources[channel] = column_source(COLUMNS.get(channel, (channel,))[0])
     track = FlightTrack.of(

@@ -20,6 +20,7 @@ from thrustmargin.gcs_plugin.wording.takeoff_words import check_line, finding_wo
 from thrustmargin.models.checks.loss_of_control import loss_of_control, recovered_signs
 from thrustmargin.models.checks.takeoff import TakeoffKind, takeoff_checks
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.json_values import NOT_IN_JSON
 from thrustmargin.models.physics.airframe import Airframe
 
 
@@ -44,7 +45,8 @@ class Spoils(StrEnum):
 class Finding:
     """One result of a check: its name, severity, time (None: the whole log), and description.
 
-    `values` are its numbers by name; times are s from the first row.
+    `values` are its numbers by name; times are s from the first row. `event` are kind and subject
+    of the vehicle's own report that it repeats; None for any other finding.
     """
 
     check: str
@@ -53,6 +55,7 @@ class Finding:
     time_s: float | None = None
     values: Mapping[str, float] = field(default_factory=dict)
     spoils: Spoils = Spoils.NOTHING
+    event: tuple[EventKind, str] | None = field(default=None, metadata=NOT_IN_JSON)
 
 
 #: Check of the findings that repeat what the vehicle reported.
@@ -129,6 +132,7 @@ def event_findings(events: Iterable[VehicleEvent]) -> list[Finding]:
             words=event_words(kind, subject, same[0].text, same[0].time_s, len(same)),
             time_s=same[0].time_s,
             values={"count": float(len(same))},
+            event=(kind, subject),
         )
         for (kind, subject), same in equal_events.items()
     ]

@@ -19,11 +19,13 @@ from thrustmargin.gcs_plugin.logs.findings import (
     takeoff_findings,
 )
 from thrustmargin.gcs_plugin.mavlink.text import clean
+from thrustmargin.gcs_plugin.telemetry.recording import channel_source, channel_values
 from thrustmargin.gcs_plugin.wording.check_words import (
     note_words,
     remedy_words,
     source_words,
     statement_words,
+    value_words,
     withheld_words,
 )
 from thrustmargin.gcs_plugin.wording.flight_words import LEFT_OUT, TOO_SELDOM
@@ -119,7 +121,8 @@ def inspect_log(
     flight of an unknown airframe is compared with nothing.
     """
     findings = [*loss_findings(log), *event_findings(log.events)]
-    findings += [Finding("units", Severity.WARNING, words) for words in log.other_units]
+    units = map(statement_words, log.other_units)
+    findings += [Finding("units", Severity.WARNING, words) for words in units]
     findings += [*_vehicles(log), _whole(log.quality), _continuous(log)]
     order = scale = None
     compared = comparisons(log.track, airframe, log.facts, log.parameters)
@@ -256,7 +259,7 @@ def left_out_findings(track: FlightTrack) -> list[Finding]:
 
 def _speed_readings(log: FlightLog) -> Finding:
     if log.unmeasured:
-        level, words = Severity.WARNING, "; ".join(log.unmeasured)
+        level, words = Severity.WARNING, "; ".join(map(statement_words, log.unmeasured))
     elif log.track.reports("rotor_speed_rpm"):
         words = say("no reading is held, lone, or zero while thrust was asked")
         level = Severity.OK
@@ -389,9 +392,9 @@ def _absent(log: FlightLog) -> list[Finding]:
         "tank_kg": "the weight is unknown, so no prediction",
         "airspeed": "no prediction by the network",
     }
-    sources = {report.name: report.source for report in log.channels}
+    sources = {report.name: channel_source(report) for report in log.channels}
     return [
-        Finding(channel, Severity.WARNING, f"{say(sources[channel])}: {say(lost)}")
+        Finding(channel, Severity.WARNING, f"{sources[channel]}: {say(lost)}")
         for channel, lost in needs.items()
         if not log.track.reports(channel)
     ]
@@ -410,8 +413,8 @@ def as_json(inspection: Inspection) -> dict[str, Any]:
         "vehicle": log.vehicle,
         "vehicles": list(log.vehicles),
         "vehicle_kind": log.facts.kind,
-        "vehicle_kind_by": log.facts.evidence,
-        "rotor_count_by": log.facts.rotor_evidence,
+        "vehicle_kind_by": value_words(log.facts.evidence),
+        "rotor_count_by": value_words(log.facts.rotor_evidence),
         "airframe": None if inspection.airframe is None else inspection.airframe.name,
         "airframe_basis": inspection.claim.basis,
         "withheld": withheld_words(inspection.claim),
@@ -423,7 +426,7 @@ def as_json(inspection: Inspection) -> dict[str, Any]:
         "clock_start_s": log.clock_start_s,
         "notes": note_words(log.track),
         "engineer_notes": to_json_values(log.engineer_notes),
-        "channels": to_json_values(log.channels),
+        "channels": [channel_values(report) for report in log.channels],
         "quality": {
             "bytes": values.pop("bytes"),
             "messages": values.pop("frames"),

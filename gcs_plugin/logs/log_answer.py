@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from thrustmargin.gcs_plugin.logs.findings import REPORTED, Finding, Severity, names_wrong
+from thrustmargin.gcs_plugin.logs.findings import Finding, Severity, names_wrong
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.logs.read import read_sorties
 from thrustmargin.gcs_plugin.logs.vehicle_statements import VehicleStatement, vehicle_statements
@@ -28,7 +28,7 @@ from thrustmargin.gcs_plugin.wording.advice_words import (
     misread_words,
 )
 from thrustmargin.gcs_plugin.wording.arm_words import arm_sentences
-from thrustmargin.gcs_plugin.wording.flight_words import event_words, loss_words
+from thrustmargin.gcs_plugin.wording.flight_words import loss_words
 from thrustmargin.gcs_plugin.wording.report_words import FirstContact
 from thrustmargin.gcs_plugin.wording.vehicle_words import beside_words
 from thrustmargin.models.checks.instruments import without_frozen
@@ -130,14 +130,12 @@ def with_statements(
     """Return the findings with what the log shows behind each report of the vehicle; `advice` is
     None where no verdict is given."""
     beside = {
-        event_words(one.kind, one.subject, one.text, one.times_s[0], len(one.times_s)): words
+        (one.kind, one.subject): words
         for one in statements
         if (words := statement_words(one, advice))
     }
     return tuple(
-        replace(one, words=f"{one.words}: {beside[one.words]}")
-        if one.check == REPORTED and one.words in beside
-        else one
+        replace(one, words=f"{one.words}: {beside[one.event]}") if one.event in beside else one
         for one in findings
     )
 

@@ -15,6 +15,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, NotThisFormat
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
 from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.errors import AirframeError, LogError
+from thrustmargin.models.statement import state
 from thrustmargin.models.whole_file import regular
 
 _LOOK = 1 << 20  # bytes in which the format shows
@@ -98,7 +99,7 @@ def read_sorties(
         if refusal and not any_vehicle:
             raise LogError(statement_words(refusal))
     if path.suffix.lower() not in kind.suffixes:
-        note = f"{path.name} is a {kind.name} file by its content, whatever its name says"
+        note = state("format by content", name=path.name, format=kind.name)
         logs = tuple(
             replace(log, track=replace(log.track, notes=(*log.track.notes, note))) for log in logs
         )

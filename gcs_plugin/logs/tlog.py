@@ -34,6 +34,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     mission_item,
     pauses,
     serial_digits,
+    several_autopilots,
 )
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import sent_values
 from thrustmargin.gcs_plugin.telemetry.signals import (
@@ -44,10 +45,10 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
 )
 from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options, parameter_events
-from thrustmargin.gcs_plugin.wording.live_words import copies_words, two_autopilots
 from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Bools
+from thrustmargin.models.statement import Statement, state
 
 AUTOPILOTS = {3: "ArduPilot", 12: "PX4"}
 _OTHER = ("HEARTBEAT", "SYSTEM_TIME", "STATUSTEXT", "PARAM_VALUE", "SYS_STATUS")
@@ -74,14 +75,14 @@ def tlog_boots(
             f"{path.name}: its frames have no time stamps between them, as in a raw recording of a "
             "link; record a .tlog, which ground stations do by themselves"
         )
-    notes: list[str] = []
+    notes: list[Statement] = []
     vehicles = vehicle_systems(frames)
     chosen = _choose(path, frames, vehicles, vehicle)
     repeated = copies(frames) & (frames.system == chosen)
     came_twice = int(np.count_nonzero(repeated))
     if came_twice:
         frames = frames.select(~repeated)
-        notes.append(copies_words(came_twice))
+        notes.append(state("copies dropped", count=float(came_twice)))
     system, component = frames.system, frames.component
     mine = system == chosen
     rows, beats = named(frames, "HEARTBEAT", mine)
@@ -90,7 +91,7 @@ def tlog_boots(
     pilot = _main_component(frames, mine, component, autopilots)
     if others := [number for number in autopilots if number != pilot]:
         mine &= ~np.isin(component, others)
-        notes.append(two_autopilots(chosen, pilot, others))
+        notes.append(several_autopilots(chosen, pilot, others))
     if note := two_of_one_id(frames, mine & (component == pilot)):
         raise LogError(
             f"{path.name}: it leaps between {note}, as when two vehicles share one system id; "

@@ -49,6 +49,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import Signals, signals_by_channe
 from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import parameter_events
 from thrustmargin.models.errors import LogError
+from thrustmargin.models.statement import state
 
 HEADER = 16  # bytes before the first message
 SYNC = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
@@ -351,7 +352,7 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
     notes = motors.notes
     if log.dropouts:
         lost = sum(d.duration for d in log.dropouts) * 1e-3
-        notes.append(f"{len(log.dropouts)} dropouts while logging, {lost:.1f} s in all")
+        notes.append(state("dropouts", count=float(len(log.dropouts)), seconds=lost))
     times = [t["timestamp"] for group in topics.values() for t in group]
     seconds = np.sort(np.concatenate(times), kind="stable") * 1e-6 if times else np.empty(0)
     recording = Recording(

@@ -19,14 +19,15 @@ from thrustmargin.gcs_plugin.mavlink.decode import attitude_from_quaternion, com
 from thrustmargin.gcs_plugin.mavlink.rules import Columns, Rule, Signal, in_si, quantity
 from thrustmargin.gcs_plugin.telemetry.resample import in_time_order
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import (
-    range_words,
     ranges_of_span,
+    ranges_remark,
     span_of,
     whole_number,
 )
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, signals_by_channel
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
+from thrustmargin.models.statement import Statement, state
 
 #: PX4's output function of motor 1; motors 2 to 12 follow.
 MOTOR_1 = 101
@@ -43,15 +44,17 @@ class UlogMotors:
     """The signals `throttle` and `esc_*` by motor from 0, and notes on them."""
 
     signals: list[Signal] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    motor_order: str = ""
-    esc_order: str = ""
-    unused: dict[str, str] = field(default_factory=dict)  # channel -> what is there, and why not
+    notes: list[Statement] = field(default_factory=list)
+    motor_order: Statement | None = None
+    esc_order: Statement | None = None
+    unused: dict[str, Statement] = field(
+        default_factory=dict
+    )  # channel -> what is there, and why not
 
 
 def ulog_motors(topics: Mapping[str, list[Topic]], parameters: Mapping[str, float]) -> UlogMotors:
     """Return the motor signals of the topics (each a list of its instances, in order)."""
-    motors = UlogMotors(motor_order="by PX4's actuator functions")
+    motors = UlogMotors(motor_order=state("by actuator functions"))
     for topic in topics.get("actuator_motors", [])[:1]:
         motors = _throttle(topic, motors)
     if not motors.signals and "actuator_outputs" in topics:
@@ -70,8 +73,7 @@ def _throttle(topic: Topic, so_far: UlogMotors) -> UlogMotors:
     motors = np.flatnonzero(np.isfinite(duty).any(axis=0)).tolist()
     signals = [topic_signal("throttle", source, topic, duty[:, k], k) for k in motors]
     notes = [
-        f"actuator_motors asks motor {k + 1} for {low:.2f} to {high:.2f} of full output; "
-        "what is beyond 0 to 1 is taken as none or full"
+        state("output beyond full", motor=str(k + 1), low=low, high=high)
         for k in motors
         for low, high in [(float(np.nanmin(commanded[:, k])), float(np.nanmax(commanded[:, k])))]
         if low < -0.001 or high > 1.001
@@ -81,20 +83,20 @@ def _throttle(topic: Topic, so_far: UlogMotors) -> UlogMotors:
 
 def _outputs(instances: Sequence[Topic], parameters: Mapping[str, float]) -> UlogMotors:
     """Return the motor outputs of the instance that has most of them."""
-    best: tuple[list[Signal], str] = ([], "")
+    best: tuple[list[Signal], Statement | None] = ([], None)
     for number, topic in enumerate(instances):
         signals = _of_instance(topic, number, parameters)
         best = max(best, signals, key=lambda signals_and_order: len(signals_and_order[0]))
     if len(best[0]) < _FEWEST:
-        why = "none of its instances drives motors in a known unit"
-        note = f"in the log (actuator_outputs), not used: {why}"
+        source = Provenance(kind=SourceKind.TOPIC, name="actuator_outputs")
+        note = state("not used", source=source, why=state("no known unit"))
         return UlogMotors(unused={"throttle": note})
     return UlogMotors(signals=best[0], motor_order=best[1])
 
 
 def _of_instance(
     topic: Topic, number: int, parameters: Mapping[str, float]
-) -> tuple[list[Signal], str]:
+) -> tuple[list[Signal], Statement]:
     """Return the throttle by motor of one instance, and in words the order of its outputs."""
     bank = "MAIN" if number == 0 else "AUX"
     names = [name for k in range(_MOST_OUTPUTS) if (name := f"output[{k}]") in topic]
@@ -103,18 +105,18 @@ def _of_instance(
         whole_number(parameters, f"PWM_{bank}_FUNC{k + 1}") or 0 for k in range(len(values))
     ]
     on_output = {f - MOTOR_1: k for k, f in enumerate(functions) if 0 <= f - MOTOR_1 < MOST_MOTORS}
-    order = f"by PWM_{bank}_FUNCn"
+    order = state("by PWM_FUNCn", bank=bank)
     if len(on_output) < _FEWEST:
         driven = [bool(np.unique(v[v > 0]).size > _STEPS) for v in values]
         run = [*driven, False].index(False)
-        on_output, order = {k: k for k in range(run)}, "motor n taken to be on output n"
+        on_output, order = {k: k for k in range(run)}, state("motor n on output n")
         if run == len(_BETAFLIGHT) and whole_number(parameters, "MOT_ORDERING") == 1:
             on_output = {motor: k for k, motor in enumerate(_BETAFLIGHT)}
-            order = "in Betaflight's order by MOT_ORDERING"
+            order = state("Betaflight's order")
     outputs = list(on_output.values())
     ranges = ranges_of_span(span_of(values[k] for k in outputs), outputs, parameters, bank=bank)
     source = topic_source("actuator_outputs", "output", meaning=Meaning.PX4_OUTPUT)
-    source = source.of_instance(number or None).remarked(range_words(ranges))
+    source = source.of_instance(number or None).remarked(ranges_remark(ranges))
     signals = [
         topic_signal("throttle", source, topic, pulses.share(values[output]), motor)
         for (motor, output), pulses in zip(on_output.items(), ranges, strict=False)
@@ -136,7 +138,7 @@ _ESC_FIELDS = (
 def _with_escs(motors: UlogMotors, topic: Topic) -> UlogMotors:
     """Add ESC channels by motor number from 0, whatever their place in the message."""
     signals: list[Signal] = []
-    notes: list[str] = []
+    notes: list[Statement] = []
     seen: dict[int, int] = {}  # motor -> its place
     fields = [f"esc[{place}]." for place in range(MOST_MOTORS)]
     places = [f for f in fields if f"{f}esc_rpm" in topic]
@@ -151,7 +153,7 @@ def _with_escs(motors: UlogMotors, topic: Topic) -> UlogMotors:
             continue
         twin = next((m for m, other in seen.items() if _same(topic, other, place)), None)
         if twin is not None and turned:
-            notes.append(f"esc_status {place + 1} repeats motor {twin + 1} and is left out")
+            notes.append(state("ESC repeated", place=str(place + 1), motor=str(twin + 1)))
             continue
         seen[motor] = place
         if online is not None:
@@ -168,15 +170,15 @@ def _with_escs(motors: UlogMotors, topic: Topic) -> UlogMotors:
                 signals.append(topic_signal(channel, source, topic, values, motor))
     stated = int(topic["esc_count"].max(initial=0)) if "esc_count" in topic else 0
     if stated and stated != len(seen):
-        notes.append(f"esc_status says {stated} ESCs; {len(seen)} of them are motors that report")
-    unused = (
-        {} if signals else {"rotor_speed_rpm": "in the log (esc_status), not used: all at 0 rpm"}
-    )
+        notes.append(state("ESCs stated", stated=float(stated), seen=float(len(seen))))
+    source = Provenance(kind=SourceKind.TOPIC, name="esc_status")
+    still = state("not used", source=source, why=state("all at 0 rpm"))
+    unused = {} if signals else {"rotor_speed_rpm": still}
     return replace(
         motors,
         signals=[*motors.signals, *signals],
         notes=[*motors.notes, *notes],
-        esc_order="by PX4's actuator functions" if named else "motor n taken to have ESC n",
+        esc_order=state("by actuator functions" if named else "motor n has ESC n"),
         unused=motors.unused | unused,
     )
 
@@ -246,7 +248,7 @@ _REF = ("ref_lat", "ref_lon", "ref_alt")
 _WIND = ("windspeed_north", "windspeed_east")
 _POSITION, _BATTERY, _FUEL = "vehicle_local_position", "battery_status", "fuel_tank_status"
 _GPS = "vehicle_gps_position"
-_ABOVE_ORIGIN = "height above the estimator's origin, not above the crop"
+_ABOVE_ORIGIN = "above estimator's origin"
 #: Preferred sources first. A source needs all its fields. Batteries and tanks are all read, of
 #: other topics the first instance.
 RULES: tuple[Rule, ...] = (
@@ -257,7 +259,7 @@ RULES: tuple[Rule, ...] = (
     Rule("sensor_combined", ("gyro_rad",), "angular_rate_frd", "rad/s"),
     Rule("vehicle_acceleration", ("xyz",), "specific_force_frd", "m/s/s"),
     Rule("sensor_combined", ("accelerometer_m_s2",), "specific_force_frd", "m/s/s"),
-    Rule(_POSITION, ("x", "y", "z"), "position_ned", "m", note="from the estimator's origin"),
+    Rule(_POSITION, ("x", "y", "z"), "position_ned", "m", note="from estimator's origin"),
     Rule(_POSITION, ("vx", "vy", "vz"), "velocity_ned", "m/s"),
     Rule(_GPS, ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s"), "velocity_ned", "m/s", note="GPS"),
     Rule(_POSITION, _REF, "ekf_origin", convert=_origin),

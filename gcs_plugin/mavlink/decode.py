@@ -145,9 +145,9 @@ _VIBRATION = ("vibration_x", "vibration_y", "vibration_z")
 _PLACE = ("degE7", "degE7", "mm")
 _RATES, _FORCE = ("rollspeed", "pitchspeed", "yawspeed"), ("xacc", "yacc", "zacc")
 _T, _WARM = ("temperature",), Meaning.BOARD_TEMPERATURE
-_AS_SENT, _OWN_ORIGIN = "in mG, as ArduPilot sends them", "from the autopilot's own origin"
-_DISTANCE, _DOWN = ("current_distance",), "rangefinder, looking down"
-_TURNED = "direction it comes from, turned round"
+_AS_SENT, _OWN_ORIGIN = "in mG", "from own origin"
+_DISTANCE, _DOWN = ("current_distance",), "downward rangefinder"
+_TURNED = "direction turned round"
 _QUATERNION = ("q1", "q2", "q3", "q4")
 _SERVOS = tuple(f"servo{n}_raw" for n in range(1, 17))
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
+from thrustmargin.models.statement import state
 from thrustmargin.models.units import SCALES
 
 
@@ -62,7 +63,7 @@ class Rule:
             fields=self.fields,
             unit="" if self.convert is not None else ", ".join(units),
             meaning=self.meaning,
-            remarks=(self.note,) if self.note else (),
+            remarks=(state(self.note),) if self.note else (),
         )
 
 

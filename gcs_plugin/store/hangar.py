@@ -112,13 +112,20 @@ class AircraftFlight:
     bias: float = NAN  # mean of ln measured over predicted speed
     fault_kinds: tuple[str, ...] = ()  # of each bad rotor or motor, as "propeller"
     caveats: tuple[Caveat, ...] = ()  # what the flight left open
-    suspects: tuple[int, ...] = ()  # rotors, from 1, that were found bad or of which one was
+    fault_rotors: tuple[int, ...] = ()  # rotor, from 1, of each of `fault_kinds`
+    suspects: tuple[int, ...] = ()  # all rotors, from 1, that were found bad or of which one was
     change: AircraftChange | None = None  # how it differs from the flights before it
     offsets: FlightOffsets | None = None
     not_taught: NotTaught | None = None  # why the flight taught nothing; None where it taught
     trained: bool = False  # the model was made from it
     arms: ArmFigures | None = None  # what each arm's ESC reported of it
     bad_arms: tuple[int, ...] = ()  # arms, from 0, of which a part may have been bad
+
+    def __post_init__(self) -> None:
+        """Take the rotors of the faults from `suspects` in rows of earlier versions, which kept
+        only those there."""
+        if self.fault_kinds and not self.fault_rotors:
+            object.__setattr__(self, "fault_rotors", self.suspects)
 
     @property
     def trusted(self) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.store.hangar import AircraftFlight, KnownAircraft, NotTaught
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
+from thrustmargin.gcs_plugin.wording.advice_words import suspects
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.advice import Advice, FlightLevel, advise
 from thrustmargin.models.model.aircraft_change import (
@@ -111,7 +112,8 @@ def learnt_flight(
         bias=advice.misfit.bias,
         fault_kinds=tuple(one.fault.kind for one in advice.faults),
         caveats=advice.caveats,
-        suspects=tuple(one.fault.rotor + 1 for one in advice.faults),
+        fault_rotors=tuple(one.fault.rotor + 1 for one in advice.faults),
+        suspects=suspects(advice),
         change=change,
         offsets=offsets,
         not_taught=reason,

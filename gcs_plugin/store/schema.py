@@ -209,8 +209,9 @@ answer | text | | JSON of the verdict, of which words are made: levels, faults, 
 levels | words | | all verdicts that apply, the gravest first
 action_kinds | words | | what to do next, by kind: look_at_rotors, fill_at_most, do_not_fly
 fault_kinds | words | | of each bad rotor or motor: propeller, motor, stopped
+fault_rotors | wholes | | rotor, from 1, of each of these; null in older rows without an answer
 caveats | words | | what it left open: tank gauge, rotor speeds, part of the flight not in the log
-suspects | wholes | | rotors, from 1, that were found bad or of which one was
+suspects | wholes | | all rotors, from 1, that were found bad or of which one was
 reason_kinds | words | | why there is no verdict, by kind: aircraft_not_known, predicted_alone
 doing_kinds | words | | what the aircraft was doing at the worst moment, by kind
 findings | text | | JSON of what spoils names or numbers: check, level, time_s, values

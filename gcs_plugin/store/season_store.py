@@ -137,7 +137,7 @@ def _create_flights(
     numbers = ["DOUBLE"] * len(FILL_COLUMNS)
     create("safe_fill", safe_fill, numbers, "DOUBLE", type="arrow", null_handling="special")
     made = ["safe_fill(fill_kg, fill_limit_kg, fill_low_kg) as fill_kg"]
-    kinds = {"text": "VARCHAR", "words": "VARCHAR[]"}
+    kinds = {"text": "VARCHAR", "words": "VARCHAR[]", "wholes": "BIGINT[]"}
     for column in (c for c in FLIGHTS if c.name in words):
         function, result = words[column.name], kinds[column.kind]
         create(f"words_of_{column.name}", function, ["VARCHAR"], result)

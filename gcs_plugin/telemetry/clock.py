@@ -28,6 +28,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.physics.smoothing import median_of_five
+from thrustmargin.models.statement import Statement, state
 
 #: Messages whose clock is read when they are sent; others carry the time of a fix or of a change.
 REFERENCES = (
@@ -55,7 +56,7 @@ class Clock:
     estimate_s: Floats  # (n,) s since boot of all frames, by the ground's stamps
     stamp_minus_clock: float | None  # typical, or a listener's first; None without an own clock
     jumps: tuple[tuple[float, float], ...] = ()  # every restart in the file
-    notes: tuple[str, ...] = ()
+    notes: tuple[Statement, ...] = ()
     on_arrival: bool = False  # every message has the time at which a listener got it
 
     def times(self, fields: NDArray[np.void], rows: Index) -> Floats:
@@ -127,7 +128,7 @@ def vehicle_clocks(
     rows = np.flatnonzero(np.isfinite(own))
     last = stamps_s.size - 1
     if rows.size == 0:
-        note = "no message carries the vehicle's clock: times are the ground computer's"
+        note = state("clock of the ground")
         first = int(np.argmax(pilot))
         yield Clock(0, last, stamps_s - stamps_s[first], None, notes=(note,))
         return
@@ -237,28 +238,28 @@ class ArrivalClock:
         """Return the newest own clock, its arrival, and the median offset, all ns."""
         return self.newest, self.stamp, sorted(self.offsets)[len(self.offsets) // 2]
 
-    def after(self, own: int, stamp: int) -> tuple[ArrivalClock, str]:
+    def after(self, own: int, stamp: int) -> tuple[ArrivalClock, Statement | None]:
         """Update the clock by one message: `own`, the vehicle's time, and `stamp`, its arrival,
         both ns.
 
-        Return the new clock and a note for people, empty if there is none. A time behind the newest
-        by more than BACKWARD s counts as late, until RESTART_AFTER in a row agree: a restart.
-        Restarts and jumps ahead by more than JUMP s are noted.
+        Return the new clock and a note, None if there is none. A time behind the newest by more
+        than BACKWARD s counts as late, until RESTART_AFTER in a row agree: a restart. Restarts and
+        jumps ahead by more than JUMP s are noted.
         """
         if not self.known:
-            return replace(self, offsets=(stamp - own,), newest=own, stamp=stamp), ""
-        jump, note = own - self.newest, ""
+            return replace(self, offsets=(stamp - own,), newest=own, stamp=stamp), None
+        jump, note = own - self.newest, None
         if jump < -1e9 * BACKWARD:
             before, times = self.earlier or (own, 0)
             times = times + 1 if -1e9 * BACKWARD <= own - before < 1e9 * JUMP else 1
             if times < RESTART_AFTER:
                 late = self.late + 1
-                return replace(self, earlier=(own, times), late=late), ""
-            note = f"the vehicle restarted: its clock went from {self.newest * 1e-9:.0f} s to "
+                return replace(self, earlier=(own, times), late=late), None
+            note = state("restarted", before=self.newest * 1e-9, after=own * 1e-9)
             new = ArrivalClock((stamp - own,), own, stamp, boot=self.boot + 1, late=self.late)
-            return new, f"{note}{own * 1e-9:.0f} s"
+            return new, note
         if jump - (stamp - self.stamp) > 1e9 * JUMP:
-            note = f"the vehicle's clock jumped {jump * 1e-9:.0f} s ahead; older readings are stale"
+            note = state("clock jumped", jump=jump * 1e-9)
         offsets = (*self.offsets, stamp - own)[-WINDOW:]
         newest = max(own, self.newest)
         return ArrivalClock(offsets, newest, stamp, self.last, self.boot, None, self.late), note
@@ -280,7 +281,7 @@ def _held_back(known: NDArray[np.int64], stamps: NDArray[np.int64]) -> NDArray[n
 
 def arrival_times(
     clock: ArrivalClock, stamps_us: NDArray[np.int64], own_s: Floats
-) -> tuple[Floats, NDArray[np.int64], ArrivalClock, tuple[tuple[int, str], ...]]:
+) -> tuple[Floats, NDArray[np.int64], ArrivalClock, tuple[tuple[int, Statement], ...]]:
     """Compute the vehicle's time of each message, s, as a listener has it; strictly increasing in
     each boot.
 

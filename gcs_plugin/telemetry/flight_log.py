@@ -23,7 +23,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
 from thrustmargin.gcs_plugin.telemetry.resample import known_rows
 from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
     measured_speeds,
-    rejected_words,
+    rejected_readings,
     stopped_in_flight,
 )
 from thrustmargin.gcs_plugin.telemetry.rows import FlightRows, flight_rows
@@ -36,13 +36,13 @@ from thrustmargin.gcs_plugin.telemetry.vehicle_events import (
     flag_events,
     text_events,
 )
-from thrustmargin.gcs_plugin.wording.check_words import source_words
 from thrustmargin.models.checks.speed_readings import speed_resolution
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.smoothing import known_median
 from thrustmargin.models.provenance import NOT_REPORTED
+from thrustmargin.models.statement import Statement, state
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 #: Channels of the table whose reports have another name.
@@ -108,8 +108,9 @@ def log_of_rows(rows: FlightRows, recording: Recording, signals: Signals) -> Fli
     start_s = float(rows.clock_s[0])
     # What is reported and not in the table, then what a reader met and could not use.
     unused = {
-        name: f"in the log ({silent[0].source.words}), not used: "
-        + _unused_reason(name, silent, rows)
+        name: state(
+            "not used", source=silent[0].source, why=state(_unused_reason(name, silent, rows))
+        )
         for name in TRACK_CHANNELS
         if (silent := signals.get(name) or signals.get(_REPORTED_AS.get(name, "")))
     } | dict(recording.unused)
@@ -137,7 +138,7 @@ def log_of_rows(rows: FlightRows, recording: Recording, signals: Signals) -> Fli
         **header,
         track=_with_absences(track),
         channels=tuple(
-            channel_report(track, n, rows.reported.get(n, []), unused.get(n, ""))
+            channel_report(track, n, rows.reported.get(n, []), unused.get(n))
             for n in TRACK_CHANNELS
         ),
         clock_start_s=start_s,
@@ -171,7 +172,7 @@ def log_of_track(
             rpm[~np.isin(track.time_s, signal.time_s), rotor] = np.nan
     hidden = stopped_in_flight(rpm, track.throttle, track.flying)
     rpm[hidden] = np.nan
-    unmeasured = rejected_words(measured, rpm, hidden, track.time_s, track.flying, counted=True)
+    unmeasured = rejected_readings(measured, rpm, hidden, track.time_s, track.flying, counted=True)
     track = replace(track, rotor_speed_rpm=rpm, notes=(*track.notes, *unmeasured))
     return FlightLog(
         path=path,
@@ -183,7 +184,7 @@ def log_of_track(
             channel_report(track, name, [_as_signal(track, name)]) for name in TRACK_CHANNELS
         ),
         clock_start_s=float(track.time_s[0]),
-        facts=VehicleFacts(rotor_count=track.rotor_count, rotor_evidence="its columns"),
+        facts=VehicleFacts(rotor_count=track.rotor_count, rotor_evidence=state("own columns")),
         unmeasured=unmeasured,
     )
 
@@ -192,15 +193,14 @@ def _with_absences(track: FlightTrack) -> FlightTrack:
     """Add notes of missing rotor speeds to the track."""
     if not track.reports("rotor_speed_rpm"):
         silent = "rotor_speed_rpm" not in track.sources
-        absence = "no ESC telemetry of its motors" if silent else "no ESC telemetry that measures"
-        note = f"{absence} in the log: rotor speeds are unknown"
+        note = state("no ESC telemetry" if silent else "no ESC telemetry that measures")
         return replace(track, notes=(*track.notes, note))
     silent = [
         str(k + 1)
         for k in range(track.rotor_count)
         if not np.isfinite(track.rotor_speed_rpm[:, k]).any()
     ]
-    notes = [f"no rotor speed of motor {', '.join(silent)}"] if silent else []
+    notes = [state("motors without speed", motors=", ".join(silent))] if silent else []
     coarse = speed_resolution(track)
     statements = (*track.statements, *((coarse,) if coarse else ()))
     return replace(track, notes=(*track.notes, *notes), statements=statements)
@@ -222,16 +222,16 @@ def _as_signal(track: FlightTrack, channel: str) -> Signal:
 
 
 def _unused_reason(name: str, silent: Iterable[Signal], rows: FlightRows) -> str:
-    """Return the reason, in words, why a reported channel has no value in the table."""
+    """Return the kind of the reason why a reported channel has no value in the table."""
     if not any(np.isfinite(signal.values).any() for signal in silent):
-        return "never with a value"
+        return "no value"
     if TRACK_CHANNELS[name].per_rotor and name not in rows.track.sources:
         return "of no known motor"
-    return "no value that can be believed or is in time"
+    return "no plausible value in time"
 
 
 def channel_report(
-    track: FlightTrack, name: str, signals: list[Signal], unused: str = ""
+    track: FlightTrack, name: str, signals: list[Signal], unused: Statement | None = None
 ) -> ChannelReport:
     """Return rate and pauses of the channel's reports, and the range of its values in the table.
 
@@ -248,8 +248,8 @@ def channel_report(
     return ChannelReport(
         name=name,
         unit=TRACK_CHANNELS[name].unit,
-        source=(unused if signal is None else "") or source_words(source),
-        provenance=source,
+        source=source,
+        unused=unused if signal is None else None,
         samples=known_s.size,
         rate_hz=1.0 / known_median(step) if step.size else float("nan"),
         gaps=int(np.sum(step > TRACK_CHANNELS[name].max_age)),

@@ -22,8 +22,8 @@ from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import (
     motor_outputs,
     moved_motors,
     px4_motor_outputs,
-    range_words,
     ranges_of_span,
+    ranges_remark,
     span_of,
     whole_number,
 )
@@ -33,10 +33,12 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
     by_index,
     output_pulses,
 )
+from thrustmargin.gcs_plugin.wording.check_words import value_words
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.provenance import Provenance
+from thrustmargin.models.statement import Statement, state
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 FAILURES_AGE = 5.0  # s for which an ESC's report on itself is valid; PX4 sends one a second
@@ -52,12 +54,12 @@ class MotorMap:
     rotor_count: int
     outputs: tuple[int, ...]
     pump_output: int | None
-    order_words: str  # how motors were matched to outputs
-    notes: tuple[str, ...]
+    order: Statement  # how motors were matched to outputs
+    notes: tuple[Statement, ...]
     facts: VehicleFacts = field(default_factory=VehicleFacts)
     assumed: bool = False  # nothing states which output is which motor
     escs: tuple[int, ...] = ()
-    esc_words: str = ""  # how motors were matched to ESCs
+    esc_order: Statement | None = None  # how motors were matched to ESCs; None: as to outputs
     any_port: bool = False  # outputs are numbered on whichever port drives them
 
     def rotor_speed(self, signals: Signals) -> list[Signal | None]:
@@ -155,7 +157,7 @@ class MotorMap:
         first, *others = dict.fromkeys(s.source for s in found if s is not None)
         if others:
             first = Provenance(kind=first.kind, name=first.name, parts=(first, *others))
-        return replace(first, assumed=self.assumed).remarked(self.esc_words)
+        return replace(first, assumed=self.assumed).remarked(self.esc_order or self.order)
 
     def throttle_source(
         self,
@@ -167,10 +169,10 @@ class MotorMap:
         source = next(s.source for s in of_rotors if s is not None)
         source = replace(source, assumed=self.assumed)
         if source.unit != "us":
-            return source.remarked(self.order_words)
+            return source.remarked(self.order)
         ranges = self._ranges(self.span(signals, before), signals, parameters)
-        port = (f"port {number}",) if (number := self._port(signals)) else ()
-        return replace(source, fields=()).remarked(*port, range_words(ranges), self.order_words)
+        port = (state("port", number=float(number)),) if (number := self._port(signals)) else ()
+        return replace(source, fields=()).remarked(*port, ranges_remark(ranges), self.order)
 
 
 def motor_map(
@@ -180,14 +182,14 @@ def motor_map(
     airframe: Airframe | None,
     *,
     facts: VehicleFacts | None = None,
-    motor_order: str = "",
-    esc_order: str = "",
+    motor_order: Statement | None = None,
+    esc_order: Statement | None = None,
     turned: Collection[int] | None = None,
 ) -> MotorMap:
     """Return outputs and ESCs of the motors, and the output of the pump.
 
-    `facts` are the vehicle's kind and rotor count. `motor_order` and `esc_order` describe, in
-    words, a numbering by motor that the log already has. `turned` are the ESCs that have turned so
+    `facts` are the vehicle's kind and rotor count. `motor_order` and `esc_order` describe a
+    numbering by motor that the log already has. `turned` are the ESCs that have turned so
     far; None: those in `signals`. Raise AirframeError if the vehicle and `airframe` differ in the
     number of rotors.
     """
@@ -201,57 +203,58 @@ def motor_map(
         None,
     )
     if facts.refusal(name):
-        return MotorMap(0, (), pump, "no motors that lift", (), facts)
+        return MotorMap(0, (), pump, state("no lifting motors"), (), facts)
     if not facts.rotor_count:
         facts = counted_by_reports(facts, signals)
     count = facts.rotor_count
     notes = []
     if facts.kind == "quadplane":
-        notes.append(
-            f"a quadplane by {facts.evidence}: only its hover motors are shown, and forward flight "
-            "on its wings is not hover"
-        )
+        notes.append(state("hover motors of a quadplane", evidence=facts.evidence))
     if airframe is not None:
         if count not in (0, airframe.rotor_count):
             raise AirframeError(
-                f"{name}: {count} rotors by {facts.rotor_evidence}, but airframe {airframe.name} "
-                f"has {airframe.rotor_count}; choose another with --airframe"
+                f"{name}: {count} rotors by {value_words(facts.rotor_evidence)}, but airframe "
+                f"{airframe.name} has {airframe.rotor_count}; choose another with --airframe"
             )
         count = airframe.rotor_count
     elif not count:
-        notes.append("nothing in the log reports the number of rotors: give the airframe")
+        notes.append(state("number of rotors not reported"))
     on_output, (on_bank, bank) = motor_outputs(parameters), _px4_bank(parameters, count)
     outputs = escs = tuple(range(count))
     assumed = False
     if motor_order:
-        words = motor_order
+        order = motor_order
     elif count and all(k in on_output for k in range(count)):
         outputs = tuple(on_output[k] for k in range(count))
-        words = f"motors on outputs {_listed(outputs)} by SERVOn_FUNCTION"
+        order = state("motors by SERVOn", outputs=_listed(outputs))
     elif on_bank:
         outputs = tuple(on_bank[k] for k in range(count))
-        words = f"motors on outputs {_listed(outputs)} by PWM_{bank}_FUNCn"
+        order = state("motors by PWM_FUNCn", outputs=_listed(outputs), bank=bank)
         if outputs != escs and signals.get("esc_rpm"):
-            assumed, esc_order = True, f"ESC n taken to be that of motor n: {_listed(escs)}"
+            assumed, esc_order = True, state("ESCs taken as motors", escs=_listed(escs))
     else:
         assumed = count > 0
-        words = f"motor n taken to be on output n: {_listed(outputs)}"
-    esc_words = esc_order or motor_order
-    if not esc_words:
+        order = state("motors taken as outputs", outputs=_listed(outputs))
+    escs_by = esc_order or motor_order
+    if escs_by is None:
         escs = _escs_of(outputs, turned_escs(signals) if turned is None else turned)
-        mapping = f"; ESCs {_listed(escs)} turned and are taken for theirs, in order of the outputs"
+        mapping, escs_of = ("turned ESCs taken",), {"escs": _listed(escs)}
         if -1 in escs:
-            mapping = ", but other ESCs turned: which is whose is not known, and none is used"
-            notes.append(f"{words}{mapping}")
-        esc_words = words if escs == outputs else words + mapping
+            mapping, escs_of = ("other ESCs turned",), {}
+            notes.append(_with_clauses(order, *mapping))
+        escs_by = order if escs == outputs else _with_clauses(order, *mapping, **escs_of)
     any_port = not motor_order and (assumed or bool(on_bank))
     if assumed and not esc_order and (moved := moved_motors(parameters, count)):
-        mapping = "not on the output of that number by SERVOn_FUNCTION: no motor output is used"
-        notes.append(f"motor {_listed(moved)} {mapping}")
+        notes.append(state("motors moved", motors=_listed(moved)))
         outputs, any_port = (NO_OUTPUT,) * count, False
     return MotorMap(
-        count, outputs, pump, words, tuple(notes), facts, assumed, escs, esc_words, any_port
+        count, outputs, pump, order, tuple(notes), facts, assumed, escs, escs_by, any_port
     )
+
+
+def _with_clauses(one: Statement, *clauses: str, **values: str) -> Statement:
+    """Return a statement with more clauses, and the values that these need."""
+    return state(one.kind, *one.clauses, *clauses, **dict(one.values), **values)
 
 
 def _px4_bank(parameters: Mapping[str, float], count: int) -> tuple[dict[int, int], str]:
@@ -304,10 +307,10 @@ def counted_by_reports(facts: VehicleFacts, signals: Signals) -> VehicleFacts:
     more.
     """
     driven = {k for k, s in by_index(signals, "throttle").items() if np.any(s.values > 0)}
-    for numbers, words in (
-        (turned_escs(signals), "the ESCs that report"),
-        ({int(number) for number in driven}, "its motor outputs"),
+    for numbers, kind in (
+        (turned_escs(signals), "ESCs that report"),
+        ({int(number) for number in driven}, "own motor outputs"),
     ):
         if len(numbers) >= 3:
-            return replace(facts, rotor_count=max(numbers) + 1, rotor_evidence=words)
+            return replace(facts, rotor_count=max(numbers) + 1, rotor_evidence=state(kind))
     return facts

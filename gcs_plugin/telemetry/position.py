@@ -10,7 +10,6 @@ import numpy as np
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.resample import known_rows, last_before, plausible
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
-from thrustmargin.gcs_plugin.wording.flight_words import GROUNDED_BY
 from thrustmargin.models.checks.held import (
     RISEN,
     HeldSoFar,
@@ -23,7 +22,8 @@ from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0, pressure_altitude
 from thrustmargin.models.physics.flight_phases import stretches
 from thrustmargin.models.physics.smoothing import known_means
-from thrustmargin.models.provenance import Provenance
+from thrustmargin.models.provenance import Provenance, SourceKind
+from thrustmargin.models.statement import Statement, Value
 
 NAN = float("nan")
 
@@ -48,11 +48,11 @@ FEWEST_ROWS = 20
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Airborne:
-    """The rows off the ground (T,), the kind of evidence, and the evidence in words."""
+    """The rows off the ground (T,), the kind of evidence, and its source."""
 
     flying: Bools
     by: FlyingBy
-    words: str
+    source: Provenance
 
 
 def airborne(
@@ -138,7 +138,7 @@ def _airborne(
         reported = np.isin(state, (IN_AIR, TAKING_OFF, LANDING)) & on
         reported &= ~_disarmed_since(signals, landed, clock_s)
         if height is None:
-            return Airborne(reported, FlyingBy.LANDED_STATE, landed.source.words)
+            return Airborne(reported, FlyingBy.LANDED_STATE, _by_landed_state(landed))
         body = _body(channels, squares, output)
         flying = _clear_of_ground(reported, height)
         if reported.any() and not flying.any():
@@ -146,17 +146,17 @@ def _airborne(
         flying &= drop_held(reported, stretches(reported), clock_s, body)
         if reported.any() and not flying.any():
             return _grounded(clock_s, FlyingBy.HELD)
-        words = f"{landed.source.words}, and {CLEAR:g} m clear of it"
-        return Airborne(flying, FlyingBy.LANDED_STATE, words)
+        source = _flying_by("landed state and height", landed.source, clear=CLEAR)
+        return Airborne(flying, FlyingBy.LANDED_STATE, source)
     measured = bool(np.isfinite(speeds).any())
     if not measured and np.count_nonzero(driven) >= FEWEST_ROWS:
         # Nothing hovers at one output: even in still air every motor is always corrected.
         spread = np.ptp(channels["throttle"][driven], axis=0)
         if np.all(spread[np.isfinite(spread)] == 0):
             return _grounded(clock_s, FlyingBy.CONSTANT_OUTPUTS)
-    thrust, source = output, FlyingBy.MOTOR_OUTPUTS
+    thrust, by = output, FlyingBy.MOTOR_OUTPUTS
     if measured:
-        thrust, source = squares, FlyingBy.ROTOR_SPEEDS
+        thrust, by = squares, FlyingBy.ROTOR_SPEEDS
         # Beside outputs a wrong unit of the speeds would do the same: then a height must deny it.
         sure = not driven.any() or (height is not None and bool(np.isfinite(height).any()))
         if sure and _too_slow(thrust[on], speeds.shape[1], height, airframe):
@@ -171,16 +171,28 @@ def _airborne(
         free = drop_held(flying, stretches(on), clock_s, body)
         if flying.any() and not free.any():
             return _grounded(clock_s, FlyingBy.HELD)
-        words = f"{source} above {IDLE_SHARE:g} of the thrust in cruise (no landed state)"
-        return Airborne(free, source, words)
+        source = _flying_by("thrust in cruise", by=by.value, share=IDLE_SHARE)
+        return Airborne(free, by, source)
     if height is not None and np.isfinite(height).any():
-        words = "more than 1 m above home (no landed state, no rotor speeds)"
-        return Airborne(on & (height > RISEN), FlyingBy.HEIGHT, words)
+        return Airborne(on & (height > RISEN), FlyingBy.HEIGHT, _flying_by("above home"))
     return _grounded(clock_s, FlyingBy.NOT_KNOWN)
 
 
-def _grounded(clock_s: Floats, source: FlyingBy) -> Airborne:
-    return Airborne(np.zeros(clock_s.size, dtype=np.bool_), source, GROUNDED_BY[source])
+def _grounded(clock_s: Floats, by: FlyingBy) -> Airborne:
+    """Return no row off the ground, for the reason `by`."""
+    none = np.zeros(clock_s.size, dtype=np.bool_)
+    return Airborne(none, by, _flying_by(f"grounded: {by.value}"))
+
+
+def _flying_by(kind: str, *parts: Provenance, **values: Value) -> Provenance:
+    """Return the source of the rows off the ground, which a remark of a kind describes."""
+    remark = Statement(kind, values=tuple(values.items()))
+    return Provenance(kind=SourceKind.INFERRED, parts=parts, remarks=(remark,))
+
+
+def _by_landed_state(landed: Signal) -> Provenance:
+    """Return the source of the rows off the ground by the landed state alone."""
+    return _flying_by("landed state", landed.source)
 
 
 def _borne(channels: Mapping[str, Floats], rows: int) -> Bools:
@@ -265,8 +277,8 @@ def airborne_so_far(
     airframe: Airframe | None,
     contact: GroundContact,
     before: HeldSoFar,
-) -> tuple[Bools, str, GroundContact, HeldSoFar]:
-    """Flag rows (T,) off the ground from past rows only; also return the evidence and two states.
+) -> tuple[Bools, Provenance, GroundContact, HeldSoFar]:
+    """Flag rows (T,) off the ground from past rows only; also return their source and two states.
 
     Unlike `airborne`, the last moments before a landing count as flying, half the empty weight
     replaces the unknown cruise thrust, and an armed vehicle without rotor speeds counts as flying,
@@ -300,7 +312,7 @@ def airborne_so_far(
     idle = output <= IDLE_OUTPUT
     flying &= ~idle | np.isfinite(state) | turning
     flying &= ~(motors_on == 0)
-    words = "rotor speeds, else armed" if landed is None else landed.source.words
+    source = _flying_by("speeds else armed") if landed is None else _by_landed_state(landed)
     squares = known_means(np.square(speeds))
     if landed is None:
         body = _body(channels, may_hover(squares, speeds.shape[1], airframe))
@@ -314,7 +326,7 @@ def airborne_so_far(
         body,
         clear=CLEAR if landed is None else -np.inf,
     )
-    return flying.astype(np.bool_) & ~down, words, contact, now
+    return flying.astype(np.bool_) & ~down, source, contact, now
 
 
 def _clear_of_ground(flying: Bools, height: Floats) -> Bools:
@@ -363,8 +375,8 @@ def _body(channels: Mapping[str, Floats], squares: Floats, output: Floats | None
     )
 
 
-#: Where zero may be, preferred first.
-_PLACES = (("home", "home"), ("ekf_origin", "the estimator's origin"))
+#: Where zero may be, and the kind of the remark on it, preferred first.
+_PLACES = (("home", "from home"), ("ekf_origin", "from estimator's origin"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -373,7 +385,7 @@ class PlaceOfZero:
 
     origin: Origin
     rank: int
-    whose: str  # home, the estimator's origin or the first fix, for people
+    remark: str  # kind of the remark on it
     source: Provenance
     settled: bool  # by a take-off since
 
@@ -387,9 +399,9 @@ def position_sources(signals: Signals, zero: PlaceOfZero | None) -> tuple[Signal
     if fixes is not None and zero is not None:
         places = np.where(_on_earth(fixes.values)[:, None], fixes.values, np.nan)
         places[:, 2] = plausible("altitude", places[:, 2])
-        source = fixes.source.remarked(f"from {zero.whose}")
+        source = fixes.source.remarked(Statement(zero.remark))
         if zero.source is not fixes.source:
-            source = source.remarked(f"by {zero.source.name}")
+            source = source.remarked(Statement("by source", values=(("name", zero.source.name),)))
         sources.append(Signal("position_ned", source, fixes.time_s, zero.origin.ned(places)))
     local = best(signals, "position_ned")
     if local is not None:
@@ -407,7 +419,7 @@ def place_of_zero(
     fixes = best(signals, "geodetic")
     settled = bool(flying.any()) or (before is not None and before.settled)
     takeoff = clock_s[int(np.argmax(flying))] if flying.any() else clock_s[-1]
-    for rank, (channel, whose) in enumerate(_PLACES):
+    for rank, (channel, remark) in enumerate(_PLACES):
         # Local positions count from the estimator's own origin, wherever home is.
         if fixes is None and channel == "home":
             continue
@@ -419,14 +431,14 @@ def place_of_zero(
                 earlier = placed[signal.time_s[placed] <= takeoff]
                 row = earlier[-1] if earlier.size else placed[0]
                 place = _as_origin(signal.values[row])
-                return PlaceOfZero(place, rank, whose, signal.source, settled)
+                return PlaceOfZero(place, rank, remark, signal.source, settled)
     if before is not None:
         return replace(before, settled=settled)
     good = np.empty(0) if fixes is None else np.flatnonzero(_on_earth(fixes.values))
     if fixes is None or good.size == 0:
         return None
-    place, whose = _as_origin(fixes.values[good[0]]), "the first fix, for no home is reported"
-    return PlaceOfZero(place, len(_PLACES), whose, fixes.source, settled)
+    place = _as_origin(fixes.values[good[0]])
+    return PlaceOfZero(place, len(_PLACES), "from first fix", fixes.source, settled)
 
 
 def _on_earth(places: Floats) -> Bools:

@@ -13,6 +13,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import SENDER_VOLTAGE, Signals, b
 from thrustmargin.gcs_plugin.telemetry.tank_source import flight_battery
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import NOT_REPORTED, Provenance, SourceKind
+from thrustmargin.models.statement import Statement, state
 from thrustmargin.models.vehicle_facts import StatedBattery
 
 #: A tank that loses more than this over the window is being sprayed, kg/s.
@@ -22,7 +23,9 @@ _SPRAY_WINDOW = 4.0  # s
 _ESC_OFFSET = 0.3
 
 
-def power(signals: Signals, sampling: Sampling, notes: list[str]) -> dict[str, Iterable[Signal]]:
+def power(
+    signals: Signals, sampling: Sampling, notes: list[Statement]
+) -> dict[str, Iterable[Signal]]:
     """Return the sources of the flight battery's voltage and current: its message, SYS_STATUS, the
     ESCs.
 
@@ -37,15 +40,19 @@ def power(signals: Signals, sampling: Sampling, notes: list[str]) -> dict[str, I
             candidates.insert(0, battery[flown])
         sources[channel] = chain(candidates, _of_escs(channel, signals, sampling))
     others = [
-        str(number)
+        state("battery number", number=str(number))
         if sampling == "hold"
-        else f"{number} ({np.nanmin(signal.values):.1f} to {np.nanmax(signal.values):.1f} V)"
+        else state(
+            "battery range",
+            number=str(number),
+            low=float(np.nanmin(signal.values)),
+            high=float(np.nanmax(signal.values)),
+        )
         for number, signal in by_index(signals, "battery_voltage").items()
         if number != flown and np.mean(signal.values > 2 * SENDER_VOLTAGE) > 0.5
     ]
     if flown is not None and others:
-        extra = f"battery {', '.join(others)} reads a flight battery's voltage too"
-        notes.append(f"{extra}; only battery {flown} is used")
+        notes.append(state("further batteries", others=tuple(others), flown=str(flown)))
     return sources
 
 
@@ -93,12 +100,12 @@ def _of_escs(channel: str, signals: Signals, sampling: Sampling) -> Iterator[Sig
         if sampling == "hold":
             # Whether an ESC measures current at all shows only when some flows.
             total = np.where(total > 0, total, np.nan)
-        yield Signal(channel, escs[0].source.remarked("sum of ESCs"), time_s, total)
+        yield Signal(channel, escs[0].source.remarked(state("sum of ESCs")), time_s, total)
         return
     known = np.count_nonzero(stack > 0, axis=-1)
     total = np.sum(stack, axis=-1, where=stack > 0)
     mean = np.where(known > 0, total / np.maximum(known, 1), np.nan)
-    yield Signal(channel, escs[0].source.remarked("mean of ESCs"), time_s, mean)
+    yield Signal(channel, escs[0].source.remarked(state("mean of ESCs")), time_s, mean)
 
 
 def esc_voltage_offsets(signals: Signals, outputs: Sequence[int]) -> tuple[float, ...]:
@@ -138,7 +145,7 @@ def esc_voltage_offsets(signals: Signals, outputs: Sequence[int]) -> tuple[float
 
 
 def spraying_sources(
-    share: Signal | None, tank: Signal | None, sampling: Sampling, notes: list[str]
+    share: Signal | None, tank: Signal | None, sampling: Sampling, notes: list[Statement]
 ) -> tuple[Signal, ...]:
     """Return the sources of `spraying`, 1 while the pump runs: its output `share`, then the falling
     tank.
@@ -151,17 +158,17 @@ def spraying_sources(
         if sampling == "hold":
             # That an output without a pulse will have one later, a listener cannot know.
             on[np.isnan(share.values)] = np.nan
-        above = share.source.remarked("above its minimum")
+        above = share.source.remarked(state("above its minimum"))
         sources.append(Signal("spraying", above, share.time_s, on))
     if tank is not None and tank.time_s.size:
         earlier = np.interp(tank.time_s - _SPRAY_WINDOW, tank.time_s, tank.values)
         falling = (earlier - tank.values) / _SPRAY_WINDOW > _SPRAY_RATE
         if share is None:
-            notes.append("no pump output known: spraying is read from the falling tank level")
+            notes.append(state("no pump output"))
         source = Provenance(
             kind=SourceKind.INFERRED,
-            name=f"tank level falling by more than {_SPRAY_RATE * 60:.2f} kg/min",
             parts=(tank.source,),
+            remarks=(state("tank level falls", rate=_SPRAY_RATE * 60),),
         )
         sources.append(Signal("spraying", source, tank.time_s, falling.astype(np.float64)))
     return tuple(sources)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -21,13 +21,15 @@ from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.mavlink.rules import Columns
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import VehicleEvent
-from thrustmargin.gcs_plugin.wording.check_words import statement_words
+from thrustmargin.gcs_plugin.wording.check_words import source_values, source_words, statement_words
 from thrustmargin.gcs_plugin.wording.flight_words import sortie_suffix
 from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.json_values import to_json_values
 from thrustmargin.models.physics.smoothing import median_of_five
 from thrustmargin.models.provenance import Provenance
+from thrustmargin.models.statement import Statement, state
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 
@@ -97,8 +99,8 @@ class ChannelReport:
 
     name: str
     unit: str
-    source: str  # message and field in words; "not in the log"
-    provenance: Provenance  # the same as data
+    source: Provenance
+    unused: Statement | None  # a source that is there and was not used, where there is no other
     samples: int
     rate_hz: float  # median of the source; NaN with fewer than two samples
     gaps: int  # pauses longer than the channel's age limit
@@ -106,6 +108,20 @@ class ChannelReport:
     minimum: float
     median: float
     maximum: float
+
+
+def channel_source(channel: ChannelReport) -> str:
+    """Return the source of a channel of a log, or why a source in the log is not used."""
+    unused = channel.unused
+    return source_words(channel.source) if unused is None else statement_words(unused)
+
+
+def channel_values(channel: ChannelReport) -> dict[str, Any]:
+    """Return the report of a channel as values for JSON and pages, with its source in words too."""
+    values: dict[str, Any] = to_json_values(channel)
+    del values["unused"]
+    words = {"source": channel_source(channel), "provenance": source_values(channel.source)}
+    return {"name": channel.name, "unit": channel.unit} | words | values | words
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +152,12 @@ class LogHeader:
     firmware: str = ""  # where a field of its own states it
 
 
+def several_autopilots(system: int, chosen: int, others: Iterable[int]) -> Statement:
+    """Return that a system id has several autopilots, of which component `chosen` is read."""
+    left_out = ", ".join(map(str, others))
+    return state("several autopilots", system=str(system), chosen=str(chosen), others=left_out)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Recording(LogHeader):
     """The needed messages of one vehicle in one file; times are the vehicle's clock."""
@@ -143,12 +165,12 @@ class Recording(LogHeader):
     streams: Mapping[str, Stream]
     unix_minus_clock: float | None  # s to add to the vehicle's clock for Unix time
     mav_type: int | None = None  # as the vehicle reports itself; None unknown
-    motor_order: str = ""  # in words, where motor outputs are numbered by motor already
-    esc_order: str = ""  # likewise ESC channels
-    unused: Mapping[str, str] = field(
+    motor_order: Statement | None = None  # where motor outputs are numbered by motor already
+    esc_order: Statement | None = None  # likewise ESC channels
+    unused: Mapping[str, Statement] = field(
         default_factory=dict
     )  # channel -> what is there, why not used
-    notes: tuple[str, ...] = ()
+    notes: tuple[Statement, ...] = ()
     parameters_whole: bool = True  # False: the vehicle has more than are in the log
     #: (s, name, value) of every time that a parameter was sent, in order.
     parameters_sent: tuple[tuple[float, str, float], ...] = ()
@@ -166,11 +188,13 @@ class FlightLog(LogHeader):
     clock_start_s: float  # vehicle's clock at the track's first row, s since boot
     facts: VehicleFacts = field(default_factory=VehicleFacts)  # what kind of vehicle it is
     esc_voltage_offset_v: tuple[float, ...] = ()  # of each motor's ESC off the others; NaN none
-    unmeasured: tuple[str, ...] = ()  # of the notes, those on ESC readings that are none
-    other_units: tuple[str, ...] = ()  # of the notes, those on columns left out for their unit
+    unmeasured: tuple[Statement, ...] = ()  # of the notes, those on ESC readings that are none
+    other_units: tuple[
+        Statement, ...
+    ] = ()  # of the notes, those on columns left out for their unit
     sortie: int = 1  # its number in the log, of `sorties` in all
     sorties: int = 1
-    unflown: tuple[str, ...] = ()  # lines about the rest of the log
+    unflown: tuple[Statement, ...] = ()  # the rest of the log
     engineer_notes: tuple[EngineerNote, ...] = ()  # of a file beside the log, in order of time
 
     @property

@@ -9,8 +9,6 @@ from types import MappingProxyType
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.wording.check_words import SENTENCES
-from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.checks.speed_readings import (
     LONE,
     MEASURED,
@@ -23,6 +21,7 @@ from thrustmargin.models.checks.speed_readings import (
 )
 from thrustmargin.models.flight import TRACK_CHANNELS, Bools, Floats
 from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.statement import Statement, state
 
 IDLE = 0.12  # of the motor output; ArduPilot's motors turn when armed at 0.1
 SPIN_UP = 1.0  # s for which the output must be above idle before a stopped rotor is a surprise
@@ -140,7 +139,7 @@ def stopped_in_flight(speeds: Floats, outputs: Floats, flying: Bools) -> Bools:
     return flying[:, None] & (np.abs(speeds) < TURNING) & ~np.isfinite(outputs)
 
 
-def rejected_words(
+def rejected_readings(
     measured: MeasuredSpeeds,
     speeds: Floats,
     hidden: Bools,
@@ -148,8 +147,8 @@ def rejected_words(
     flying: Bools,
     *,
     counted: bool,
-) -> tuple[str, ...]:
-    """List the readings rejected in flight, in sentences: one for each rotor and reason, or for all
+) -> tuple[Statement, ...]:
+    """List the readings rejected in flight: one statement for each rotor and reason, or for all
     rotors.
 
     `hidden` (T, R) is from `stopped_in_flight`; `clock_s` and `flying` are (T,). `counted` adds
@@ -164,23 +163,23 @@ def rejected_words(
             rows_by_rotor[why][rotor] = count
     for rotor in np.flatnonzero(hidden.any(axis=0)).tolist():
         rows_by_rotor[ZERO][rotor] = rows_by_rotor[ZERO].get(rotor, 0) + int(hidden[:, rotor].sum())
-    sentences = []
+    found = []
     for why, counts in rows_by_rotor.items():
         counts = {r: n for r, n in counts.items() if n >= FEW_BESIDE * max(counts.values())}
         whole = {-1: sum(counts.values())} if len(counts) == hidden.shape[1] > 1 else counts
         for rotor, count in sorted(whole.items()):
-            whose = "every rotor" if rotor < 0 else f"rotor {rotor + 1}"
-            many = f"{count} readings in flight, " if counted else ""
-            sentences.append(f"{whose}: {many}no measurement: {say(SENTENCES[REASONS[why]])}")
+            many = ("readings counted",) if counted else ()
+            kinds = "every rotor" if rotor < 0 else "one rotor", *many, "no measurement"
+            values = {"rotor": str(rotor + 1), "count": float(count), "why": state(REASONS[why])}
+            found.append(state(*kinds, **values))
     rows = np.isfinite(speeds[flying & np.isfinite(speeds).any(axis=1)])
     lacks = 1.0 - rows.mean(axis=0) if counted and len(rows) else np.zeros(speeds.shape[1])
     rejected = {rotor for rotors in rows_by_rotor.values() for rotor in rotors}
     for rotor in np.flatnonzero((lacks > SILENT) & (lacks < 1.0)).tolist():
         if rotor not in rejected:
-            sentences.append(
-                f"rotor {rotor + 1}: no reading for {100 * lacks[rotor]:.0f} % of the flight"
-            )
-    return tuple(sentences)
+            lacking = {"rotor": str(rotor + 1), "percent": 100.0 * float(lacks[rotor])}
+            found.append(state("one rotor", "no reading", **lacking))
+    return tuple(found)
 
 
 def _known(signal: Signal) -> Signal:

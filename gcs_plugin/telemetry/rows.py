@@ -34,7 +34,7 @@ from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
     RotorMemory,
     lifting,
     measured_speeds,
-    rejected_words,
+    rejected_readings,
     stopped_in_flight,
 )
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import NOTHING_SENT, Span
@@ -63,7 +63,8 @@ from thrustmargin.models.flight import (
     FlyingBy,
     known_date,
 )
-from thrustmargin.models.provenance import Provenance, Rejected, SourceKind
+from thrustmargin.models.provenance import Provenance, Rejected
+from thrustmargin.models.statement import Statement, state
 
 SILENT = 2.0  # s without reports after which the next kind of report triggers the rows
 #: Channels of each motor's ESC besides its speed.
@@ -96,7 +97,7 @@ class FlightRows:
     clock_s: Floats  # (T,) vehicle's clock
     motors: MotorMap
     reported: Mapping[str, list[Signal]]
-    unmeasured: tuple[str, ...]  # of the notes, those on readings that are no measurement
+    unmeasured: tuple[Statement, ...]  # of the notes, those on readings that are no measurement
     pump_share: Floats  # (T,) 0 off to 1 full, as last reported
     pumped_kg: Floats  # (T,) by the pump's output since it was first heard
     row_state: RowState
@@ -111,7 +112,7 @@ def flight_rows(
     *,
     name: str = "",
     unix_minus_clock: float | None = None,
-    notes: Iterable[str] = (),
+    notes: Iterable[Statement] = (),
 ) -> FlightRows | None:
     """Return every channel on the rows that the signals make; None if they make none.
 
@@ -213,15 +214,15 @@ def flight_rows(
         )
     else:
         off = airborne(signals, clock_s, channels, options.airframe)
-        flying, flying_by, flying_source = off.flying, off.by, off.words
+        flying, flying_by, flying_source = off.flying, off.by, off.source
     if motors.facts.kind == "quadplane":
         flying &= lifting(channels["rotor_speed_rpm"], channels["throttle"])
-        flying_source += "; hover motors driven"
-    sources["flying"] = Provenance(kind=SourceKind.INFERRED, name=flying_source)
+        flying_source = flying_source.remarked(state("hover motors driven"))
+    sources["flying"] = flying_source
     speeds = channels["rotor_speed_rpm"]
     hidden = stopped_in_flight(speeds, channels["throttle"], flying)
     channels["rotor_speed_rpm"] = np.where(hidden, np.nan, speeds)
-    unmeasured = rejected_words(
+    unmeasured = rejected_readings(
         measured, channels["rotor_speed_rpm"], hidden, clock_s, flying, counted=not live
     )
     zero = place_of_zero(signals, clock_s, flying, before.zero)

@@ -24,6 +24,7 @@ from thrustmargin.gcs_plugin.telemetry.resample import (
 from thrustmargin.mission.plan_check import parameter
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Meaning, Provenance, Reason, Rejected, SourceKind
+from thrustmargin.models.statement import state
 
 #: A flight battery reads more than this, the level sender of a tank less, V.
 SENDER_VOLTAGE = 2.5
@@ -297,7 +298,7 @@ def airspeed_sources(signals: Signals, sampling: Sampling) -> Iterator[Signal]:
     if wind is None or not np.nansum(np.abs(wind.values)):
         source = replace(source, meaning=Meaning.GROUND_SPEED)
     else:
-        source = source.remarked(f"less {wind.source.name}'s wind")
+        source = source.remarked(state("less wind", wind=wind.source.name))
         blown = last_before(wind, velocity.time_s)
         through_air = through_air - np.where(np.isfinite(blown), blown, 0.0)
     yield Signal("airspeed", source, velocity.time_s, np.linalg.norm(through_air, axis=1))
@@ -322,11 +323,11 @@ def hud_airspeed(autopilot: str, pitot: bool | None) -> Provenance:
     between vehicles.
     """
     if autopilot == "PX4":
-        remark = "calibrated airspeed, as PX4 sends it"
+        remark = "calibrated airspeed"
     elif pitot:
         remark = "pitot"
     elif pitot is None:
-        remark = "pitot or estimate: the vehicle does not say"
+        remark = "pitot or estimate"
     else:
-        remark = "EKF estimate, else GPS speed: a copter without pitot"
-    return _HUD_AIRSPEED.remarked(remark)
+        remark = "estimate without pitot"
+    return _HUD_AIRSPEED.remarked(state(remark))

@@ -6,7 +6,7 @@ or while its tank or battery becomes fuller. A short touch-down ends none.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,11 +17,11 @@ from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, Recording
 from thrustmargin.gcs_plugin.telemetry.rotor_speeds import IDLE
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
-from thrustmargin.gcs_plugin.wording.flight_words import restart_words, unflown_words
 from thrustmargin.models.checks.loss_of_control import loss_of_control
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.smoothing import known_median
+from thrustmargin.models.statement import Statement, state
 
 LONG_DOWN = 60.0  # s on the ground after which, armed or not, the next flight is another sortie
 SERVICE = 10.0  # s, the least in which a tank or battery is changed
@@ -72,11 +72,21 @@ def sorties_of(
         longest = max(idle, key=lambda log: log.track.time_s.size)
         flown = [longest]
         idle.remove(longest)
-    unflown = unflown_words([log.track.duration for log in idle], list(map(str, failed)))
+    unflown = _unflown([log.track.duration for log in idle], list(map(str, failed)))
     return tuple(
         _numbered(replace(log, sortie=k, sorties=len(flown), unflown=unflown))
         for k, log in enumerate(flown, 1)
     )
+
+
+def _unflown(seconds: Sequence[float], reasons: Sequence[str]) -> tuple[Statement, ...]:
+    """Return the parts of a log without a verdict: on the ground (`seconds`), or unreadable
+    (`reasons`)."""
+    idle = ()
+    if seconds:
+        kind = "stretch without flight" if len(seconds) == 1 else "stretches without flight"
+        idle = (state(kind, count=float(len(seconds)), total_duration=sum(seconds)),)
+    return (*idle, *(state("stretch unreadable", reason=reason) for reason in reasons))
 
 
 def _numbered(log: FlightLog) -> FlightLog:
@@ -84,7 +94,7 @@ def _numbered(log: FlightLog) -> FlightLog:
     notes.
     """
     track, restarts = log.track, len(log.quality.clock_jumps)
-    notes = (restart_words(restarts),) if restarts else ()
+    notes = (state("restarts", count=float(restarts)),) if restarts else ()
     name = f"{track.name}{log.sortie_suffix}"
     return replace(log, track=replace(track, name=name, notes=(*notes, *log.unflown, *track.notes)))
 

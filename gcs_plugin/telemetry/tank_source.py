@@ -31,8 +31,9 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.smoothing import known_median
 from thrustmargin.models.provenance import Provenance, SourceKind
+from thrustmargin.models.statement import Statement, state
 
-LEFT_OUT = "tank level left out, as asked"
+LEFT_OUT = state("tank level left out")
 #: % by which the level from ml used may differ from the level in % and still be the same thing.
 AGREEMENT = 1.5
 WATER = 1.0  # kg/L
@@ -46,10 +47,10 @@ NAMES = {"TANK": False, "TANK_KG": False, "TANK_L": True}
 
 @dataclass(frozen=True, slots=True)
 class TankLevel:
-    """The tank level, kg, as one signal or None, and notes for people."""
+    """The tank level, kg, as one signal or None, and notes."""
 
     signal: Signal | None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Statement, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +82,7 @@ def flight_battery(signals: Signals) -> int | None:
 
 def first_level(levels: Iterator[TankLevel]) -> TankLevel:
     """Return the first level with a signal, with the notes of all levels tried before it."""
-    notes: tuple[str, ...] = ()
+    notes: tuple[Statement, ...] = ()
     for level in levels:
         notes += level.notes
         if level.signal is not None:
@@ -153,12 +154,12 @@ def _automatic(signals: Signals, context: TankContext) -> Iterator[TankLevel]:
     for levels in (_fuel(signals, context, None), _battery(signals, context, None)):
         if levels is not None:
             yield levels
-    unknown = ("no tank gauge and no pump output reported: tank level unknown",)
+    unknown = (state("tank level unknown"),)
     no_tank = context.airframe is not None and context.airframe.tank_volume_l == 0.0
     yield _pump(signals, context) or TankLevel(None, () if no_tank else unknown)
 
 
-def _in_kg(signal: Signal, kilograms: Floats, *remarks: str) -> Signal:
+def _in_kg(signal: Signal, kilograms: Floats, *remarks: Statement) -> Signal:
     return Signal("tank_kg", signal.source.remarked(*remarks), signal.time_s, kilograms)
 
 
@@ -168,15 +169,15 @@ def _named(signals: Signals, context: TankContext, name: str) -> TankLevel | Non
     if signal is None or not np.isfinite(signal.values).any():
         return None
     litres = unit.lower() == "l"
-    remarks = ("litres",) if litres else ()
+    remarks = (state("litres"),) if litres else ()
     factor = context.liquid_density if litres else 1.0
     notes = _density_notes(context) if litres else ()
     return TankLevel(_in_kg(signal, signal.values * factor, *remarks), notes)
 
 
-def _density_notes(context: TankContext) -> tuple[str, ...]:
+def _density_notes(context: TankContext) -> tuple[Statement, ...]:
     if context.airframe is None:
-        return ("liquid taken as water, 1.0 kg/L: no airframe given",)
+        return (state("liquid taken as water"),)
     return ()
 
 
@@ -195,12 +196,12 @@ def _fuel(signals: Signals, context: TankContext, chosen: int | None) -> TankLev
     number = min({*remaining, *percent} if chosen is None else {chosen}, default=-1)
     if signal := remaining.get(number):
         kilograms = signal.values * 1e-3 * context.liquid_density
-        return TankLevel(_in_kg(signal, kilograms, "ml"), _density_notes(context))
+        return TankLevel(_in_kg(signal, kilograms, state("ml")), _density_notes(context))
     if signal := percent.get(number):
         if context.airframe is None:
-            return TankLevel(None, (f"{signal.source.words} is only a share: give an airframe",))
+            return TankLevel(None, (state("only a share", source=signal.source),))
         kilograms = signal.values * 1e-2 * context.airframe.tank_capacity_kg
-        return TankLevel(_in_kg(signal, kilograms, "of the airframe's tank"))
+        return TankLevel(_in_kg(signal, kilograms, state("of airframe's tank")))
     return None
 
 
@@ -222,13 +223,14 @@ def _battery_level(
     """Return the level from the % of battery `number` and, where they agree, from its ml used."""
     key = f"BATT{number + 1 if number else ''}_CAPACITY"
     if context.parameters.get(key, 0.0) > 0.0:
-        capacity_l, whose = context.parameters[key] * 1e-3, f"{key} {context.parameters[key]:g} ml"
+        capacity_ml = context.parameters[key]
+        capacity_l, whose = capacity_ml * 1e-3, state("capacity set", name=key, ml=capacity_ml)
     elif context.airframe is not None:
         capacity_l = context.airframe.tank_volume_l
-        whose = f"the airframe's {capacity_l:g} L"
+        whose = state("airframe's capacity", litres=capacity_l)
     else:
-        what = f"{percent.source.name} of id {number} looks like a tank"
-        return TankLevel(None, (f"{what}, but its volume is unknown: give an airframe",))
+        like = state("tank of unknown volume", name=percent.source.name, number=str(number))
+        return TankLevel(None, (like,))
     if capacity_l == 0.0:
         return TankLevel(None)  # an airframe without a tank: some other battery
     notes = _density_notes(context)
@@ -240,11 +242,10 @@ def _battery_level(
         if agrees.any():
             # Report by report: a tank that is refilled leaves the ml used behind.
             share = np.where(agrees, remaining, percent.values * 1e-2)
-            return TankLevel(
-                _in_kg(used, share * capacity_kg, f"a tank: ml used of {whose}"), notes
-            )
+            of_tank = state("tank by ml used", whose=whose)
+            return TankLevel(_in_kg(used, share * capacity_kg, of_tank), notes)
     level_kg = percent.values * 1e-2 * capacity_kg
-    return TankLevel(_in_kg(percent, level_kg, f"a tank: % of {whose}"), notes)
+    return TankLevel(_in_kg(percent, level_kg, state("tank by percent", whose=whose)), notes)
 
 
 def _pump(signals: Signals, context: TankContext) -> TankLevel | None:
@@ -252,11 +253,8 @@ def _pump(signals: Signals, context: TankContext) -> TankLevel | None:
     if share is None:
         return None
     if context.start_kg is None or context.airframe is None:
-        missing = "its start level (--tank-start-kg)" if context.airframe else "the airframe"
-        return TankLevel(
-            None,
-            (f"no tank gauge: the pump's output could give the level, but {missing} is unknown",),
-        )
+        missing = "start level unknown" if context.airframe else "airframe unknown"
+        return TankLevel(None, (state(missing),))
     total = pumped(share, context)
     level = np.maximum(context.start_kg - total.values, 0.0)
     source = Provenance(
@@ -264,9 +262,8 @@ def _pump(signals: Signals, context: TankContext) -> TankLevel | None:
         name="pump output",
         parts=(share.source,),
         remarks=(
-            f"servo {(context.pump_output or 0) + 1}, summed from the stated "
-            f"{context.start_kg:g} kg",
-            f"{context.airframe.pump_max_flow_l_min:g} L/min at full output",
+            state("summed", servo=str((context.pump_output or 0) + 1), start=context.start_kg),
+            state("full flow", flow=context.airframe.pump_max_flow_l_min),
         ),
     )
     return TankLevel(Signal("tank_kg", source, total.time_s, level))
@@ -316,5 +313,5 @@ def pump_share(signals: Signals, context: TankContext) -> Signal | None:
         return None
     # No pulse at all is no information about the pump.
     share = np.where(pulse > 0, np.clip((pulse - low) / (high - low), 0.0, 1.0), np.nan)
-    source = replace(sent.source, fields=(f"servo {number}",)).remarked("pump")
+    source = replace(sent.source, fields=(f"servo {number}",)).remarked(state("pump"))
     return Signal("spraying", source, sent.time_s, share)

@@ -28,6 +28,7 @@ from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import STATED_TEMPERATURE_ERROR
 from thrustmargin.models.provenance import Provenance, SourceKind, stated
+from thrustmargin.models.statement import Statement, state
 
 LONGEST_STEP = 2.0  # s between rows beyond which nothing is summed up
 
@@ -72,11 +73,11 @@ def stated_channels(
         yield "tank_kg", load, stated(remark), None
     elif no_tank(options) and (craft := options.airframe) is not None:
         tankless = Provenance(
-            kind=SourceKind.AIRFRAME, name=craft.name, remarks=("without a tank: 0 kg",)
+            kind=SourceKind.AIRFRAME, name=craft.name, remarks=(state("without a tank"),)
         )
         yield "tank_kg", np.zeros(rows), tankless, None
     if options.air_temperature is not None:
-        outside = stated(f"{options.air_temperature - 273.15:g} °C outside")
+        outside = stated(state("outside", celsius=options.air_temperature - 273.15))
         error = np.full(rows, STATED_TEMPERATURE_ERROR)
         yield "temperature", np.full(rows, options.air_temperature), outside, error
 
@@ -109,24 +110,23 @@ def stated_track(track: FlightTrack, options: Options) -> FlightTrack:
     return replace(track, sources=sources, standard_errors=errors, **arrays)
 
 
-def _load(options: Options, start: float, sums: dict[str, Floats]) -> tuple[Floats, str]:
-    """Return the load (T,), kg, and a description for people of how it falls.
+def _load(options: Options, start: float, sums: dict[str, Floats]) -> tuple[Floats, Statement]:
+    """Return the load (T,), kg, and a remark on how it falls.
 
     `sums` (T,) increase as the load falls; the first one that is above 0 at the end is used.
     """
-    begins, end = f"{start:g} kg", options.load_end
+    end = options.load_end
     pump = sums["the pump's output"]
     if end is not None and options.sampling == "linear":
-        for words, total in sums.items():
+        for cause, total in sums.items():
             if total[-1] > 0.0:
                 load = start - (start - end) * total / total[-1]
-                return load, f"{begins} at the start, falling with {words} to {end:g} kg"
+                return load, state("load falls to", load=start, cause=cause, end=end)
     elif pump[-1] > 0.0 or end is not None:
         least = 0.0 if end is None else end
-        limit = "" if end is None else f", at least {end:g} kg"
-        words = f"{begins} at the start, falling with the pump's output{limit}"
-        return np.maximum(start - pump, least), words
-    return np.full(pump.size, start), f"{begins}, constant: nothing shows that it falls"
+        limit = () if end is None else ("at least",)
+        return np.maximum(start - pump, least), state("load falls", *limit, load=start, end=least)
+    return np.full(pump.size, start), state("load constant", load=start)
 
 
 class EventKind(StrEnum):

@@ -22,6 +22,7 @@ from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.signals import Signals
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Provenance, SourceKind
+from thrustmargin.models.statement import state
 
 WINDOW_S = 2.0
 #: Samples a revolution: with fewer, the once-per-revolution part is aliased.
@@ -54,7 +55,7 @@ def vibration_per_rev(signals: Signals, speeds: Sequence[Signal | None]) -> list
     for window, (first, end) in enumerate(pairwise(bounds)):
         found[window] = _amplitudes(time_s[first:end], values[first:end], speeds)
     source = Provenance(
-        kind=SourceKind.INFERRED, name="at the rotor's own frequency", parts=(force.source,)
+        kind=SourceKind.INFERRED, parts=(force.source,), remarks=(state("own frequency"),)
     )
     return [
         Signal("vibration_per_rev", source, middle[known], column[known])

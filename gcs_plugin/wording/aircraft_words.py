@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from thrustmargin.gcs_plugin.wording.actions import WEIGH, Phase, bad_rotor
@@ -49,6 +50,113 @@ def mission_words(mission: FlownMission) -> str:
         parts.append(say(words, said=said, flown=flown))
     text = say("its forecast said {parts}", parts="; ".join(parts))
     return text if mission.complete else f"{text} ({say('the plan was left before its end')})"
+
+
+def counted_words(flights: int, days: int) -> str:
+    """Return how many flights on how many days are known."""
+    of_flights = say("1 flight") if flights == 1 else say("{count} flights", count=flights)
+    of_days = say("1 day") if days == 1 else say("{count} days", count=days)
+    return say("{flights} on {days}", flights=Verbatim(of_flights), days=Verbatim(of_days))
+
+
+def noted_words(name: str, changed: str) -> str:
+    """Return that a change of an aircraft is noted."""
+    known = {"name": Verbatim(name), "changed": Verbatim(changed)}
+    return say("{name}: noted: {changed}; its next flight is the check of it", **known)
+
+
+def walk_words(flight: float, day: float) -> str:
+    """Return how much rotor speeds move, as shares, from flight to flight and from day to day."""
+    return say(
+        "rotor speeds move by {flight:.1f} % from flight to flight and {day:.1f} % more from day "
+        "to day",
+        flight=100.0 * flight,
+        day=100.0 * day,
+    )
+
+
+def flight_line(
+    log_name: str,
+    *,
+    verdict: str,
+    use: float,
+    coverage: float,
+    trained: bool,
+    not_taught: str | None,
+    faults: Sequence[tuple[str, int]],
+    change: AircraftChange | None,
+) -> str:
+    """Return the line of a flight in the timeline of its aircraft: verdict, thrust left, whether
+    its interval held, what it taught, `faults` (kind, rotor from 1), and what changed.
+    """
+    taught = say("trained") if trained else say("taught")
+    if not_taught is not None:
+        taught = say("taught nothing: {why}", why=say(not_taught))
+    parts = (
+        say(verdict),
+        say("thrust left {left}", left=Verbatim(left_words(1.0 - use))),
+        say("interval held {share}", share=Verbatim(percent(coverage))),
+        taught,
+    )
+    bad = "".join(f"; {say(kind)} {rotor}" for kind, rotor in faults)
+    odd = "" if change is None else f"; {change_words(change)}"
+    return f"{log_name}: {', '.join(parts)}{bad}{odd}"
+
+
+def learnt_words(*, use: float, coverage: float, trained: bool, not_taught: str | None) -> str:
+    """Return the thrust left in steady flight, and whether the flight's interval held or its model
+    was made from it."""
+    left = Verbatim(left_words(1.0 - use))
+    first = say("steady flight: thrust left down to {left}", left=left)
+    if trained:
+        return f"{first}; {say('the model was made from it')}"
+    held = ""
+    if math.isfinite(coverage):
+        held = say("interval held {share}", share=Verbatim(percent(coverage)))
+    taught = "" if not_taught is None else say("taught nothing: {why}", why=say(not_taught))
+    return "; ".join(filter(None, (first, held, taught)))
+
+
+def not_learnt_words(log: str, reason: str) -> str:
+    """Return that a log taught nothing, and why."""
+    return say("not learnt: {log}: {reason}", log=Verbatim(log), reason=Verbatim(say(reason)))
+
+
+def card_lines(
+    name: str, folder: str, *, flights: int, days: int, held: Sequence[float], day_step: float
+) -> tuple[str, ...]:
+    """Return what is known of an aircraft: from what, and how well.
+
+    `held` are the shares of later flights that the interval held, `day_step` the share of rotor
+    speed by which the interval is widened for a new day.
+    """
+    known = {"name": Verbatim(name), "folder": Verbatim(folder)}
+    counted = Verbatim(counted_words(flights, days))
+    if not flights:
+        first = say("{name}: no flight has made its model, kept in {folder}", **known)
+        nothing = say("its airframe is all: a rotor that is weak from the start does not show")
+        following = say(
+            "next: learn three sound flights or more together: thrustmargin learn LOGS "
+            "--aircraft {name}",
+            name=known["name"],
+        )
+        return first, f"  {nothing}", f"  {following}"
+    first = say("{name}: known from {counted}, kept in {folder}", counted=counted, **known)
+    if held:
+        line = say(
+            "its interval, made for 90 %, held {mean:.0f} % on {count} later flights, each "
+            "predicted before it was taught; least {least:.0f} %",
+            mean=100.0 * sum(held) / len(held),
+            count=len(held),
+            least=100.0 * min(held),
+        )
+    else:
+        line = say(
+            "how well it predicts another day is not known yet: the interval is widened by "
+            "{step:.1f} % of rotor speed for a new day",
+            step=100.0 * day_step,
+        )
+    return first, f"  {line}"
 
 
 def power_and_battery_words(law: PowerLaw | None, battery: KnownBattery) -> tuple[str, ...]:

@@ -180,12 +180,18 @@ DESYNC_WAS = "ESC {rotor} lost its motor's step: check its wires"
 LEAD_WAS_HOT = "Lead {rotor} lost power: feel its lugs"
 #: Kinds of margin that are compared with the limit.
 MEASURED_MARGIN, PREDICTED_MARGIN, MARGIN_AHEAD = (
-    "Thrust margin",
-    "Predicted margin",
-    "Route ahead: margin",
+    "Thrust left",
+    "Predicted thrust left",
+    "Route ahead: thrust left",
 )
+#: Name of an alarm, which files and messages keep -> how people read it.
+SHOWN_NAMES = {
+    "margin": "thrust left",
+    "predicted margin": "predicted thrust left",
+    "margin ahead": "thrust left ahead",
+}
 #: Says on a ground station that shows batteries alone what two of them are.
-EXTRA_BATTERIES = "No battery: {} is thrust margin %, {} tank %"
+EXTRA_BATTERIES = "No battery: {} is thrust left %, {} tank %"
 CONTROL_WAS_LOST = "Control was lost"
 NOT_THE_AIRFRAME = "NO VERDICT: flight does not fit the airframe"
 AIRFRAME_UNKNOWN = "NO VERDICT: airframe not known"
@@ -196,7 +202,7 @@ TELEMETRY_LOST = "Telemetry lost in flight: fly by sight"
 NOT_USABLE = "Reports unusable in flight: fly by sight"
 NO_TELEMETRY = "No telemetry, last on the ground"
 NO_ROTOR_SPEEDS = "No rotor speeds: ESC telemetry lost, check wiring"
-NO_OUTPUTS = "No motor outputs: margin unknown"
+NO_OUTPUTS = "No motor outputs: thrust left unknown"
 TANK_EMPTY = "Tank empty, pump still on: switch it off"
 TANK_FAST = "Tank falls faster than pump: look after landing"
 TANK_LEAKS = "Tank falls faster than pump: leak? land, look"
@@ -238,7 +244,7 @@ def margin_words(
     rotor: int | None,
     bad: Sequence[int] = (),
 ) -> str:
-    """Return `Thrust margin 44% below 50%, rotor 1: fly gently`.
+    """Return `Thrust left 44% below 50%, rotor 1: fly gently`.
 
     `least`, `limit` and `ends`, its 90 % interval, are shares. Margins are rounded down, so that
     one below the limit never reads as equal. While `bad` rotors have an alarm, the action refers to
@@ -394,7 +400,8 @@ def event_line(kind: str, line: str) -> str:
 def change_words(kind: str, name: str, rotor: int | None, missing: str) -> str:
     """Return the line for ground stations about an alarm that is over, unconfirmed or confirmed
     again."""
-    of = say("{alarm} (rotor {rotor})", alarm=say(name), rotor=rotor) if rotor else say(name)
+    shown = say(SHOWN_NAMES.get(name, name))
+    of = say("{alarm} (rotor {rotor})", alarm=shown, rotor=rotor) if rotor else shown
     if missing:
         return say("Unconfirmed: {alarm}, {why}", alarm=of, why=say(MISSING[missing]))
     return say("Over: {alarm}" if kind == "cleared" else "Confirmed again: {alarm}", alarm=of)

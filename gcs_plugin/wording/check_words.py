@@ -5,17 +5,28 @@ A clause follows its sentence or the clause before it, with the values of both.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
-from thrustmargin.gcs_plugin.wording.language import Verbatim, say, spoken, translations
+from thrustmargin.gcs_plugin.wording.language import (
+    LANGUAGES,
+    Verbatim,
+    clock,
+    duration,
+    say,
+    speaking,
+    spoken,
+    translations,
+)
+from thrustmargin.gcs_plugin.wording.reader_sentences import NOTES, REMARKS
+from thrustmargin.models.json_values import to_json_values
+from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 from thrustmargin.models.statement import Statement, Value
 
 if TYPE_CHECKING:
     from thrustmargin.models.flight import FlightTrack
     from thrustmargin.models.model.airframe_claim import AirframeClaim, KnownFrom
-    from thrustmargin.models.provenance import Provenance
 
 #: What a rotor speed of another unit, or wrong readings of an instrument, lead to.
 _REACH = "margin and fill reach to that: check voltmeter, gauge and empty mass, and the airframe's"
@@ -221,11 +232,51 @@ SENTENCES: Mapping[str, str] = {
     "less than nothing": ", less than nothing: check mass and thrust of the airframe",
     "more than carried": ", more than the aircraft can carry: check the airframe",
     "state load": "; state it with --load",
+    # Air and ceiling
+    "air assumed": (
+        "assumed {density} kg/m³ (sea level, 15 °C): neither pressure nor altitude was reported"
+    ),
+    "air given": "given with the flight",
+    "air": "{parts:;}",
+    "air by pressure": "static pressure and the temperature of {of}",
+    "air by altitude": "altitude in the standard atmosphere at the temperature of {of}",
+    "air by altitude in rows": "altitude in the standard atmosphere in {rows}",
+    "median air": "the flight's median in {rows} that reported neither",
+    "pressure ignored": "pressure outside {low:.0f}..{high:.0f} hPa ignored in {rows}",
+    "row": "{count:.0f} row",
+    "rows": "{count:.0f} rows",
+    "outside air": "the air as {source}",
+    "air by board": (
+        "the autopilot's board less {warmer:g} K (± {within:g} K: outside temperature not known)"
+    ),
+    "standard atmosphere": (
+        "the standard atmosphere (± {within:g} K: outside temperature not known)"
+    ),
+    "temperature offset": " {offset:+g} K",
+    "no airframe": "no airframe",
+    "measured voltage": "measured battery voltage",
+    "nominal voltage": "nominal voltage {nominal:g} V: battery voltage not reported",
+    "partly measured voltage": (
+        "measured battery voltage; nominal voltage {nominal:g} V in {rows:.0f} rows without one"
+    ),
+    "nameplate": "nameplate",
     # Grounds of an airframe
     "no airframe given": "this aircraft is not known: no airframe was given",
     "not yet": "airframe not known yet: hover 5 s",
     "not recognised": "the flight is not recognised as one of {airframe}: {why}",
     "too little to compare": "too little in it to compare",
+    **REMARKS,
+    **NOTES,
+}
+#: Words of a channel whose meaning differs from its name.
+_MEANINGS: Mapping[Meaning, str] = {
+    Meaning.GROUND_SPEED: "ground speed: no airspeed and no wind reported",
+    Meaning.BOARD_TEMPERATURE: "of the autopilot's board: warmer than the air",
+    Meaning.ABOVE_HOME: "height above home, not above the crop",
+}
+_INFERRED: Mapping[Meaning, str] = {
+    Meaning.MOTOR_OUTPUTS: "from motor outputs",
+    Meaning.HOVER_THRUST: "inferred from hover thrust",
 }
 #: Quantity of an airframe that widens the interval of a margin if it is guessed -> its name.
 _RESTS_ON: Mapping[str, str] = {
@@ -238,24 +289,79 @@ _RESTS_ON: Mapping[str, str] = {
 
 def statement_words(one: Statement) -> str:
     """Return the sentence of what was found; raise KeyError for a kind that has none."""
-    values = {name: _filled(value) for name, value in one.values}
+    values = {name: _filled(value, name) for name, value in one.values}
     return "".join(say(SENTENCES[kind], **values) for kind in (one.kind, *one.clauses))
 
 
 def note_words(track: FlightTrack) -> list[str]:
     """Return the notes of a track, then what checks found, one sentence each."""
-    return [*map(say, track.notes), *map(statement_words, track.statements)]
+    return list(map(statement_words, (*track.notes, *track.statements)))
 
 
 def source_words(source: Provenance) -> str:
     """Return the source of a number: names of messages stay, what describes them is translated."""
-    return source.described(_of_source)
+    remarks = "; ".join(_remark_words(remark, source) for remark in source.remarks)
+    parts = ", ".join(
+        source_words(part)
+        for part in source.parts
+        if source.kind is not SourceKind.INFERRED or part.meaning is not source.meaning
+    )
+    match source.kind:
+        case SourceKind.ABSENT:
+            return say("not in the log")
+        case SourceKind.STATED:
+            return f"{say('stated')}: {remarks}" if remarks else say("stated")
+        case SourceKind.INFERRED:
+            named = say(_INFERRED.get(source.meaning, source.name))
+            if parts and source.meaning is Meaning.MOTOR_OUTPUTS:
+                named = f"{parts}; {named}"
+            return f"{named} ({remarks})" if named and remarks else named or remarks
+        case SourceKind.COLUMN:
+            named = say("column {name}", name=Verbatim(source.name))
+        case SourceKind.AIRFRAME:
+            named = say("airframe {airframe}", airframe=Verbatim(source.name))
+        case _:
+            named = source.name
+    named = f"{named} {', '.join(source.fields)}" if source.fields else named
+    named = parts or named
+    if source.instance:
+        named = say("{source} of id {number}", source=Verbatim(named), number=source.instance)
+    meaning = _MEANINGS.get(source.meaning, "")
+    known = [text for text in (say(meaning) if meaning else "", remarks) if text]
+    return f"{named} ({'; '.join(known)})" if known else named
 
 
-def _of_source(text: str) -> str:
-    """Return a part of a source in the language: a word may mean another thing elsewhere."""
-    own = translations(spoken(), "source").get(text)
-    return own or re.sub(r"(?<=\d) to (?=\d)", f" {say('to')} ", say(text))
+def _remark_words(remark: Statement, source: Provenance) -> str:
+    """Return a remark on a source, which may name its parts or the one rejected for it."""
+    own = translations(spoken(), "source").get(SENTENCES[remark.kind])
+    if own:  # a word may mean another thing elsewhere
+        return own
+    of = source.parts or tuple(one.source for one in source.rejected[-1:])
+    named = Verbatim(", ".join(map(source_words, of)))
+    return statement_words(replace(remark, values=(*remark.values, ("source", named))))
+
+
+def in_english(one: Statement | Provenance) -> str:
+    """Return a statement or a source in English, for files and stores with readers of every
+    language."""
+    with speaking(LANGUAGES[0]):
+        return statement_words(one) if isinstance(one, Statement) else source_words(one)
+
+
+def source_values(source: Provenance) -> dict[str, Any]:
+    """Return a source as values for JSON, with its remarks in words."""
+    values: dict[str, Any] = to_json_values(source)
+    values["parts"] = [source_values(part) for part in source.parts]
+    values["rejected"] = [
+        {"source": source_values(one.source), "reason": one.reason.value} for one in source.rejected
+    ]
+    values["remarks"] = [_remark_words(remark, source) for remark in source.remarks]
+    return values
+
+
+def value_words(value: str | Statement) -> str:
+    """Return a name, or what a statement says."""
+    return statement_words(value) if isinstance(value, Statement) else value
 
 
 class _Listed(Verbatim):
@@ -269,11 +375,23 @@ class _Listed(Verbatim):
     parts: list[str]
 
     def __format__(self, how: str) -> str:
-        return f" {say('and')} ".join(self.parts) if how == "and" else str(self)
+        between = {"and": f" {say('and')} ", ";": "; "}.get(how, ", ")
+        return between.join(self.parts)
 
 
-def _filled(value: Value) -> object:
-    """Return a value as `say` fills it in: names that the catalogue has are translated."""
+def _filled(value: Value, name: str = "") -> object:
+    """Return a value as `say` fills it in: names that the catalogue has are translated.
+
+    A number of seconds is shown as a clock or a duration where its name ends in one.
+    """
+    if isinstance(value, Provenance):
+        return Verbatim(source_words(value))
+    if isinstance(value, float) and name.endswith("_clock"):
+        return Verbatim(clock(value))
+    if isinstance(value, float) and name.endswith("_duration"):
+        return Verbatim(duration(value))
+    if isinstance(value, Verbatim):
+        return value
     if isinstance(value, Statement):
         return Verbatim(statement_words(value))
     if isinstance(value, tuple):

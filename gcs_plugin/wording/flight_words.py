@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from math import degrees
 
 from thrustmargin.gcs_plugin.wording import actions
-from thrustmargin.gcs_plugin.wording.language import clock, duration, number, percent, say
+from thrustmargin.gcs_plugin.wording.language import Verbatim, clock, duration, number, percent, say
 from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
 from thrustmargin.models.flight import FlightTrack, FlyingBy
 from thrustmargin.models.provenance import Reason
@@ -99,11 +99,13 @@ def _sign(one: LossOfControl) -> str:
 def event_words(kind: str, subject: str, text: str, time_s: float, count: int) -> str:
     """Return a reported event with its first time and count: `crash (crash check: ERR 12 1) at
     1:23`."""
-    about = subject if not subject.isdigit() else f"motor or part {subject}"
-    details = ": ".join(filter(None, (about if about != kind else "", text)))
-    often = f", {count} times" if count > 1 else ""
-    when = clock(time_s) if time_s >= 0.0 else "the start"
-    return f"{kind}{f' ({details})' if details else ''} at {when}{often}"
+    about = say("motor or part {part}", part=subject) if subject.isdigit() else say(subject)
+    details = ": ".join(filter(None, (about if subject != kind else "", text)))
+    often = say(", {count} times", count=count) if count > 1 else ""
+    what = Verbatim(f"{say(kind)}{f' ({details})' if details else ''}")
+    if time_s < 0.0:
+        return say("{what} at the start", what=what) + often
+    return say("{what} at {clock}", what=what, clock=clock(time_s)) + often
 
 
 #: Beginning of the fact about a motor order that may be wrong.
@@ -128,22 +130,7 @@ def sortie_words(number: int, track: FlightTrack) -> str:
     return f"sortie {number}: from {begun:%Y-%m-%d %H:%M:%S} UTC, {flown}"
 
 
-def restart_words(restarts: int) -> str:
-    """Return the line about restarts of the vehicle's clock within a log."""
-    return f"time went backwards {restarts} time(s) (restart): each stretch is read alone"
-
-
 def several_words(sorties: int, *, load_stated: bool) -> str:
     """Return the line about several sorties in a log; a load stated by the user applies to each."""
     each = "; the load that you state is taken for each of them" if load_stated else ""
     return f"{sorties} sorties in the log, each a flight of its own{each}"
-
-
-def unflown_words(seconds: Sequence[float], reasons: Sequence[str]) -> tuple[str, ...]:
-    """Return lines about parts of a log without a verdict: on the ground (`seconds`), or unreadable
-    (`reasons`)."""
-    idle = ()
-    if seconds:
-        several = "a stretch" if len(seconds) == 1 else f"{len(seconds)} stretches"
-        idle = (f"no verdict on {several} without flight, {duration(sum(seconds))} in all",)
-    return (*idle, *(f"no verdict on a stretch between restarts: {reason}" for reason in reasons))

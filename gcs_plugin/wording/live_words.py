@@ -138,9 +138,9 @@ NO_ROWS = WhyUnknown(
 )
 
 #: Figures that can be unknown, by the name beside the reason.
-MEASURED_MARGIN, PREDICTED_MARGIN = "measured margin", "predicted margin"
+MEASURED_MARGIN, PREDICTED_MARGIN = "measured thrust left", "predicted thrust left"
 TANK, TANK_BY_THRUST, TIME_TO_EMPTY = "tank", "tank by thrust", "time to empty"
-ROUTE_AHEAD, FULL_MARGIN = "route ahead", "margin with a full tank"
+ROUTE_AHEAD, FULL_MARGIN = "route ahead", "thrust left with a full tank"
 #: Reported field -> its name in a line about old values.
 FIELD_WORDS: Mapping[str, str] = {
     "attitude": "attitude",
@@ -169,7 +169,7 @@ ON_GROUND, NO_VERDICT, OLD = "on ground", "NO VERDICT", "OLD"
 BY_THRUST, EMPTY_IN, IF_FULL = "by thrust", "empty in", "if full"
 BEYOND = "<0%"  # of a margin, in a column's width
 LEGEND = (
-    f"margin: worst rotor, ± where not measured, ≈ predicted · {ONE_LOST}: thrust that can be "
+    f"thrust left: worst rotor, ± where not measured, ≈ predicted · {ONE_LOST}: thrust that can be "
     f"held over weight, {SPINS} · route ahead: what lasts, less for moments in turns · "
     f"{BEYOND}: beyond the ceiling · ~ old, the last that was known"
 )
@@ -231,20 +231,6 @@ def two_vehicles(system: int) -> str:
     )
 
 
-def copies_words(count: int) -> str:
-    """Return the line about `count` frames that were received twice and dropped."""
-    return f"{count} frame(s) came twice (a second link or router): copies dropped"
-
-
-def two_autopilots(system: int, chosen: int, others: Iterable[int]) -> str:
-    """Return the line about a system id with several autopilots; component `chosen` is read."""
-    ids = ", ".join(map(str, others))
-    return (
-        f"more than one autopilot sends as system {system}: component {chosen} is read, "
-        f"component {ids} is left out; give each aircraft its own id (SYSID_THISMAV)"
-    )
-
-
 def silent_words(number: int, gone_s: float) -> str:
     """Return the line about a vehicle that has been silent for `gone_s`."""
     return f"vehicle {number} silent for {gone_s:.0f} s"
@@ -297,11 +283,6 @@ def by_source(source: Provenance) -> str:
     reported = source.kind is not SourceKind.STATED and source.meaning is not Meaning.HOVER_THRUST
     words = source_words(source)
     return say("by {source}", source=Verbatim(words)) if reported else words
-
-
-def order_assumed(words: str, asked: Collection[str]) -> str:
-    """Return the line about the motor order assumed until the vehicle reports it."""
-    return WhyUnknown(words, RATES).text(asked)
 
 
 def messages_words(frames: int, lost: Mapping[str, int], refused_why: str = "") -> str:

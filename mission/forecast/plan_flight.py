@@ -54,6 +54,7 @@ from thrustmargin.models.physics.electric_power import power_factors
 from thrustmargin.models.physics.forward_flight import steady_slowing
 from thrustmargin.models.physics.margin import ceiling, utilisation
 from thrustmargin.models.provenance import Provenance, SourceKind
+from thrustmargin.models.statement import state
 
 #: A plan is no flight: it has no measurement that could contradict the airframe.
 PLANNED = AirframeClaim()
@@ -195,7 +196,7 @@ _MADE = (
 )
 #: Times that a nose may turn slower, and by how much.
 SLOWER, SHARE = 6, 0.7
-FORECAST = Provenance(kind=SourceKind.INFERRED, name="forecast", remarks=("from the plan",))
+FORECAST = Provenance(kind=SourceKind.INFERRED, name="forecast", remarks=(state("from the plan"),))
 FILLED = replace(FORECAST, kind=SourceKind.STATED)  # the fill is stated, the flow too
 
 

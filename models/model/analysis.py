@@ -62,7 +62,7 @@ from thrustmargin.models.physics.margin import (
     yaw_reserve,
 )
 from thrustmargin.models.physics.smoothing import known_median
-from thrustmargin.models.statement import Statement
+from thrustmargin.models.statement import Statement, state
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 LASTING_S = 15  # s
@@ -247,7 +247,7 @@ def _run_lengths(on: Bools, seconds: Floats) -> list[float]:
     return [float(sums[b] - sums[a]) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-GIVEN_AIR = "given with the flight"  # in the words of the basis
+GIVEN_AIR = state("air given")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -260,8 +260,8 @@ class FlightAnalysis:
     density: Floats  # (T,) kg/m³
     density_error: Floats  # (T,) kg/m³, standard error
     density_given: bool  # by the caller, not made from the track
-    density_basis: str  # for people
-    voltage_basis: str  # for people
+    density_basis: Statement
+    voltage_basis: Statement
     prediction: Prediction
     residual_rpm: Floats  # (T, R) measured minus predicted; NaN where the load was inferred from it
     max_rotor_speed_rpm: Floats  # (T,) rpm, ceiling at the battery's voltage
@@ -510,7 +510,7 @@ def analyse(
         density_error=density_error,
         density_given=density is not None,
         density_basis=density_basis,
-        voltage_basis="no airframe" if claim.withheld else limits.voltage_basis,
+        voltage_basis=state("no airframe") if claim.withheld else limits.voltage_basis,
         prediction=prediction,
         residual_rpm=np.where(load_known, track.rotor_speed_rpm, np.nan)
         - prediction.rotor_speed_rpm,

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.provenance import Meaning
+from thrustmargin.models.statement import Statement, state
 from thrustmargin.models.units import G0
 
 GAS_CONSTANT = 287.05287  # J/(kg K), dry air
@@ -87,7 +88,7 @@ class Air:
     density: Floats  # (T,) kg/m³
     density_error: Floats  # (T,) kg/m³, standard error
     temperature: Floats  # (T,) K, outside, consistent with the density
-    basis: str
+    basis: Statement
 
 
 #: Cache by track and temperature offset: several parts of an analysis need the air.
@@ -124,10 +125,7 @@ def _compute_air(track: FlightTrack, temperature_offset: float) -> Air:
     density = air_density(np.where(by_pressure, pressure, isa_pressure(altitude)), temperature)
     known = np.isfinite(density)
     if not np.any(known):
-        basis = (
-            f"assumed {SEA_LEVEL_DENSITY} kg/m³ (sea level, 15 °C): "
-            "neither pressure nor altitude was reported"
-        )
+        basis = state("air assumed", density=SEA_LEVEL_DENSITY)
         rows = np.ones(track.time_s.size)
         return Air(
             density=SEA_LEVEL_DENSITY * rows,
@@ -136,20 +134,20 @@ def _compute_air(track: FlightTrack, temperature_offset: float) -> Air:
             basis=basis,
         )
     if temperature_offset:
-        source += f" {temperature_offset:+g} K"
+        offset = dict(source.values) | {"offset": temperature_offset}
+        source = state(source.kind, *source.clauses, "temperature offset", **offset)
     parts = []
     if np.any(by_pressure):
-        parts.append(f"static pressure and the temperature of {source}")
+        parts.append(state("air by pressure", of=source))
     if np.any(by_altitude):
-        where = f" in {_rows(by_altitude)}" if parts else f" at the temperature of {source}"
-        parts.append(f"altitude in the standard atmosphere{where}")
+        by_it = state("air by altitude in rows", rows=_rows(by_altitude))
+        parts.append(by_it if parts else state("air by altitude", of=source))
     if not np.all(known):
-        parts.append(f"the flight's median in {_rows(~known)} that reported neither")
+        parts.append(state("median air", rows=_rows(~known)))
     faulty = reported & ~by_pressure
     if np.any(faulty):
-        parts.append(
-            f"pressure outside {low / 100:.0f}..{high / 100:.0f} hPa ignored in {_rows(faulty)}"
-        )
+        ignored = {"low": low / 100.0, "high": high / 100.0, "rows": _rows(faulty)}
+        parts.append(state("pressure ignored", **ignored))
     if not np.all(known):
         density = np.where(known, density, np.nanmedian(density))
     pressure_error = np.where(by_pressure, SENSOR_ERROR, WEATHER_ERROR)
@@ -157,30 +155,27 @@ def _compute_air(track: FlightTrack, temperature_offset: float) -> Air:
         density=density,
         density_error=density * np.hypot(error / temperature, pressure_error),
         temperature=temperature,
-        basis="; ".join(parts),
+        basis=state("air", parts=tuple(parts)),
     )
 
 
-def _outside_temperature(track: FlightTrack, level: Floats) -> tuple[Floats, Floats, str]:
+def _outside_temperature(track: FlightTrack, level: Floats) -> tuple[Floats, Floats, Statement]:
     """Return the outside temperature (T,) K at `level` m AMSL, its standard error (T,), and its
     source."""
     standard = isa_temperature(level)
     if "temperature" in track.standard_errors:
         temperature, error = track.temperature, track.standard_errors["temperature"]
-        source = f"the air as {track.source('temperature').words}"
+        source = state("outside air", source=track.source("temperature"))
     elif track.source("temperature").meaning is Meaning.BOARD_TEMPERATURE:
         temperature, error = track.temperature - BOARD_WARMER, np.full(level.size, BOARD_ERROR)
-        source = (
-            f"the autopilot's board less {BOARD_WARMER:g} K (± {BOARD_ERROR:g} K: outside "
-            "temperature not known)"
-        )
+        source = state("air by board", warmer=BOARD_WARMER, within=BOARD_ERROR)
     else:
         temperature = error = np.full(level.size, np.nan)
-        source = ""
+        source = state("standard atmosphere", within=STANDARD_ERROR)
     with np.errstate(invalid="ignore"):
         there = np.abs(temperature - standard) <= FARTHEST_FROM_STANDARD
     if not np.any(there):
-        source = f"the standard atmosphere (± {STANDARD_ERROR:g} K: outside temperature not known)"
+        source = state("standard atmosphere", within=STANDARD_ERROR)
     return np.where(there, temperature, standard), np.where(there, error, STANDARD_ERROR), source
 
 
@@ -189,7 +184,7 @@ def _floats(values: ArrayLike) -> Floats:
     return np.asarray(values, dtype=np.float64)
 
 
-def _rows(mask: np.ndarray) -> str:
-    """Return the number of rows for people."""
+def _rows(mask: np.ndarray) -> Statement:
+    """Return the number of rows that are True."""
     count = int(np.count_nonzero(mask))
-    return f"{count} row" + ("s" if count != 1 else "")
+    return state("row" if count == 1 else "rows", count=float(count))

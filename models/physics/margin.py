@@ -43,6 +43,7 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.thrust import speed_from_thrust, thrust_from_speed
+from thrustmargin.models.statement import Statement, state
 
 ROUNDING = 1e-9
 
@@ -172,7 +173,7 @@ class Ceiling:
     max_rotor_speed_rpm: Floats  # (T,) rpm
     free_thrust: Floats  # (T,) N of a rotor outside other rotors' wash
     max_thrust: Floats  # (T, R) N
-    voltage_basis: str
+    voltage_basis: Statement
 
 
 def ceiling(airframe: Airframe, density: ArrayLike, voltage: ArrayLike | None = None) -> Ceiling:
@@ -195,15 +196,14 @@ def ceiling(airframe: Airframe, density: ArrayLike, voltage: ArrayLike | None = 
         density=rho,
         reference_density=airframe.reference_density,
     )
-    nominal = f"nominal voltage {airframe.nominal_voltage:g} V"
+    nominal = airframe.nominal_voltage
     if np.all(known):
-        basis = "measured battery voltage"
+        basis = state("measured voltage")
     elif not np.any(known):
-        basis = f"{nominal}: battery voltage not reported"
+        basis = state("nominal voltage", nominal=nominal)
     else:
-        basis = (
-            f"measured battery voltage; {nominal} in {np.count_nonzero(~known)} rows without one"
-        )
+        rows = float(np.count_nonzero(~known))
+        basis = state("partly measured voltage", nominal=nominal, rows=rows)
     return Ceiling(
         max_rotor_speed_rpm=speed,
         free_thrust=free,
@@ -220,7 +220,7 @@ def nameplate_ceiling(airframe: Airframe) -> Ceiling:
         max_rotor_speed_rpm=speed_from_thrust(free, coefficient=airframe.thrust_coefficient),
         free_thrust=free,
         max_thrust=free[:, None] * airframe.rotor_effectiveness,
-        voltage_basis="nameplate",
+        voltage_basis=state("nameplate"),
     )
 
 

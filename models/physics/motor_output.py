@@ -20,6 +20,7 @@ import numpy as np
 
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import NOT_REPORTED, Meaning, Provenance
+from thrustmargin.models.statement import Statement, state
 
 #: ArduPilot's defaults; the exponent is that of most propellers, so PX4 without a factor has it too
 USUAL_EXPO, USUAL_SPIN_MIN, USUAL_SPIN_MAX = 0.65, 0.15, 0.95
@@ -42,7 +43,7 @@ class OutputCurve:
         0.0  # if above 0: outputs are PX4 thrust before its curve with this factor
     )
     steepness_error: float = STEEPNESS_SET
-    described: str
+    set_by: Statement  # the parameter or the assumption that sets it
 
     @property
     def is_assumed(self) -> bool:
@@ -72,7 +73,7 @@ def curve_of(speeds: Provenance, outputs: Provenance) -> OutputCurve:
     if not numbers.keys() >= {*_CURVE_FIELDS}:
         return output_curve({}, outputs)
     known = {name: numbers[name] for name in _CURVE_FIELDS}
-    return OutputCurve(described=speeds.words, **known)
+    return OutputCurve(set_by=state("curve of speeds", source=speeds), **known)
 
 
 def output_curve(parameters: Mapping[str, float], source: Provenance = NOT_REPORTED) -> OutputCurve:
@@ -88,12 +89,12 @@ def output_curve(parameters: Mapping[str, float], source: Provenance = NOT_REPOR
             return OutputCurve(
                 expo=factor,
                 is_thrust_factor=factor if before else 0.0,
-                described=f"THR_MDL_FAC {factor:g}",
+                set_by=state("thrust factor", factor=factor),
             )
         return OutputCurve(
             expo=USUAL_EXPO,
             steepness_error=STEEPNESS_ASSUMED,
-            described=f"an assumed thrust exponent of {USUAL_EXPO:g}",
+            set_by=state("thrust exponent assumed", expo=USUAL_EXPO),
         )
     low = parameters.get("MOT_SPIN_MIN", USUAL_SPIN_MIN)
     high = parameters.get("MOT_SPIN_MAX", USUAL_SPIN_MAX)
@@ -106,5 +107,7 @@ def output_curve(parameters: Mapping[str, float], source: Provenance = NOT_REPOR
         low=low,
         high=high,
         steepness_error=STEEPNESS_SET if is_set else STEEPNESS_ASSUMED,
-        described=f"MOT_THST_EXPO {expo:g}" if is_set else f"an assumed exponent of {USUAL_EXPO:g}",
+        set_by=state("exponent set", expo=expo)
+        if is_set
+        else state("exponent assumed", expo=USUAL_EXPO),
     )

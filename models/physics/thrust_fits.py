@@ -39,6 +39,7 @@ from thrustmargin.models.physics.flight_phases import hover_rows
 from thrustmargin.models.physics.margin import mixer
 from thrustmargin.models.physics.thrust import fit_thrust_curve
 from thrustmargin.models.scores import Estimate, jackknife
+from thrustmargin.models.statement import Statement
 
 BLOCK_S = 10.0
 FEWEST_ROWS = 50  # five seconds of hover, in all
@@ -53,7 +54,7 @@ class HoverFit:
     coefficient: Estimate  # N/rpm² at reference_density
     reference_density: float  # kg/m³, the median of the hover
     density_error: float  # kg/m³, its standard error; not in the coefficient's interval
-    air: str  # source of the density, in the first flight
+    air: Statement  # source of the density, in the first flight
     trim: tuple[Estimate, ...]  # thrust of each rotor over its share on a balanced aircraft
     load_place: tuple[Estimate, Estimate]  # m, x and y frd, apparent place of the weight
     yaw_split: Estimate  # thrust of CCW minus CW rotors, over all

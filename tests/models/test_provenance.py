@@ -10,7 +10,9 @@ import pytest
 from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.wording.check_words import source_words
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
+from thrustmargin.models.json_values import from_json_values, to_json_values
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse, analysis_for_verdict
 from thrustmargin.models.model.inferred.prepared import fill_channels
 from thrustmargin.models.model.model_file import shipped_model
@@ -22,6 +24,7 @@ from thrustmargin.models.provenance import (
     SourceKind,
     stated,
 )
+from thrustmargin.models.statement import state
 
 #: What logic once looked for in sentences.
 TEMPTING = (
@@ -38,7 +41,9 @@ def tempted(source: Provenance, number: int) -> Provenance:
     """The same facts, in words of something else."""
     words = TEMPTING[number % len(TEMPTING)]
     parts = tuple(tempted(part, number + 1) for part in source.parts)
-    return replace(source, name=words, fields=(), remarks=(words, "assumed"), parts=parts)
+    return replace(
+        source, name=words, fields=(), remarks=(state("as written", text=words),), parts=parts
+    )
 
 
 def judged(track: FlightTrack, parameters) -> FlightAnalysis:
@@ -87,21 +92,23 @@ def test_words_are_made_of_the_facts():
     battery = Provenance(
         kind=SourceKind.MESSAGE, name="BATTERY_STATUS", fields=("voltages",), unit="mV"
     )
-    assert battery.of_instance(1).words == "BATTERY_STATUS voltages of id 1"
+    assert source_words(battery.of_instance(1)) == "BATTERY_STATUS voltages of id 1"
     assert battery.of_instance(None) is battery
-    assert battery.remarked("mean", "of all").words == "BATTERY_STATUS voltages (mean; of all)"
+    assert source_words(battery.remarked(state("pitot"), state("level"))) == (
+        "BATTERY_STATUS voltages (pitot; level)"
+    )
     over_ground = sent("GPS Spd", meaning=Meaning.GROUND_SPEED)
-    assert over_ground.words == "GPS Spd (ground speed: no airspeed and no wind reported)"
-    assert stated("8 kg").words == "stated: 8 kg"
+    assert source_words(over_ground) == "GPS Spd (ground speed: no airspeed and no wind reported)"
+    assert source_words(stated(state("outside", celsius=8.0))) == "stated: 8 °C outside"
     column = Provenance(kind=SourceKind.COLUMN, name="tank_kg")
-    assert column.words == "column tank_kg"
+    assert source_words(column) == "column tank_kg"
     both = Provenance(kind=SourceKind.MESSAGE, parts=(sent("A rpm"), sent("B rpm")))
-    assert both.words == "A rpm, B rpm"
+    assert source_words(both) == "A rpm, B rpm"
     outputs = Provenance(
         kind=SourceKind.INFERRED, meaning=Meaning.MOTOR_OUTPUTS, parts=(sent("ESC RPM"),)
     )
-    assert outputs.words == "ESC RPM; from motor outputs"
-    assert NOT_REPORTED.words == "not in the log"
+    assert source_words(outputs) == "ESC RPM; from motor outputs"
+    assert source_words(NOT_REPORTED) == "not in the log"
 
 
 #: Names of text for people, and what logic would do to look into it.
@@ -154,12 +161,23 @@ def test_no_code_looks_into_a_text_for_people():
 @pytest.mark.parametrize(
     "line",
     [
-        'x = "pump" in track.sources["tank_kg"].words',
+        'x = "pump" in source_words(track.sources["tank_kg"])',
         'x = claim.words.startswith("airframe")',
         'x = order.words == "unclear"',
-        'x = "late" in log.track.notes[0]',
+        'x = "late" in statement_words(log.track.notes[0])',
     ],
 )
 def test_a_look_into_a_text_is_found(line):
     assert looked_into(ast.parse(line)) == [1]
     assert looked_into(ast.parse('x = "tank_kg" in track.sources')) == []
+
+
+def test_remarks_are_read_back_as_they_were_written_and_texts_of_earlier_versions_too():
+    whose = state("capacity set", name="BATT_CAPACITY", ml=16000.0)
+    source = stated(state("tank by percent", whose=whose))
+    assert from_json_values(Provenance, to_json_values(source), "x") == source
+    older = {"kind": "stated", "remarks": ["8 kg at the start"]}
+    assert source_words(from_json_values(Provenance, older, "x")) == "stated: 8 kg at the start"
+    for wrong in ({"kind": "constant", "values": [["a", True]]}, {"kind": "constant", "b": 1}, 7):
+        with pytest.raises(ValueError, match="x"):
+            from_json_values(Provenance, {"kind": "stated", "remarks": [wrong]}, "x")

@@ -15,8 +15,7 @@ from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands import extras
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
-from thrustmargin.gcs_plugin.wording.language import percent
-from thrustmargin.gcs_plugin.wording.thrust_left import left_words
+from thrustmargin.gcs_plugin.wording.language import Verbatim, say
 from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
@@ -59,7 +58,9 @@ def aircraft(
     known = place.load(name)
     if changed is not None:
         place.add_event(name, Event(unix_s=_unix(on), changed=changed))
-        console.print(escape(f"{name}: noted: {changed}; its next flight is the check of it"))
+        from thrustmargin.gcs_plugin.wording.aircraft_words import noted_words
+
+        console.print(escape(noted_words(name, changed)))
     if forget is not None:
         found = [row for row in known.flights if forget in (row.log_name, row.flight)]
         if not found:
@@ -69,7 +70,8 @@ def aircraft(
             for extra in extras():
                 if forgotten := getattr(extra, "forget_flight", None):
                     forgotten(row.flight, place)
-            console.print(escape(f"{name}: forgot {row.log_name}"))
+            forgot = say("{name}: forgot {log}", name=Verbatim(name), log=Verbatim(row.log_name))
+            console.print(escape(forgot))
     if changed is None and forget is None:
         _show(known, console)
     return 0
@@ -77,23 +79,25 @@ def aircraft(
 
 def _list(place: Hangar, console: Console) -> int:
     """Print a line for each aircraft."""
+    from thrustmargin.gcs_plugin.wording.aircraft_words import counted_words
+
     stored = _stored_alone(place)
     if not place.names() and not stored:
-        console.print(
-            f"no aircraft in {place.folder}; make one from its logs: thrustmargin learn LOG..."
-        )
+        words = "no aircraft in {folder}; make one from its logs: thrustmargin learn LOG..."
+        console.print(say(words, folder=Verbatim(str(place.folder))))
     for name in place.names():
         known = place.load(name)
         last = known.flights[-1] if known.flights else None
-        ends = (
-            ""
-            if last is None
-            else f"; last flown {_day(last.started_unix_s, last.longitude_deg)}, {last.verdict}"
-        )
-        console.print(escape(f"{name}: {_counted(len(known.flights), known.days)}{ends}"))
+        ends = ""
+        if last is not None:
+            day = Verbatim(_day(last.started_unix_s, last.longitude_deg))
+            ends = say("; last flown {day}, {verdict}", day=day, verdict=say(last.verdict))
+        console.print(escape(f"{name}: {counted_words(len(known.flights), known.days)}{ends}"))
     for name, flights in stored.items():
-        words = f"{name}: {flights} flight{'s' * (flights != 1)} taken in, no model of its own"
-        console.print(escape(words))
+        kind = "{name}: {count} flight taken in, no model of its own"
+        if flights != 1:
+            kind = "{name}: {count} flights taken in, no model of its own"
+        console.print(escape(say(kind, name=Verbatim(name), count=flights)))
     return 0
 
 
@@ -111,54 +115,56 @@ def _stored_alone(place: Hangar) -> dict[str, int]:
     return {name: counts[name] for name in sorted(counts) if name not in place.names()}
 
 
-def _counted(flights: int, days: int) -> str:
-    """Return how many flights on how many days are known."""
-    return f"{flights} flight{'s' * (flights != 1)} on {days} day{'s' * (days != 1)}"
-
-
 def _show(known: KnownAircraft, console: Console) -> None:
     """Print the timeline of one aircraft: its flights and what was noted, by time."""
     from thrustmargin.gcs_plugin.wording.aircraft_words import (
-        change_words,
+        counted_words,
+        flight_line,
         mission_words,
         power_and_battery_words,
+        walk_words,
     )
     from thrustmargin.gcs_plugin.wording.arm_words import trend_sentence
     from thrustmargin.gcs_plugin.wording.clearance_words import first_steps, grounding_words
     from thrustmargin.models.checks.arms.arm_trend import power_trends
 
     steps, left = known.steps(), known.clearance()
-    console.print(escape(f"{known.name}: {_counted(len(known.flights), known.days)}"), style="bold")
+    console.print(
+        escape(f"{known.name}: {counted_words(len(known.flights), known.days)}"), style="bold"
+    )
     if left.level is not None:
-        console.print(escape(f"  do not fly: {grounding_words(left)}"), style="bold")
+        why = say("do not fly: {why}", why=Verbatim(grounding_words(left)))
+        console.print(escape(f"  {why}"), style="bold")
     for line in first_steps(left, grounded=left.level is not None):
         console.print(escape(f"  {line}"))
-    console.print(
-        f"  rotor speeds move by {100 * steps.flight:.1f} % from flight to flight and "
-        f"{100 * steps.day:.1f} % more from day to day"
-    )
+    console.print(f"  {walk_words(steps.flight, steps.day)}")
     for line in power_and_battery_words(known.power_before(), known.battery_before()):
         console.print(f"  {line}")
     for line in map(trend_sentence, power_trends(known.arms_since_repair)):
         console.print(escape(f"  {line}"), soft_wrap=True)
     where = known.flights[-1].longitude_deg if known.flights else float("nan")
-    lines = [(event.unix_s, f"changed: {event.changed}") for event in known.events]
+    lines = [
+        (event.unix_s, say("changed: {what}", what=Verbatim(event.changed)))
+        for event in known.events
+    ]
     for row in known.flights:
-        use = f"thrust left {left_words(1.0 - row.use_lasting)}"
-        held = f"interval held {percent(row.coverage)}"
-        taught = "trained" if row.trained else "taught"
-        if row.not_taught is not None:
-            taught = f"taught nothing: {row.not_taught}"
-        found = zip(row.fault_kinds, row.suspects, strict=True)
-        bad = "".join(f"; {kind} {rotor}" for kind, rotor in found)
-        odd = "" if row.change is None else f"; {change_words(row.change)}"
-        words = f"{row.log_name}: {row.verdict}, {use}, {held}, {taught}{bad}{odd}"
+        words = flight_line(
+            row.log_name,
+            verdict=row.verdict,
+            use=row.use_lasting,
+            coverage=row.coverage,
+            trained=row.trained,
+            not_taught=row.not_taught,
+            faults=tuple(zip(row.fault_kinds, row.fault_rotors, strict=True)),
+            change=row.change,
+        )
         lines.append((row.started_unix_s, words))
         if row.mission is not None:
             said = f"{row.log_name}: {mission_words(row.mission)}"
             if not row.trusted:
                 # A sound aircraft was forecast, so the difference shows the bad part.
-                said += f"; counts for no forecast: {row.not_taught}"
+                why = say(str(row.not_taught))
+                said += say("; counts for no forecast: {why}", why=Verbatim(why))
             lines.append((row.started_unix_s + 1e-3, said))
     for unix_s, words in sorted(lines):
         console.print(escape(f"  {_day(unix_s, where)} {words}"))

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.commands.shared.inputs import ReadingOptions, reading_keywords
+from thrustmargin.gcs_plugin.wording.check_words import in_english
 from thrustmargin.gcs_plugin.wording.language import UNKNOWN, known, percent
 from thrustmargin.models.errors import DataError
 
@@ -122,7 +123,7 @@ def hover_quantities(logs: Sequence[Path], craft: Airframe, reading: ReadingOpti
         made["reference_density"] = Quantity(
             float(f"{fit.reference_density:.5g}"),
             "kg/m^3",
-            f"air of that hover, +- {fit.density_error:.2g}: {fit.air}",
+            f"air of that hover, +- {fit.density_error:.2g}: {in_english(fit.air)}",
         )
         notes = hover_sentences(fit)
     else:

@@ -35,6 +35,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     check_range,
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.errors import DataError, ThrustMarginError
 from thrustmargin.models.whole_file import whole_file
 
@@ -151,7 +152,12 @@ class AirframeNew:
             raise DataError(f"cannot write {self.out}: {error.strerror or error}") from error
         return MadeAirframe(
             craft=craft,
-            notes=(*reported.notes, *_guessed_cells(craft), *fitted.notes, *notes),
+            notes=(
+                *map(statement_words, reported.notes),
+                *_guessed_cells(craft),
+                *fitted.notes,
+                *notes,
+            ),
             reading=reading,
             hover=tuple(hover),
             log=hover[0] if hover else found.log,

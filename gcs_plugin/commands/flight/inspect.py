@@ -27,6 +27,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.reports.shared.page_shell import grid
+from thrustmargin.gcs_plugin.telemetry.recording import channel_source
 from thrustmargin.gcs_plugin.wording.flight_words import several_words, sortie_words
 from thrustmargin.gcs_plugin.wording.language import Verbatim, clock, known, say
 from thrustmargin.models.errors import LogError, ThrustMarginError
@@ -245,7 +246,7 @@ def _channels(log: FlightLog, *, wide: bool) -> Table:
             cells += [
                 f"{value:.4g}" if known(value) else "" for value in (c.minimum, c.median, c.maximum)
             ]
-        source = [Text(say(c.source))] if wide else []
+        source = [Text(channel_source(c))] if wide else []
         table.add_row(c.name, *source, *cells, c.unit, style="" if c.samples else "dim")
     return table
 
@@ -254,5 +255,5 @@ def _sources(log: FlightLog) -> Table:
 
     table = Table(show_header=False, box=None, pad_edge=False)
     for c in log.channels:
-        table.add_row(c.name, Text(say(c.source)), style="" if c.samples else "dim")
+        table.add_row(c.name, Text(channel_source(c)), style="" if c.samples else "dim")
     return table

@@ -323,15 +323,17 @@ def _show(
 def _summary(live: LiveMonitor) -> None:
     """Print what was heard and the answer of each flight, at the end of the watch."""
     from thrustmargin.gcs_plugin.live.console import answer_lines, status_lines
-    from thrustmargin.gcs_plugin.wording.check_words import described_words
-    from thrustmargin.gcs_plugin.wording.live_words import copies_words, of_vehicle
+    from thrustmargin.gcs_plugin.wording.check_words import described_words, statement_words
+    from thrustmargin.gcs_plugin.wording.live_words import of_vehicle
+    from thrustmargin.models.statement import state
 
     out = Terminal(stderr=True)
     for number, watch in live.fleet.vehicles.items():
         lines = [f"{watch.rows} samples, {watch.problem or described_words(watch.claim)}"]
         lines += answer_lines(watch)
         if watch.link.doubled:
-            lines.append(copies_words(watch.link.doubled))
+            copies = state("copies dropped", count=float(watch.link.doubled))
+            lines.append(statement_words(copies))
         for line in lines:
             out.print(of_vehicle(number, line), soft_wrap=True, markup=False)
     for line in status_lines(live.status()):

@@ -39,7 +39,7 @@ def anonymous(
         origin=None,
         position_ned=track.position_ned - start,
         altitude=np.full(track.time_s.size, np.nan),
-        notes=tuple(without_name(note, log.path.name) for note in track.notes),
+        notes=tuple(_without_name(note, log.path.name) for note in track.notes),
         statements=tuple(_without_name(one, log.path.name) for one in track.statements),
     )
     if domain is not None:  # that the model has seen this flight must still be known

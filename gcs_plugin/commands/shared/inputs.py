@@ -366,10 +366,11 @@ def log_lines(log: FlightLog, *, stated: bool) -> tuple[str, ...]:
     """Return remarks on a sortie's log: further sorties, stretches without a flight, ignored
     columns.
     """
+    from thrustmargin.gcs_plugin.wording.check_words import statement_words
     from thrustmargin.gcs_plugin.wording.flight_words import several_words
 
     several = () if log.sorties == 1 else (several_words(log.sorties, load_stated=stated),)
-    return (*several, *log.unflown, *log.other_units)
+    return (*several, *map(statement_words, (*log.unflown, *log.other_units)))
 
 
 def unnamed(error: Exception, path: Path) -> str:

@@ -99,6 +99,11 @@ def stored_answer(
     )
 
 
+def fault_rotors(advice: Advice) -> list[int]:
+    """Return the rotor (1-based) of each fault, in their order."""
+    return [one.fault.rotor + 1 for one in advice.faults]
+
+
 def answer_columns(answer: StoredAnswer) -> dict[str, Any]:
     """Return the columns of `schema.FLIGHTS` that contain an answer: as JSON, and by kinds."""
     advice, use = answer.advice, answer.advice.use
@@ -114,6 +119,7 @@ def answer_columns(answer: StoredAnswer) -> dict[str, Any]:
         "levels": list(map(str, advice.levels)),
         "action_kinds": [str(kind) for kind, _ in action_steps(advice)],
         "fault_kinds": [one.fault.kind for one in advice.faults],
+        "fault_rotors": fault_rotors(advice),
         "suspects": list(suspects(advice)),
         "reason_kinds": list(map(str, answer.reasons)),
         "doing_kinds": [one.kind for one in answer.doing],

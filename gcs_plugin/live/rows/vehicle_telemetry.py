@@ -44,7 +44,7 @@ from thrustmargin.gcs_plugin.telemetry.motors import (
     turned_escs,
 )
 from thrustmargin.gcs_plugin.telemetry.power import stated_battery
-from thrustmargin.gcs_plugin.telemetry.recording import Stream
+from thrustmargin.gcs_plugin.telemetry.recording import Stream, several_autopilots
 from thrustmargin.gcs_plugin.telemetry.resample import known_rows, last_before
 from thrustmargin.gcs_plugin.telemetry.rows import KEPT, RowState, flight_rows
 from thrustmargin.gcs_plugin.telemetry.signals import (
@@ -60,11 +60,11 @@ from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.gcs_plugin.wording.live_words import (
     FIELD_WORDS,
     NEXT_SORTIE,
-    order_assumed,
-    two_autopilots,
+    RATES,
 )
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, Origin
+from thrustmargin.models.statement import Statement
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 CLOCK_WAIT = 20.0  # s without the vehicle's clock after which the ground's counts
@@ -94,7 +94,7 @@ class LiveRows:
     pumped_kg: Floats  # (T,) by the pump since it was first heard
     mission_item: Floats  # (T,) that is flown; NaN unknown
     esc_failures: Floats  # (T, R) ESC_FAILURE_FLAGS; NaN where none are reported
-    notes: tuple[str, ...]
+    notes: tuple[Statement, ...]
 
     def rows(self, part: slice) -> LiveRows:
         """Return a part of the rows."""
@@ -190,8 +190,8 @@ class VehicleTelemetry:
             self.events += [(frame.stamp_us, w) for w in self.state.changed_since(before)]
             changed = _identity(before) != _identity(self.state)
             if others := self.state.other_autopilots - before.other_autopilots:
-                words = two_autopilots(self.state.system, self.state.component or 0, others)
-                self.events.append((frame.stamp_us, words))
+                found = several_autopilots(self.state.system, self.state.component or 0, others)
+                self.events.append((frame.stamp_us, statement_words(found)))
         if frame.component in self.state.other_autopilots:
             return
         if not self._pieces or (changed and not self._pieces[-1].rowless):
@@ -237,7 +237,7 @@ class VehicleTelemetry:
         groups = grouped(places, frames, pilots, self._by_pilot)
         clock_s, boots, clock, notes = arrival_times(self.clock, stamps, own)
         before, self.clock = self.clock.boot, clock
-        self.events += notes
+        self.events += [(at_us, statement_words(note)) for at_us, note in notes]
         parts = []
         numbers = np.repeat(np.arange(len(pieces)), [len(piece.frames) for piece in pieces])
         dated = dated_by_gps(boots, groups, before if self._gps_time else None)
@@ -305,7 +305,8 @@ class VehicleTelemetry:
             return None
         notes = list(motors.notes)
         if motors.assumed:
-            notes.append(order_assumed(motors.order_words, self._asked))
+            how = "in vain" if RATES in self._asked else "rates ask"
+            notes.append(Statement("order assumed", (how,), (("order", motors.order),)))
         rows_of = partial(
             flight_rows,
             signals,
@@ -319,7 +320,7 @@ class VehicleTelemetry:
             made = rows_of(self._options)
         except LogError as error:
             # Named by the user and not heard (yet): no other source steps in unasked.
-            notes.append(str(error))
+            notes.append(Statement.of_text(str(error)))
             made = rows_of(replace(self._options, tank="none"))
         if made is None:
             self._row_state = (

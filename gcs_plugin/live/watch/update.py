@@ -23,13 +23,17 @@ from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightSoFar
 from thrustmargin.gcs_plugin.live.watch.outlook import Outlook
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
-from thrustmargin.gcs_plugin.wording.check_words import described_words, remedy_words
-from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.gcs_plugin.wording.check_words import (
+    described_words,
+    remedy_words,
+    statement_words,
+)
 from thrustmargin.gcs_plugin.wording.live_words import NO_ALARM, no_escs, tank_by
 from thrustmargin.models.checks.takeoff import TakeoffCheck
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, with_bad_part
 from thrustmargin.models.provenance import Meaning, SourceKind
+from thrustmargin.models.statement import Statement
 
 #: s for which two vehicles with one id stay suspended after they were last seen to take turns.
 SHARED_HOLD = 10.0
@@ -118,7 +122,7 @@ class Update:
     flight: FlightSoFar | None = None
     takeoff: TakeoffCheck | None = None  # of the last run-up; None before the first
     landed_us: int = 0  # ground's clock of the landing of `flight`; 0 while it flies
-    notes: tuple[str, ...] = ()
+    notes: tuple[Statement, ...] = ()
     asked: frozenset[str] = frozenset()  # options by which the vehicle is asked
 
     def __repr__(self) -> str:
@@ -150,7 +154,7 @@ class Update:
         inferred = (no_escs(speeds),) if speeds.meaning is Meaning.MOTOR_OUTPUTS else ()
         tank = () if tank_kg.kind is SourceKind.ABSENT else (tank_by(tank_kg),)
         unknown = unknown_lines(unknown_figures(self.analysis, self.outlook), self.asked)
-        return (*unknown, *tank, *inferred, *map(say, self.notes))
+        return (*unknown, *tank, *inferred, *map(statement_words, self.notes))
 
 
 def update_with_bad_part(update: Update) -> Update:

@@ -46,7 +46,6 @@ from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.wording.check_words import (
     described_words,
     remedy_words,
-    statement_words,
 )
 from thrustmargin.gcs_plugin.wording.live_words import NO_ROWS, stale_words, two_vehicles
 from thrustmargin.mission.plan import MissionPlan
@@ -333,7 +332,7 @@ class VehicleMonitor:
         parameters, reported = self.state.parameters, new.track
         measured = self._frozen.without_frozen(reported, parameters)
         found = measured.statements[len(reported.statements) :]
-        notes = (*new.notes, *map(statement_words, found))
+        notes = (*new.notes, *found)
         new = replace(new, track=measured, notes=notes)
         start = self._decide_claim(new, start)
         airframe = None if self.claim.withheld else identified_airframe(self._model)

@@ -22,8 +22,9 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
 )
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
+from thrustmargin.models.statement import Statement, state
 
-_SMOOTHED = "smoothed by the autopilot's slew limit"
+_SMOOTHED = "slew limited"
 _PLACE, _WARM = ("latlon deg", "latlon deg", "m"), Meaning.BOARD_TEMPERATURE
 
 
@@ -50,7 +51,7 @@ RULES: tuple[Rule, ...] = (
     Rule("POS", ("Alt",), "altitude", "m"),
     Rule("BARO", ("AltAMSL",), "altitude", "m", index="I", only=0),
     Rule("GPS", ("Alt",), "altitude", "m", index="I", only=0),
-    Rule("RFND", ("Dist",), "height_agl", "m", note="rangefinder, looking down, good readings"),
+    Rule("RFND", ("Dist",), "height_agl", "m", note="good rangefinder"),
     Rule("POS", ("RelHomeAlt",), "height_agl", "m", meaning=Meaning.ABOVE_HOME),
     Rule("CTUN", ("Alt",), "height_agl", "m", meaning=Meaning.ABOVE_HOME),
     Rule("CTUN", ("BarAlt",), "height_agl", "m", meaning=Meaning.ABOVE_HOME),
@@ -153,22 +154,25 @@ _NOT_MEASURED = {"voltage": (0,), "current": (0, 3)}
 
 def without_monitors_off(
     signals: Signals, parameters: Mapping[str, float]
-) -> tuple[Signals, dict[str, str]]:
+) -> tuple[Signals, dict[str, Statement]]:
     """Remove the signals of battery monitors that are off; also return the reasons by channel.
 
     Older firmware logs such a monitor with whatever its pins read.
     """
     kept: dict[str, tuple[Signal, ...]] = dict(signals)
-    unused: dict[str, str] = {}
+    unused: dict[str, Statement] = {}
     for channel, off in _NOT_MEASURED.items():
         for name in (channel, f"battery_{channel}"):
             for signal in signals.get(name, ()):
                 number = signal.index if isinstance(signal.index, int) else 0
                 monitor = f"BATT{number + 1 if number else ''}_MONITOR"
-                if (kind := whole_number(parameters, monitor)) in off:
+                kind = whole_number(parameters, monitor)
+                if kind is not None and kind in off:
                     kept[name] = tuple(s for s in kept[name] if s is not signal)
-                    words = f"{monitor} {kind} measures no {channel}"
-                    unused[channel] = f"in the log ({signal.source.words}), not used: {words}"
+                    why = state(
+                        "not measured", monitor=monitor, number=float(kind), channel=channel
+                    )
+                    unused[channel] = state("not used", source=signal.source, why=why)
     return {name: sources for name, sources in kept.items() if sources}, unused
 
 
@@ -262,7 +266,7 @@ def _wind(streams: Mapping[str, Stream]) -> list[Signal]:
     name, air = core
     north, east = (columns_of(air).si(column, "m/s") for column in ("VWN", "VWE"))
     wind = np.stack([north, east, np.zeros(north.size)], axis=-1)
-    source = _source(name, "VWN", "VWE").remarked("EKF", "level")
+    source = _source(name, "VWN", "VWE").remarked(state("EKF"), state("level"))
     return [ordered_signal("wind_ned", source, air.time_s, wind)] if np.any(wind) else []
 
 
@@ -291,14 +295,14 @@ def _named(stream: Stream) -> list[Signal]:
 
 def _landed(stream: Stream) -> list[Signal]:
     number = columns_of(stream).number("Id")
-    state = np.full(number.size, np.nan)
+    states = np.full(number.size, np.nan)
     for event, meaning in _EVENTS.items():
-        state[number == event] = meaning
-    reported = np.isfinite(state)
-    if not np.any(state == _IN_AIR):
+        states[number == event] = meaning
+    reported = np.isfinite(states)
+    if not np.any(states == _IN_AIR):
         return []
-    source = _source("EV", "Id").remarked("28 not landed, 18 landed")
-    signal = ordered_signal("landed", source, stream.time_s[reported], state[reported])
+    source = _source("EV", "Id").remarked(state("landed events"))
+    signal = ordered_signal("landed", source, stream.time_s[reported], states[reported])
     # Of a change: before the first of them it was the other. Who is disarmed may have stood.
     before = _BEFORE.get(int(number[reported][0]))
     if before is not None:

@@ -15,6 +15,7 @@ import numpy as np
 import shapely
 
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
+from thrustmargin.gcs_plugin.wording.check_words import in_english
 from thrustmargin.mission.field import Field, sprayed_field
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, Origin
 from thrustmargin.models.model.inferred.load_inference import NINETY, with_load
@@ -272,7 +273,11 @@ def gauge_estimate(track: FlightTrack) -> Liquid | None:
     if not source.reported:
         return None
     fall, _ = _level_fall(track)
-    return Liquid(by="gauge", kg=fall, within_kg=0.0, source=source.words) if fall >= 0.0 else None
+    return (
+        Liquid(by="gauge", kg=fall, within_kg=0.0, source=in_english(source))
+        if fall >= 0.0
+        else None
+    )
 
 
 def pump_estimate(track: FlightTrack) -> Liquid | None:
@@ -290,7 +295,7 @@ def pump_estimate(track: FlightTrack) -> Liquid | None:
     fall, _ = _level_fall(track)
     # The fall is 0 for a pump of unknown flow. Earlier remarks of the source are about the level
     # at the start, which does not matter here.
-    whose = f"{source.name}: {source.remarks[-1]}"
+    whose = f"{source.name}: {in_english(source.remarks[-1])}"
     return Liquid(by="pump", kg=fall, within_kg=0.0, source=whose) if fall > 0.0 else None
 
 
@@ -313,7 +318,7 @@ def thrust_estimate(track: FlightTrack, airframe: Airframe) -> Liquid | None:
     half_width = NINETY * error
     if not fall >= 0.0:
         return None
-    return Liquid(by="thrust", kg=fall, within_kg=half_width, source=source.words)
+    return Liquid(by="thrust", kg=fall, within_kg=half_width, source=in_english(source))
 
 
 def _level_fall(track: FlightTrack) -> tuple[float, float]:

@@ -18,6 +18,7 @@ from thrustmargin.gcs_plugin.office.record.applied import Applied, Liquid, diffe
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version, utc_text
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
+from thrustmargin.gcs_plugin.wording.check_words import in_english
 from thrustmargin.mission.outline import FieldOutline
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.json_values import to_json_values
@@ -162,7 +163,7 @@ def log_entries(
     """
     entries: dict[str, Entry] = {}
     if done is not None and done.start_unix_s is not None and done.end_unix_s is not None:
-        words = f"pump on: {done.pump.words}"
+        words = f"pump on: {in_english(done.pump)}"
         first, last = (datetime.fromtimestamp(s, UTC) for s in (done.start_unix_s, done.end_unix_s))
         for name, when in (("start", first), ("finish", last)):
             local = when.astimezone(zone)
@@ -219,7 +220,7 @@ def _wind(logs: Sequence[FlightLog], done: Applied | None) -> Entry | None:
     return _log_entry(
         value=f"{np.hypot(north, east):.1f} from {comes:.0f}°, at most {most:.1f}",
         unit="m/s",
-        detail=f"estimated in flight: {logs[0].track.source('wind_ned').words}",
+        detail=f"estimated in flight: {in_english(logs[0].track.source('wind_ned'))}",
     )
 
 
@@ -235,7 +236,7 @@ def _temperature(logs: Sequence[FlightLog]) -> Entry | None:
         kelvin = kelvin[np.isfinite(kelvin)]
         if outside and kelvin.size:
             celsius = float(np.median(kelvin)) - 273.15
-            return _log_entry(value=round(celsius, 1), unit="°C", detail=source.words)
+            return _log_entry(value=round(celsius, 1), unit="°C", detail=in_english(source))
     return None
 
 

@@ -251,6 +251,7 @@ def counted_once(
     from thrustmargin.gcs_plugin.office.record.applied import better_logs
     from thrustmargin.gcs_plugin.office.record.record_words import other_vehicles, same_flight
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.gcs_plugin.wording.check_words import in_english
     from thrustmargin.gcs_plugin.wording.flight_words import not_flown
     from thrustmargin.gcs_plugin.wording.margin_verdict import unseen_facts
 
@@ -263,7 +264,8 @@ def counted_once(
         kept.append(flight)
         others = [one for one in log.vehicles if one != log.vehicle]
         reasons = (other_vehicles(log.vehicle, others),) if others else ()
-        left_out += [UnusedLog(name=log.path.name, reason=r) for r in (*reasons, *log.unflown)]
+        reasons = (*reasons, *map(in_english, log.unflown))
+        left_out += [UnusedLog(name=log.path.name, reason=reason) for reason in reasons]
         # What the log does not show is not in the record either.
         grounded = not_flown(log.track)
         unseen = (grounded,) if grounded else (one.text for one in unseen_facts(log.track))

@@ -13,6 +13,7 @@ from thrustmargin.gcs_plugin.commands.shared.stored_answer import (
     SOURCES,
     NoVerdict,
     StoredAnswer,
+    fault_rotors,
     read_answer,
 )
 from thrustmargin.gcs_plugin.wording.actions import Action, Phase
@@ -22,8 +23,10 @@ from thrustmargin.gcs_plugin.wording.advice_words import (
     damage_words,
     headline,
     misfit_words,
+    suspects,
 )
 from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
+from thrustmargin.gcs_plugin.wording.check_words import in_english
 from thrustmargin.gcs_plugin.wording.flight_words import too_short
 from thrustmargin.gcs_plugin.wording.language import say, sentence
 from thrustmargin.models.model.advice import FlightLevel
@@ -131,14 +134,18 @@ def _column(words: Callable[[StoredAnswer], Any]) -> Callable[[str], Any]:
 
 def _source_column(channel: str) -> Callable[[str], Any]:
     """Return a function from the stored JSON to the words of a channel's source."""
-    return _column(lambda a: a.sources[channel].words if channel in a.sources else None)
+    return _column(lambda a: in_english(a.sources[channel]) if channel in a.sources else None)
 
 
-#: Columns that SQL shows in the reader's language -> how they are made of the column `answer`.
+#: Columns that SQL shows in the reader's language, or of which older rows hold something else ->
+#: how they are made of the column `answer`.
 SQL_WORDS: Mapping[str, Callable[[str], Any]] = {
     "action": _column(lambda a: action(a.advice) or None),
     "alarms": _column(alarm_words),
     "verdict_reason": _column(reason_words),
+    # Earlier versions kept one rotor of each fault in `suspects` of a known aircraft.
+    "fault_rotors": _column(lambda a: fault_rotors(a.advice)),
+    "suspects": _column(lambda a: list(suspects(a.advice))),
     "worst_doing": _column(lambda a: doing_words(a) or None),
     **{column: _source_column(channel) for channel, column in SOURCES.items()},
 }

@@ -295,9 +295,9 @@ def layout_text(rotor_names: Sequence[str]) -> str:
     rotor_names = [name or f"rotor {r + 1}" for r, name in enumerate(rotor_names)]
     panels: dict[str, dict[str, Any]] = {
         "Plot!margin": _plot(
-            "Thrust margin of the worst rotor, 90 % interval",
+            "Thrust left at the worst rotor, 90 % interval",
             [
-                ("/margin.margin", "margin"),
+                ("/margin.margin", "thrust left"),
                 ("/margin.low", "low"),
                 ("/margin.high", "high"),
                 ("/margin.least", "least"),

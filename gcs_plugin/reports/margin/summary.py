@@ -24,10 +24,16 @@ from thrustmargin.gcs_plugin.reports.margin.run_ups import takeoff_rows, yaw_row
 from thrustmargin.gcs_plugin.reports.margin.timeline import said_rows, timeline_rows
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version, unix_text, utc_text
+from thrustmargin.gcs_plugin.telemetry.recording import channel_values
 from thrustmargin.gcs_plugin.wording import margin_verdict
 from thrustmargin.gcs_plugin.wording.advice_words import action, several_headline
 from thrustmargin.gcs_plugin.wording.aircraft_words import change_words
-from thrustmargin.gcs_plugin.wording.check_words import note_words, source_words, withheld_words
+from thrustmargin.gcs_plugin.wording.check_words import (
+    note_words,
+    source_words,
+    statement_words,
+    withheld_words,
+)
 from thrustmargin.gcs_plugin.wording.fill_words import safe_kg
 from thrustmargin.gcs_plugin.wording.flight_words import loss_words, not_flown, too_short
 from thrustmargin.gcs_plugin.wording.report_words import (
@@ -237,11 +243,11 @@ def _flight(analysis: FlightAnalysis, speed: Floats, seconds: Floats) -> data.Js
         "altitude_median": known_median(track.altitude[flying]),
         "density_median": known_median(analysis.density[flying]),  # kg/m³
         "density_error": known_median(analysis.density_error[flying]),  # kg/m³, standard error
-        "density_basis": analysis.density_basis,
+        "density_basis": statement_words(analysis.density_basis),
         "voltage_start": known_median(track.voltage[first]),
         "voltage_end": known_median(track.voltage[last]),
         "voltage_min": known_least(track.voltage[flying]),
-        "voltage_basis": analysis.voltage_basis,
+        "voltage_basis": statement_words(analysis.voltage_basis),
         "current_median": known_median(track.current[flying]),
     }
 
@@ -291,7 +297,7 @@ def _quality(log: FlightLog) -> data.JsonObject:
         "clock_jumps": len(whole.clock_jumps),
         "silences": len(log.silences),
         "longest_silence_s": max((float(length) for _, length in log.silences), default=0.0),
-        "channels": log.channels,
+        "channels": tuple(map(channel_values, log.channels)),
         "missing": tuple(text for name, text in WITHOUT.items() if not track.reports(name)),
         "notes": tuple(note_words(track)),
         "messages": log.messages,

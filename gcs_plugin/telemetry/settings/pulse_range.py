@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from thrustmargin.mission.plan_check import parameter
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.statement import Statement, state
 
 #: SERVOn_FUNCTION -> motor, both counted as ArduPilot does, the motor from 0.
 MOTOR_FUNCTIONS = {**{33 + k: k for k in range(8)}, **{82 + k: 8 + k for k in range(4)}}
@@ -110,12 +111,15 @@ class PulseRange:
         return np.where(pulses > 0, share, np.nan)
 
 
-def range_words(ranges: Iterable[PulseRange]) -> str:
-    """Return the distinct ranges in words, as "1000 to 2000 µs, assumed"."""
-    return " and ".join(
-        f"{r.low_us:g} to {r.high_us:g} {r.unit}, {r.set_by or 'assumed'}"
+def ranges_remark(ranges: Iterable[PulseRange]) -> Statement:
+    """Return the distinct ranges as a remark: "1000 to 2000 µs, assumed"."""
+    distinct = (
+        state(
+            "pulse range", low=r.low_us, high=r.high_us, unit=r.unit, set_by=r.set_by or "assumed"
+        )
         for r in dict.fromkeys(ranges)
     )
+    return state("pulse ranges", ranges=tuple(distinct))
 
 
 def pulse_ranges(

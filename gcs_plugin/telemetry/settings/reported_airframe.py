@@ -17,7 +17,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import motor_outputs, whole_number
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
-from thrustmargin.gcs_plugin.wording.check_words import statement_words
+from thrustmargin.gcs_plugin.wording.check_words import in_english
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.physics.airframe import Quantity
 from thrustmargin.models.physics.airframe_draft import lower_effectiveness
@@ -28,6 +28,7 @@ from thrustmargin.models.physics.motor_layouts import (
     motor_layouts,
     rotor_names,
 )
+from thrustmargin.models.statement import Statement, state
 from thrustmargin.models.vehicle_facts import StatedBattery, VehicleFacts, can_be_cells
 
 #: V of a lithium polymer cell, nominal; an airframe's nominal voltage counts cells by it.
@@ -71,7 +72,7 @@ class ReportedAirframe:
     rotors: list[dict[str, Any]] | None = None
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
     rotor_count: int = 0  # by other evidence than the layout; 0: none
-    notes: tuple[str, ...] = ()
+    notes: tuple[Statement, ...] = ()
 
 
 def reported_airframe(
@@ -90,7 +91,7 @@ def reported_airframe(
     """
     facts = vehicle_facts(parameters, texts=texts) if facts is None else facts
     if refusal := facts.refusal("the vehicle"):
-        raise AirframeError(statement_words(refusal))
+        raise AirframeError(in_english(refusal))
     quantities = _battery(parameters, highest_voltage, facts.battery)
     if layout is None and (whole_number(parameters, "CA_ROTOR_COUNT") or 0) >= 3:
         return _px4(parameters, quantities)
@@ -114,7 +115,15 @@ def reported_airframe(
         (facts.rotor_count, facts.rotor_evidence),
     ):
         if known is not None and count and count != known.rotor_count:
-            notes.append(f"{count} motors by {whose}, but {known.name} has {known.rotor_count}")
+            notes.append(
+                state(
+                    "motors of another layout",
+                    count=float(count),
+                    evidence=whose,
+                    layout=known.name,
+                    own=float(known.rotor_count),
+                )
+            )
     poles = parameters.get("SERVO_BLH_POLES", 0.0)
     if 0.0 < poles < inf and parameters.get("SERVO_BLH_MASK", 0.0) > 0.0:
         quantities["motor_poles"] = Quantity(poles, "1", "SERVO_BLH_POLES")
@@ -177,7 +186,7 @@ def _battery(
 
     Otherwise use the cells that other settings and the voltage agree on.
     """
-    stated = [(battery.cells, battery.source.words)]
+    stated = [(battery.cells, in_english(battery.source))]
     stated += [
         (whole_number(parameters, name) or 0, name) for name in ("BAT1_N_CELLS", "BAT_N_CELLS")
     ]

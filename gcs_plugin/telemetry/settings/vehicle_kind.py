@@ -13,7 +13,8 @@ from dataclasses import replace
 
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import motor_outputs, whole_number
 from thrustmargin.models.physics.motor_layouts import FRAME_CLASSES, class_rotors
-from thrustmargin.models.vehicle_facts import VehicleFacts, VehicleKind
+from thrustmargin.models.statement import Statement, state
+from thrustmargin.models.vehicle_facts import Evidence, VehicleFacts, VehicleKind
 
 #: FRAME_CLASS of ArduCopter and Q_FRAME_CLASS -> rotors
 FRAME_ROTORS = class_rotors()
@@ -107,7 +108,7 @@ def vehicle_facts(
 
 def _kind(
     parameters: Mapping[str, float], mav_type: int | None, texts: tuple[str, ...]
-) -> tuple[VehicleKind, str]:
+) -> tuple[VehicleKind, Evidence]:
     """Return the kind and its evidence; "unknown" without evidence."""
     kind, evidence = _program(parameters, mav_type, texts)
     frame = whole_number(parameters, "FRAME_CLASS")
@@ -116,23 +117,23 @@ def _kind(
     if kind in ("multirotor", "unknown") and frame in _HELICOPTER_CLASSES:
         return "helicopter", f"FRAME_CLASS {frame}"
     if kind == "rover" and frame == _BOAT_CLASS:
-        return "boat", f"{evidence} and FRAME_CLASS {frame}"
+        return "boat", state("both", first=evidence, second=f"FRAME_CLASS {frame}")
     if kind == "plane":
         if whole_number(parameters, "Q_ENABLE"):
-            return "quadplane", f"{evidence} and Q_ENABLE 1"
+            return "quadplane", state("both", first=evidence, second="Q_ENABLE 1")
         if len(motor_outputs(parameters)) >= 3:
-            return "quadplane", f"{evidence} and motors among SERVOn_FUNCTION"
+            return "quadplane", state("motors among SERVOn", first=evidence)
     return kind, evidence
 
 
 def _program(
     parameters: Mapping[str, float], mav_type: int | None, texts: tuple[str, ...]
-) -> tuple[VehicleKind, str]:
+) -> tuple[VehicleKind, Evidence]:
     """Return the kind by the first evidence: boot text, vehicle type, airframe, parameters."""
     for text in texts:
         boot = _BOOT.match(text)
         if boot:
-            return _PROGRAMS[boot[1] or boot[2]], f"boot text '{boot[0].strip()}'"
+            return _PROGRAMS[boot[1] or boot[2]], state("boot text", text=boot[0].strip())
     if mav_type in _TYPES:
         return _TYPES[mav_type], f"MAV_TYPE {mav_type}"
     airframe = whole_number(parameters, "CA_AIRFRAME")
@@ -143,38 +144,45 @@ def _program(
         return _AUTOSTART[start // 1000], f"SYS_AUTOSTART {start}"
     for name, kind in _OWN_PARAMETERS:
         if name in parameters:
-            return kind, f"its parameter {name}"
+            return kind, state("own parameter", name=name)
     return "unknown", ""
 
 
 def _rotors(
     parameters: Mapping[str, float], mav_type: int | None, texts: tuple[str, ...], *, winged: bool
-) -> tuple[int, str, str]:
+) -> tuple[int, Evidence, Evidence]:
     """Return the number of lifting rotors, its evidence, and contrary evidence; 0 if unknown."""
     on_output = motor_outputs(parameters)
     by_function = len(on_output) if set(on_output) == set(range(len(on_output))) else 0
     by_function = by_function if by_function >= 3 else 0
     framed, how = _by_frame(parameters, texts, winged=winged)
-    typed = _TYPE_ROTORS.get(-1 if mav_type is None else mav_type, 0), f"MAV_TYPE {mav_type}"
+    by_type = f"MAV_TYPE {mav_type}"
+    typed = _TYPE_ROTORS.get(-1 if mav_type is None else mav_type, 0)
     # More outputs than the frame has motors are spare; fewer are of another frame. A quadplane's
     # hover motors are on any outputs, so that these must be known.
     if framed and (by_function >= framed or (by_function == 0 and not winged)):
         # ArduPilot's type follows its frame.
-        return framed, how, f"{typed[0]} by {typed[1]}" * (typed[0] not in (0, framed))
+        return framed, how, _counted(typed, by_type) if typed not in (0, framed) else ""
     if by_function:
-        other, source = (framed, how) if framed else typed
-        return by_function, "SERVOn_FUNCTION", f"{other} by {source}" * (other > by_function)
+        other, source = (framed, how) if framed else (typed, by_type)
+        conflict = _counted(other, source) if other > by_function else ""
+        return by_function, "SERVOn_FUNCTION", conflict
     listed = whole_number(parameters, "CA_ROTOR_COUNT") or 0
     inside = range(listed if 0 <= listed <= 12 else 0)
     upward = sum(abs(parameters.get(f"CA_ROTOR{n}_AX", 0.0)) < 0.5 for n in inside)
     if upward:
         return upward, "CA_ROTOR_COUNT" if upward == listed else "CA_ROTORn_AX", ""
-    return (*typed, "") if typed[0] else (0, "", "")
+    return (typed, by_type, "") if typed else (0, "", "")
+
+
+def _counted(count: int, evidence: Evidence) -> Statement:
+    """Return another number of rotors, and its evidence."""
+    return state("counted by", count=float(count), evidence=evidence)
 
 
 def _by_frame(
     parameters: Mapping[str, float], texts: tuple[str, ...], *, winged: bool
-) -> tuple[int, str]:
+) -> tuple[int, Evidence]:
     """Return the motors of ArduPilot's frame and the evidence for it; 0 if unknown."""
     name = "Q_FRAME_CLASS" if winged else "FRAME_CLASS"
     frame = whole_number(parameters, name)
@@ -184,5 +192,5 @@ def _by_frame(
         head, _, rest = text.partition(": ")
         frame_text = rest.split("/")[0].strip().replace("_", "")  # older: OCTA_QUAD
         if head == "Frame" and (count := _FRAME_TEXTS.get(frame_text, 0)):
-            return count, f"text '{text}'"
+            return count, state("status text", text=text)
     return 0, ""

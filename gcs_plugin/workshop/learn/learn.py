@@ -23,8 +23,7 @@ from thrustmargin.gcs_plugin.commands.shared.inputs import (
     Known,
     Reading,
 )
-from thrustmargin.gcs_plugin.wording.language import percent
-from thrustmargin.gcs_plugin.wording.thrust_left import left_words
+from thrustmargin.gcs_plugin.wording.language import Verbatim, say
 from thrustmargin.models.errors import DataError, LogError, require
 
 if TYPE_CHECKING:
@@ -117,8 +116,10 @@ def learn(
                 console.print(escape(line))
         for line in card(known_one):
             console.print(escape(line))
+    from thrustmargin.gcs_plugin.wording.aircraft_words import not_learnt_words
+
     for one in unread:
-        console.print(escape(f"not learnt: {one.name}: {one.reason}"))
+        console.print(escape(not_learnt_words(one.name, one.reason)))
     return 1 if unread else 0
 
 
@@ -126,22 +127,19 @@ def _flight_lines(flight: LearntFlight, log_name: str) -> tuple[str, ...]:
     """Return the verdict of a flight, what it taught, and how it differs from those before it."""
     from thrustmargin.gcs_plugin.store.hangar import NotTaught
     from thrustmargin.gcs_plugin.wording.advice_words import headline
-    from thrustmargin.gcs_plugin.wording.aircraft_words import change_words
+    from thrustmargin.gcs_plugin.wording.aircraft_words import change_words, learnt_words
 
     row, first = flight.row, f"{log_name}: {headline(flight.advice)}"
     if row.not_taught is NotTaught.NO_VERDICT:
-        return (f"{first}; nothing learnt",)
-    parts = []
-    if row.trained:
-        parts.append("the model was made from it")
-    elif math.isfinite(row.coverage):
-        parts.append(f"interval held {percent(row.coverage)}")
-    if row.not_taught is not None:
-        parts.append(f"taught nothing: {row.not_taught}")
-    said = "; ".join(["", *parts])
-    second = f"  steady flight: thrust left down to {left_words(1.0 - row.use_lasting)}{said}"
+        return (say("{flight}; nothing learnt", flight=Verbatim(first)),)
     changed = () if row.change is None else (f"  {change_words(row.change)}",)
-    return (first, second, *changed)
+    second = learnt_words(
+        use=row.use_lasting,
+        coverage=row.coverage,
+        trained=row.trained,
+        not_taught=row.not_taught,
+    )
+    return (first, f"  {second}", *changed)
 
 
 def _groups(inputs: Inputs, hangar: Hangar, unread: list[UnusedLog]) -> list[_Group]:
@@ -287,7 +285,7 @@ def _draft_airframe(
         force=True,
     ).made(console)
     for note in made.notes:
-        console.print(escape(f"note: {note}"), soft_wrap=True)
+        console.print(escape(say("note: {note}", note=Verbatim(note))), soft_wrap=True)
     return made.reading
 
 
@@ -342,7 +340,7 @@ def _make_model(
         if not advice.faults and not advice.losses:
             sound.append(log)
     model, training = base, []
-    lacking = listed(unfit) or "no sound flight"
+    lacking = listed(unfit) or say("no sound flight")
     if sound:
         try:
             run = training_run(
@@ -359,7 +357,8 @@ def _make_model(
     if not training:
         if earlier is not None and earlier.model().taught:
             raise DataError(f"{name} stays as it was: {lacking}")
-        console.print(escape(f"no model of its own yet: {lacking}"), soft_wrap=True)
+        why = say("no model of its own yet: {why}", why=Verbatim(lacking))
+        console.print(escape(why), soft_wrap=True)
     for row in earlier.sound_flights if earlier else ():
         hangar.add_flight(name, replace(row, not_taught=NotTaught.MODEL, trained=False))
     folder.mkdir(parents=True, exist_ok=True)
@@ -423,25 +422,15 @@ def card(aircraft: KnownAircraft) -> tuple[str, ...]:
     """Return what is known of an aircraft, in a few lines: from what, how well, what is open."""
     import numpy as np
 
-    flights, days = aircraft.sound_flights, aircraft.days
-    if not flights:
-        return (
-            f"{aircraft.name}: no flight has made its model, kept in {aircraft.folder}",
-            "  its airframe is all: a rotor that is weak from the start does not show",
-            f"  next: learn three sound flights or more together: thrustmargin learn LOGS "
-            f"--aircraft {aircraft.name}",
-        )
-    counted = f"{len(flights)} flight{'s' * (len(flights) != 1)} on {days} day{'s' * (days != 1)}"
-    lines = [f"{aircraft.name}: known from {counted}, kept in {aircraft.folder}"]
+    from thrustmargin.gcs_plugin.wording.aircraft_words import card_lines
+
+    flights = aircraft.sound_flights
     held = [row.coverage for row in flights if not row.trained and np.isfinite(row.coverage)]
-    if held:
-        lines.append(
-            f"  its interval, made for 90 %, held {100 * np.mean(held):.0f} % on {len(held)} later "
-            f"flights, each predicted before it was taught; least {100 * min(held):.0f} %"
-        )
-    else:
-        lines.append(
-            "  how well it predicts another day is not known yet: the interval is widened by "
-            f"{100 * aircraft.steps().day:.1f} % of rotor speed for a new day"
-        )
-    return tuple(lines)
+    return card_lines(
+        aircraft.name,
+        str(aircraft.folder),
+        flights=len(flights),
+        days=aircraft.days,
+        held=held,
+        day_step=aircraft.steps().day if flights else 0.0,
+    )

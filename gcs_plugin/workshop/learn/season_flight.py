@@ -38,7 +38,7 @@ from thrustmargin.gcs_plugin.store.season_store import (
 )
 from thrustmargin.gcs_plugin.store.staging import SeasonFlight, drop_flight, stage
 from thrustmargin.gcs_plugin.store.writer_lock import writer_lock
-from thrustmargin.gcs_plugin.wording.check_words import note_words
+from thrustmargin.gcs_plugin.wording.check_words import in_english, note_words
 from thrustmargin.gcs_plugin.wording.flight_words import not_flown
 from thrustmargin.gcs_plugin.wording.language import speaking
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
@@ -310,7 +310,7 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         "findings": _findings_json(report),
         "no_flight_of": [],
         "missing_channels": [c.name for c in log.channels if not c.samples],
-        "unmeasured": list(log.unmeasured),
+        "unmeasured": list(map(in_english, log.unmeasured)),
         **{name: quality[name] for name in QUALITY_COLUMNS},
     }
 
@@ -337,6 +337,10 @@ def forget_flight(flight: str, hangar: Hangar) -> None:
             drop_flight(store, flight)
 
 
+#: Fields of a row that are lists in the store.
+WHOLE_LISTS = ("fault_kinds", "fault_rotors", "caveats", "suspects", "bad_arms")
+
+
 def learnt_columns(row: AircraftFlight) -> dict[str, Any]:
     """Return the columns of `schema.FLIGHTS` that a flight of a known aircraft has: the fields of
     its row, with nested ones as JSON."""
@@ -344,7 +348,7 @@ def learnt_columns(row: AircraftFlight) -> dict[str, Any]:
     return {
         name: json.dumps(to_json_values(value)) if is_dataclass(value) else value
         for name, value in values.items()
-    } | {name: list(values[name]) for name in ("fault_kinds", "caveats", "suspects", "bad_arms")}
+    } | {name: list(values[name]) for name in WHOLE_LISTS}
 
 
 def _notes(track: FlightTrack) -> list[str]:

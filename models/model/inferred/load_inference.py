@@ -67,11 +67,6 @@ class ShownLoad:
         """Return the median standard error in flight, kg."""
         return float(np.median(self.error[self.flying]))
 
-    @property
-    def words(self) -> str:
-        """Return the load and its interval for people."""
-        return f"hover thrust shows {self.usual:.1f} ± {NINETY * self.usual_error:.1f} kg (90 %)"
-
     def note(self, lacks: str) -> Statement:
         """Return that the load is not used, with the kind of the reason."""
         within = NINETY * self.usual_error
@@ -104,7 +99,8 @@ def with_load(
     if stated:
         if shown is None or not abs(shown.beyond(track.tank_kg)) > SURELY:
             return track
-        disputed = source.remarked(f"but {shown.words}")
+        within = NINETY * shown.usual_error
+        disputed = source.remarked(state("but thrust shows", load=shown.usual, within=within))
         return replace(track, sources={**track.sources, "tank_kg": disputed})
     if gauge and (shown is None or shown.usual_error > _largest_error(airframe, shown.usual)):
         return track
@@ -118,9 +114,9 @@ def with_load(
     most = airframe.tank_capacity_kg + OVERLOAD * (airframe.empty_mass + airframe.tank_capacity_kg)
     if usual > most + NINETY * off:
         return _with_note(track, shown.note("more than carried"))
-    by_thrust = _thrust_source(off, _fall_words(shown.fit))
+    by_thrust = _thrust_source(off, _fall(shown.fit))
     if gauge:
-        little = f"{source.words} covers {_gauge_coverage(track):.0%} of the flight"
+        little = state("covers little", percent=100.0 * _gauge_coverage(track))
         rejected = (Rejected(source, Reason.COVERS_LESS),)
         by_thrust = replace(by_thrust.remarked(little), rejected=rejected)
     return _with_load(track, shown.load, shown.error, by_thrust)
@@ -157,9 +153,9 @@ def with_load_for_verdict(
     # Gauge or rotor speeds are wrong, so the error must reach to the load by motor outputs.
     shown = _shown_load(track, airframe, outputs) or shown
     level = float(np.nanmedian(track.tank_kg[shown.flying]))
-    origin = "as stated" if source.kind is SourceKind.STATED else f"by {source.words}"
-    why = f"{level:.1f} kg {origin} are too little for these rotor speeds: {THEN_CHECK}"
-    by_thrust = _thrust_source(shown.usual_error, _fall_words(shown.fit), why)
+    stated = source.kind is SourceKind.STATED
+    why = state("stated load too little" if stated else "gauge too little", load=level)
+    by_thrust = _thrust_source(shown.usual_error, _fall(shown.fit), why)
     turned_down = (Rejected(source, Reason.CONTRADICTED),)
     return _with_load(track, shown.load, shown.error, replace(by_thrust, rejected=turned_down))
 
@@ -220,7 +216,7 @@ def with_load_so_far(
     load[~sure] = np.nan
     if not np.any(sure) or fit is None:
         return track, so_far
-    by_thrust = _thrust_source(float(error[sure][-1]), "so far", _fall_words(fit))
+    by_thrust = _thrust_source(float(error[sure][-1]), state("so far"), _fall(fit))
     return _with_load(track, load, error, by_thrust), so_far
 
 
@@ -261,17 +257,17 @@ def _with_note(track: FlightTrack, note: Statement) -> FlightTrack:
     return replace(track, statements=(*track.statements, note))
 
 
-def _thrust_source(error: float, *remarks: str) -> Provenance:
+def _thrust_source(error: float, *remarks: Statement) -> Provenance:
     """Return the source of a load by hover thrust with standard error `error` kg."""
     return Provenance(
         kind=SourceKind.INFERRED,
         meaning=Meaning.HOVER_THRUST,
-        remarks=(f"± {NINETY * error:.1f} kg, 90 %", *remarks),
+        remarks=(state("load within", within=NINETY * error), *remarks),
     )
 
 
-def _fall_words(fit: LoadFit) -> str:
-    """Return what makes the load fall, for people."""
+def _fall(fit: LoadFit) -> Statement:
+    """Return what makes the load fall."""
     if not fit.falls:
-        return "constant"
-    return "falling with the pump's output" if fit.by_spraying else "falling by its own trend"
+        return state("constant")
+    return state("falling with pump" if fit.by_spraying else "falling by trend")

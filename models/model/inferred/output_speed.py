@@ -37,6 +37,7 @@ from thrustmargin.models.physics.motor_output import OutputCurve, output_curve
 from thrustmargin.models.physics.thrust_fits import check_one_hover
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 from thrustmargin.models.scores import Estimate
+from thrustmargin.models.statement import state
 
 SPAN = 10.0  # s of one mean
 HOVER_SHARE = 0.35  # of full thrust, about which the curve is turned
@@ -258,21 +259,25 @@ def _speed_source(
     outputs = track.source("throttle")
     by_weight, by_rotors = calibration.seconds(_WEIGHT), calibration.seconds(_ROTORS)
     if by_rotors:
-        how = "set by the rotors whose speed is measured"
+        how = state("set by measured rotors")
     elif by_weight:
-        how = f"set by the weight over {by_weight:.0f} s of level flight"
+        how = state("set by weight", seconds=by_weight)
     else:
-        how = "by the airframe's full thrust, for the weight is not known"
-    remarks = (f"{outputs.name}, {curve.described}", how)
+        how = state("by full thrust")
+    remarks = (state("outputs by curve", outputs=outputs.name, curve=curve.set_by), how)
     measured: tuple[Provenance, ...] = ()
     silent = put.any(axis=0) & ~calibration.heard.mask(put.shape[1])
     if calibration.heard.rotors:
         measured = (track.source("rotor_speed_rpm"),)
         if silent.any():
-            rotors = ", ".join(str(k + 1) for k in np.flatnonzero(silent))
-            remarks = (f"rotor{'s' if np.count_nonzero(silent) > 1 else ''} {rotors}", *remarks)
+            rotors = tuple(state("rotor", rotor=str(k + 1)) for k in np.flatnonzero(silent))
+            kind = "inferred rotors" if len(rotors) > 1 else "inferred rotor"
+            remarks = (state(kind, rotors=rotors), *remarks)
     if lost_s.size:
-        remarks = (f"all rotors from {_minutes(lost_s[0])} to {_minutes(lost_s[-1])}", *remarks)
+        ends = (round(float(second)) for second in (lost_s[0], lost_s[-1]))
+        start_clock, end_clock = map(float, ends)
+        all_rotors = state("all rotors inferred", start_clock=start_clock, end_clock=end_clock)
+        remarks = (all_rotors, *remarks)
     return Provenance(
         kind=SourceKind.INFERRED,
         meaning=Meaning.MOTOR_OUTPUTS,
@@ -282,12 +287,6 @@ def _speed_source(
         numbers=curve.numbers,
         remarks=remarks,
     )
-
-
-def _minutes(seconds: float) -> str:
-    """Format s as minutes:seconds."""
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes}:{rest:02}"
 
 
 def full_output_speed(

@@ -102,7 +102,7 @@ def test_a_ground_station_behind_a_forward_sees_alarms_and_figures():
     ours = [m for m in messages if m.get_srcComponent() == COMPONENT]
     assert {m.get_srcSystem() for m in ours} == {1}
     texts = [(m.severity, m.text) for m in ours if m.get_type() == "STATUSTEXT"]
-    assert [t[0] for t in texts if "Thrust margin" in t[1]] == [WARNING], texts
+    assert [t[0] for t in texts if "Thrust left" in t[1]] == [WARNING], texts
     assert all(len(text) <= 50 for _, text in texts)
     figures = [m for m in ours if m.get_type() == "NAMED_VALUE_FLOAT"]
     margin = [m.value for m in figures if m.name == "MARGIN"]
@@ -198,7 +198,7 @@ def test_what_still_stands_is_said_again_every_half_minute():
     vehicle = Vehicle()
     fleet.take([f for _ in range(20) for f in vehicle.tick()])
     watch = fleet.vehicles[1]
-    alarm = Alarm("margin", None, WARNING, "Thrust margin 41% below 50%: rotor 2", 0.0)
+    alarm = Alarm("margin", None, WARNING, "Thrust left 41% below 50%: rotor 2", 0.0)
     watch.alarms.listed[alarm.key] = alarm
     announcer.on_event(1, AlarmEvent(alarm, AlarmState.CLEARED, 0.0))
     for _ in range(100):
@@ -250,8 +250,8 @@ def test_a_notice_that_becomes_a_warning_is_spoken_once():
     announcer = Announcer(Sender(sent))  # type: ignore[arg-type]
     fleet, vehicle = Fleet(MODEL), Vehicle()
     fleet.take([f for _ in range(20) for f in vehicle.tick()])
-    near = Alarm("margin", None, 5, "Thrust margin 48% (+-4) near 50%", 0.0)
-    low = replace(near, severity=WARNING, text="Thrust margin 40% (+-4) below 50%")
+    near = Alarm("margin", None, 5, "Thrust left 48% (+-4) near 50%", 0.0)
+    low = replace(near, severity=WARNING, text="Thrust left 40% (+-4) below 50%")
     announcer.on_event(1, AlarmEvent(near, AlarmState.CLEARED, 0.0))
     for second in range(20):
         now = low if second in (5, 6, 9, 10) else near
@@ -265,9 +265,9 @@ def test_a_notice_that_becomes_a_warning_is_spoken_once():
     ("alarm", "severities"),
     [
         (Alarm("rotor", 2, CRITICAL, "Rotor 2: land", 0.0), [2, 5, 6]),
-        (Alarm("margin", None, WARNING, "Thrust margin 41% below 50%", 0.0), [4, 5, 6]),
+        (Alarm("margin", None, WARNING, "Thrust left 41% below 50%", 0.0), [4, 5, 6]),
         (Alarm("envelope", None, 5, "Outside the model's training", 0.0), [6, 6, 6]),
-        (Alarm("margin", None, 5, "Thrust margin 52% (+-4) near 50%", 0.0), [6, 6, 6]),
+        (Alarm("margin", None, 5, "Thrust left 52% (+-4) near 50%", 0.0), [6, 6, 6]),
     ],
 )
 def test_only_what_asks_for_something_now_is_spoken(alarm: Alarm, severities: list[int]):
@@ -278,7 +278,7 @@ def test_only_what_asks_for_something_now_is_spoken(alarm: Alarm, severities: li
 
 def test_what_to_do_is_that_of_the_gravest_alarm_that_is_confirmed():
     rotor = Alarm("rotor", 2, CRITICAL, "Rotor 2: 12% less thrust: land", 0.0)
-    margin = Alarm("margin", None, WARNING, "Thrust margin 41% below 50%: rotor 2", 0.0)
+    margin = Alarm("margin", None, WARNING, "Thrust left 41% below 50%: rotor 2", 0.0)
     near = replace(margin, severity=5)
     unsure = replace(rotor, state=AlarmState.UNCONFIRMED)
     land, less = what_to_do([margin, rotor])["MARGIN_DO"], what_to_do([margin])["MARGIN_DO"]

@@ -108,7 +108,7 @@ def test_a_narrow_terminal_cuts_no_number(monitor):
     for width in (80, 110, 160):
         text = printed(monitor, width)
         assert "…" not in text
-        for words in ("margin", "predicted", "10.0 kg", "r1"):
+        for words in ("left", "predicted", "10.0 kg", "r1"):
             assert words in text
         assert re.search(r"\d\.\d s", text)  # its age, by the clock
         assert ("by thrust" in text) == (width >= 110)
@@ -133,7 +133,7 @@ def test_without_a_terminal_every_event_is_a_line_with_its_time(monitor):
     fleet, vehicle = flown(rpm=2300)
     for event in fleet.vehicles[3].last.events:  # type: ignore[union-attr]
         printer.on_event(3, event)
-    alarm = Alarm("margin", None, 4, "Thrust margin 39%", 0.0)
+    alarm = Alarm("margin", None, 4, "Thrust left 39%", 0.0)
     printer.on_event(3, AlarmEvent(alarm, AlarmState.CLEARED, 0.0, unix_s=1e9))
     printer.on_round(fleet, vehicle.stamp_us)
     printer.on_round(fleet, vehicle.stamp_us)
@@ -147,7 +147,7 @@ def test_without_a_terminal_every_event_is_a_line_with_its_time(monitor):
     assert "vehicle 3: does not send as asked: WIND 0.2 of 1 Hz" in in_vain
     claim = "vehicle 3: the vehicle restarted"
     times, words = zip(*((line[:19], line[20:]) for line in said), strict=True)
-    assert list(words) == ["vehicle 3: Thrust margin 39%", "vehicle 3: heard", claim]
+    assert list(words) == ["vehicle 3: Thrust left 39%", "vehicle 3: heard", claim]
     local = [time.mktime(time.strptime(stamp, "%Y-%m-%d %H:%M:%S")) for stamp in times]
     first_s, now_s = (int(us * 1e-6) for us in (fleet.vehicles[3].link.first_us, vehicle.stamp_us))
     assert local == [1e9, first_s, now_s]
@@ -181,7 +181,7 @@ def test_the_screen_names_alarms_problems_and_the_tanks_source(monitor):
     fleet.updates()
     monitor.fleet = fleet
     text = printed(monitor)
-    assert "Thrust margin" in text
+    assert "Thrust left" in text
     assert "tank by NAMED_VALUE_FLOAT TANK" in text
 
 

@@ -35,6 +35,7 @@ from thrustmargin.gcs_plugin.live.watch.update import Update, WatchSettings
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
+from thrustmargin.gcs_plugin.wording.check_words import source_words
 from thrustmargin.models.errors import LinkError
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import shipped_model
@@ -273,7 +274,7 @@ def test_ground_stations_and_companions_are_no_vehicles(sitl_logs, tmp_path):
     watch = monitor.fleet.vehicles[1]
     assert watch.plan is not None
     assert watch.last is not None
-    assert watch.last.analysis.track.source("tank_kg").words == "NAMED_VALUE_FLOAT TANK"
+    assert source_words(watch.last.analysis.track.source("tank_kg")) == "NAMED_VALUE_FLOAT TANK"
 
 
 @pytest.mark.slow

@@ -29,7 +29,7 @@ class Ground:
         for _ in range(30):
             self.fleet.take(vehicle.tick(rpm=(2000, 2000, 2300, 2000)))
             self.fleet.updates()
-        alarm = Alarm("margin", None, WARNING, "Thrust margin 18% below 50%, rotor 3", 0.0)
+        alarm = Alarm("margin", None, WARNING, "Thrust left 18% below 50%, rotor 3", 0.0)
         self.fleet.vehicles[1].alarms.listed[alarm.key] = alarm
         self.heard_us = vehicle.stamp_us
         self.now_us = self.heard_us + 400_000
@@ -134,5 +134,5 @@ def test_the_widget_shows_the_bar_and_turns_grey_when_nothing_comes():
         assert share == pytest.approx(0.187, abs=0.01)
         ground.bar.close()  # the monitor's computer is gone
         page.wait_for_selector(".stale", timeout=8000)
-        assert "Margin unknown, was 18%" in page.inner_text(".one")
+        assert "Thrust left unknown, was 18%" in page.inner_text(".one")
         assert page.locator(".fill").count() == 0

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs.csv_table import COLUMNS
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.json_values import to_json_values
 
@@ -18,7 +19,7 @@ def write_csv(track: FlightTrack, path: Path) -> None:
         "origin": to_json_values(track.origin),
         "start_unix_s": track.start_unix_s,
         "sources": {name: to_json_values(p) for name, p in track.sources.items()},
-        "notes": list(track.notes),
+        "notes": list(map(statement_words, track.notes)),
     }
     names, columns = ["time_s"], [track.time_s]
     for channel, wanted in TRACK_CHANNELS.items():

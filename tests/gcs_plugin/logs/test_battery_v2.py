@@ -9,6 +9,7 @@ from tests.gcs_plugin.live.live_vehicle import live_rows, log_frames
 from tests.gcs_plugin.logs.tlog_files import FLIGHT, STAMPED, written
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.mavlink.frame import checksum, fields, frame_of
+from thrustmargin.gcs_plugin.wording.check_words import source_words
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -72,6 +73,6 @@ def test_a_listener_goes_on_with_it(tmp_path):
 
 def test_what_it_does_not_know_is_unknown(tmp_path):
     found = read_log(flight(tmp_path, 0.0, percent=255), airframe=F16)
-    assert not found.track.sources["tank_kg"].words.startswith("BATTERY")
+    assert not source_words(found.track.sources["tank_kg"]).startswith("BATTERY")
     with pytest.raises(LogError, match="no tank level from 'BATTERY_STATUS 1'"):
         read_log(found.path, airframe=F16, tank="BATTERY_STATUS 1")

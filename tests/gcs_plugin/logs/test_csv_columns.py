@@ -5,6 +5,7 @@ import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.csv_table import COLUMNS, unit_of_column
+from thrustmargin.gcs_plugin.wording.check_words import source_words, statement_words
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.provenance import Meaning
@@ -46,7 +47,7 @@ def test_headings_units_and_signs_of_others_become_ours(tmp_path):
     assert track.tank_kg.tolist() == [0.0, 0.0]
     assert track.flying.tolist() == [True, True]
     assert track.airspeed[0] == 9.0  # a heading of ours stays ours
-    assert any("columns not used: vx, note" in note for note in track.notes)
+    assert any("columns not used: vx, note" in note for note in map(statement_words, track.notes))
 
 
 def test_a_state_may_be_a_word_and_an_empty_cell_is_none(tmp_path):
@@ -82,7 +83,7 @@ def test_airspeed_is_velocity_less_wind_where_none_is_given(tmp_path):
     (tmp_path / "x.csv").write_text(text.format("") + row.format(""))
     track = read_log(tmp_path / "x.csv").track
     assert track.airspeed.tolist() == [5.0]
-    assert track.sources["airspeed"].words == "velocity less wind"
+    assert source_words(track.sources["airspeed"]) == "velocity less wind"
     (tmp_path / "x.csv").write_text(text.format(",airspeed") + row.format(",7"))
     assert read_log(tmp_path / "x.csv").track.airspeed.tolist() == [7.0]
 

@@ -15,6 +15,7 @@ from thrustmargin.gcs_plugin.commands.shared.inputs import log_lines
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.csv_table import COLUMNS, read_csv
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
+from thrustmargin.gcs_plugin.wording.check_words import source_words, statement_words
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Origin
 from thrustmargin.models.physics.airframe import airframe_names, load_airframe
@@ -40,7 +41,7 @@ def test_a_recorded_flight_reads_back_to_the_last_digit(sitl_logs, tmp_path):
     write_csv(track, tmp_path / "flight.csv")
     again = read_csv(tmp_path / "flight.csv")
     same(track, again)
-    assert again.sources["tank_kg"].words == "NAMED_VALUE_FLOAT TANK"
+    assert source_words(again.sources["tank_kg"]) == "NAMED_VALUE_FLOAT TANK"
 
 
 @settings(max_examples=50, deadline=None)
@@ -81,7 +82,7 @@ def test_the_documented_names_are_the_ones_that_are_read(tmp_path):
     log = read_log(tmp_path / "all.csv")
     assert log.format == "CSV"
     assert all(log.track.reports(channel) for channel in TRACK_CHANNELS)
-    assert not any("not used" in note for note in log.track.notes)
+    assert not any("not used" in note for note in map(statement_words, log.track.notes))
     import thrustmargin.gcs_plugin.logs.csv_table as module
 
     assert module.__doc__ is not None
@@ -95,7 +96,7 @@ def test_empty_cells_and_missing_columns_are_unknown(tmp_path):
     np.testing.assert_array_equal(track.airspeed, [3.5, np.nan])
     np.testing.assert_array_equal(track.tank_kg, [np.nan, 9.9])
     assert not track.reports("voltage")
-    assert any("no ESC telemetry" in note for note in track.notes)
+    assert any("no ESC telemetry" in note for note in map(statement_words, track.notes))
     assert track.rotor_count == 0
     assert track.rotor_speed_rpm.shape == (2, 0)
     six = next(a for a in map(load_airframe, airframe_names()) if a.rotor_count != 4)
@@ -105,7 +106,10 @@ def test_empty_cells_and_missing_columns_are_unknown(tmp_path):
 
 def test_unknown_columns_are_named_and_left_out(tmp_path):
     (tmp_path / "x.csv").write_text("time_s,airspeed,colour\n0,3.5,red\n1,3.6,blue\n")
-    assert any("columns not used: colour" in n for n in read_log(tmp_path / "x.csv").track.notes)
+    assert any(
+        "columns not used: colour" in n
+        for n in map(statement_words, read_log(tmp_path / "x.csv").track.notes)
+    )
 
 
 @pytest.mark.parametrize(
@@ -180,7 +184,7 @@ def test_a_torn_row_is_left_out_and_counted_and_many_are_no_table(tmp_path):
     (tmp_path / "x.csv").write_text('# {"notes": ["by hand"]}\ntime_s,airspeed\n0,1\n1,2\n2')
     track = read_log(tmp_path / "x.csv").track
     np.testing.assert_array_equal(track.airspeed, [1.0, 2.0])
-    assert track.notes[:2] == ("by hand", "1 torn row(s) are left out")
+    assert tuple(map(statement_words, track.notes[:2])) == ("by hand", "1 torn row(s) are left out")
     (tmp_path / "x.csv").write_text("time_s,airspeed\n0,1\n1,2,3\n2")
     with pytest.raises(LogError, match="2 rows have another number of columns than the 2"):
         read_log(tmp_path / "x.csv")
@@ -203,7 +207,10 @@ def test_the_csv_of_a_report_is_the_flight_again_to_the_last_digit(sitl_logs, tm
     assert run(["report", log, log, "--out", str(tmp_path / "two.html")]) == 0
     two = read_log(tmp_path / "two.csv").track
     same_numbers(two, again)
-    assert any("2 flights in the file: the first is read" in note for note in two.notes)
+    assert any(
+        "2 flights in the file: the first is read" in note
+        for note in map(statement_words, two.notes)
+    )
 
 
 def test_a_heading_may_have_our_unit_behind_it_and_no_other(tmp_path):
@@ -213,7 +220,7 @@ def test_a_heading_may_have_our_unit_behind_it_and_no_other(tmp_path):
     np.testing.assert_array_equal(track.voltage, [50.0, 51.0])
     np.testing.assert_array_equal(track.flying, [True, False])
     assert not track.reports("current")
-    assert "columns not used: current [mA]" in track.notes
+    assert "columns not used: current [mA]" in list(map(statement_words, track.notes))
 
 
 @pytest.mark.parametrize(
@@ -286,7 +293,7 @@ def test_a_column_of_another_unit_is_not_used_and_said(tmp_path):
     assert not track.reports("throttle")
     assert not track.reports("tank_kg")
     assert track.reports("rotor_speed_rpm")
-    (said,) = (note for note in track.notes if note.startswith("throttle"))
+    (said,) = (note for note in map(statement_words, track.notes) if note.startswith("throttle"))
     assert said.startswith("throttle: 80 of 100 rows are not within 0 to 1: not used")
     assert said in log_lines(log, stated=False)
     found = inspect_log(log, load_airframe("topxgun-f16-sitl")).findings

@@ -10,6 +10,11 @@ from hypothesis import strategies as st
 
 from tests.gcs_plugin.logs.log_files import UlogWriter
 from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.telemetry.recording import channel_source
+from thrustmargin.gcs_plugin.wording.check_words import (
+    source_words,
+    statement_words,
+)
 from thrustmargin.models.errors import AirframeError, LogError, ThrustMarginError
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.provenance import Meaning
@@ -144,16 +149,18 @@ def test_a_px4_log_becomes_a_flight_in_si(tmp_path):
 def test_what_px4_asks_beyond_full_output_is_taken_as_full_and_said(tmp_path):
     track = read_log(written(tmp_path, px4_log(asks=0.8))).track
     np.testing.assert_allclose(track.throttle[5], [0.8, 0.9, 1.0, 1.0], atol=1e-6)
-    (note,) = (one for one in track.notes if "actuator_motors" in one)
+    (note,) = (one for one in map(statement_words, track.notes) if "actuator_motors" in one)
     assert note.startswith("actuator_motors asks motor 4 for 1.10 to 1.10 of full output")
     plain = read_log(written(tmp_path, px4_log())).track.notes
-    assert not any("actuator_motors" in one for one in plain)
+    assert not any("actuator_motors" in one for one in map(statement_words, plain))
 
 
 def test_escs_are_sorted_by_motor_and_the_count_is_held_against_them(tmp_path):
     track = read_log(written(tmp_path, px4_log())).track
     np.testing.assert_array_equal(track.rotor_speed_rpm[0], [1000, 1010, 1020, 1030])
-    assert "esc_status says 6 ESCs; 4 of them are motors that report" in track.notes
+    assert "esc_status says 6 ESCs; 4 of them are motors that report" in list(
+        map(statement_words, track.notes)
+    )
 
 
 def test_older_logs_without_functions_take_the_escs_that_turn(tmp_path):
@@ -164,7 +171,9 @@ def test_older_logs_without_functions_take_the_escs_that_turn(tmp_path):
 def test_escs_repeated_as_5_to_8_are_left_out(tmp_path):
     track = read_log(written(tmp_path, px4_log(functions=False, repeat=True))).track
     assert track.rotor_count == 4
-    assert any("repeats motor 1 and is left out" in note for note in track.notes)
+    assert any(
+        "repeats motor 1 and is left out" in note for note in map(statement_words, track.notes)
+    )
 
 
 @pytest.mark.parametrize(
@@ -196,7 +205,7 @@ def test_before_actuator_motors_the_outputs_are_read(tmp_path, banks, parameters
     log = read_log(written(tmp_path, older_log(*banks, **parameters)))
     assert log.track.rotor_count == 4
     np.testing.assert_allclose(log.track.throttle[10:], SHARES[10:], atol=2e-4)
-    source = next(c.source for c in log.channels if c.name == "throttle")
+    source = next(channel_source(c) for c in log.channels if c.name == "throttle")
     assert said in source
     assert source.endswith("motor n taken to be on output n)")
 
@@ -218,14 +227,14 @@ def test_outputs_that_are_not_used_are_not_called_absent(tmp_path, bank):
     # Servos alone, shares, and DShot without the parameter that says where it begins.
     log = read_log(written(tmp_path, older_log(bank)))
     assert not log.track.reports("throttle")
-    source = next(c.source for c in log.channels if c.name == "throttle")
+    source = next(channel_source(c) for c in log.channels if c.name == "throttle")
     assert source.startswith("in the log (actuator_outputs), not used: ")
 
 
 def test_only_a_log_with_actuator_functions_claims_their_order(tmp_path):
     def source(**given) -> str:
         log = read_log(written(tmp_path, px4_log(**given)))
-        return next(c.source for c in log.channels if c.name == "rotor_speed_rpm")
+        return next(channel_source(c) for c in log.channels if c.name == "rotor_speed_rpm")
 
     assert source() == "esc_status esc_rpm (by PX4's actuator functions)"
     assert source(functions=False) == "esc_status esc_rpm (motor n taken to have ESC n)"
@@ -235,10 +244,10 @@ def test_the_tank_comes_from_fuel_tank_status_in_ml(tmp_path):
     airframe = load_airframe("topxgun-f16")
     track = read_log(written(tmp_path, px4_log()), airframe=airframe).track
     assert track.tank_kg[0] == pytest.approx(9.0 * airframe.liquid_density)
-    assert track.sources["tank_kg"].words.startswith("fuel_tank_status")
+    assert source_words(track.sources["tank_kg"]).startswith("fuel_tank_status")
     bare = read_log(written(tmp_path, px4_log(tank=False)), airframe=airframe).track
     assert not bare.reports("tank_kg")
-    assert any("no tank gauge" in note for note in bare.notes)
+    assert any("no tank gauge" in note for note in map(statement_words, bare.notes))
 
 
 def test_another_vehicle_or_rotor_count_is_refused(tmp_path):
@@ -268,7 +277,7 @@ def test_the_recorded_px4_flight_reads(measured_folder):
     log = read_log(measured_folder / "px4_ulog/sample_px4_events.ulg")
     track = log.track
     assert track.rotor_count == 4
-    assert any("says 6 ESCs; 4 of them" in note for note in track.notes)
+    assert any("says 6 ESCs; 4 of them" in note for note in map(statement_words, track.notes))
     assert np.nanmax(track.rotor_speed_rpm) == 3324
     assert track.duration == pytest.approx(31.0, abs=0.2)
     assert not track.reports("tank_kg")

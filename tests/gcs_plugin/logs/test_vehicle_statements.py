@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -164,6 +165,10 @@ def test_findings_get_what_the_log_shows_behind_them():
     assert made[0].words.endswith("because 5 gives less")
     assert made[0].words.startswith(findings[0].words)
     assert made[1] == findings[1]
+    # The event is matched, not its sentence: other words of the finding change nothing.
+    renamed = [replace(findings[0], words="Meldung des Fahrzeugs")]
+    (again,) = with_statements(renamed, vehicle_statements(THRUST, FIVE_IS_WEAK), None)
+    assert again.words.startswith("Meldung des Fahrzeugs: ")
 
 
 @pytest.mark.parametrize("beside", [b for b in Corroboration if b is not Corroboration.NOTHING])

@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from tests.gcs_plugin.logs.log_files import DataFlashWriter, UlogWriter
 from tests.gcs_plugin.logs.tlog_files import link, stamped, written
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.wording.check_words import statement_words
+from thrustmargin.gcs_plugin.wording.check_words import source_words, statement_words
 from thrustmargin.models.errors import LogError
 
 NAN = float("nan")
@@ -68,7 +68,10 @@ def test_the_hover_motors_of_a_quadplane_are_taken(tmp_path):
         log = read_log(path)
         assert (log.facts.kind, log.track.rotor_count) == ("quadplane", 4)
         np.testing.assert_allclose(log.track.throttle[50], [0.05, 0.06, 0.07, 0.08])
-        assert any("forward flight on its wings is not hover" in n for n in log.track.notes)
+        assert any(
+            "forward flight on its wings is not hover" in n
+            for n in map(statement_words, log.track.notes)
+        )
     hidden = dataflash("ArduPlane V4.3.0 (abc)", Q_ENABLE=1.0, Q_FRAME_CLASS=1.0)
     for path in in_both_forms(tmp_path, hidden):
         with pytest.raises(LogError, match="nothing says which outputs are its hover motors"):
@@ -86,9 +89,9 @@ def test_a_quadplane_on_its_wings_is_not_in_hover(tmp_path):
         track = read_log(path).track
         assert not track.flying[:149].any()
         assert track.flying[150:].all()
-        assert track.sources["flying"].words.endswith("hover motors driven")
+        assert source_words(track.sources["flying"]).endswith("hover motors driven")
         assert np.nanmax(track.throttle) == pytest.approx(0.5)
-        assert "Q_M_PWM_MIN/MAX" in track.sources["throttle"].words
+        assert "Q_M_PWM_MIN/MAX" in source_words(track.sources["throttle"])
 
 
 @pytest.mark.parametrize("value", [NAN, float("inf"), -1.0, 1.5])
@@ -99,7 +102,10 @@ def test_parameters_that_are_no_whole_numbers_tell_nothing(tmp_path, value):
         assert (found.facts.kind, found.facts.rotor_count) == ("multirotor", 0)
         assert found.track.rotor_speed_rpm.shape[1] == found.track.throttle.shape[1] == 0
         assert statement_words(found.facts.statement).endswith("rotors: not reported")
-        assert any("reports the number of rotors" in note for note in found.track.notes)
+        assert any(
+            "reports the number of rotors" in note
+            for note in map(statement_words, found.track.notes)
+        )
 
 
 @pytest.mark.parametrize(

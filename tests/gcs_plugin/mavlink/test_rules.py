@@ -11,6 +11,7 @@ from thrustmargin.gcs_plugin.mavlink.decode import ESC_TELEMETRY_FIRST, MAVLINK_
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.rules import Rule, decode, in_si, quantity
 from thrustmargin.gcs_plugin.mavlink.text import clean, piece, printable
+from thrustmargin.gcs_plugin.wording.check_words import source_words
 
 DTYPES = {layout.name: layout.dtype for layout in layouts().values()}
 NAN = math.nan
@@ -270,8 +271,10 @@ def test_preferred_sources_come_first():
 
 
 def test_a_source_in_words_names_message_fields_and_note():
-    assert Rule("M", ("a", "b"), "c").source.words == "M a, b"
-    assert Rule("M", ("a",), "c", note="of the board").source.words == "M a (of the board)"
+    assert source_words(Rule("M", ("a", "b"), "c").source) == "M a, b"
+    assert source_words(Rule("M", ("a",), "c", note="in mG").source) == (
+        "M a (in mG, as ArduPilot sends them)"
+    )
 
 
 def test_rows_are_given_by_number_and_only_the_wanted_one_where_one_is_wanted():

@@ -23,6 +23,7 @@ from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.mavlink import scan as frames
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.scan import read_bytes
+from thrustmargin.gcs_plugin.wording.check_words import source_words, statement_words
 from thrustmargin.models.errors import LogError
 
 PADDING = 512  # bytes behind the data that a scan may look at
@@ -202,7 +203,9 @@ def test_a_folder_and_a_missing_file_are_clear_errors(tmp_path):
 def test_a_log_with_another_ending_is_read_by_its_content(tmp_path):
     log = read_log(written(tmp_path, WHOLE, "flight.BIN"))
     assert log.format == "tlog"
-    assert any("is a tlog file by its content" in note for note in log.track.notes)
+    assert any(
+        "is a tlog file by its content" in note for note in map(statement_words, log.track.notes)
+    )
 
 
 def test_mavlink_1_frames_are_read(tmp_path):
@@ -267,7 +270,7 @@ def test_esc_status_and_fuel_status_are_decoded_though_pymavlink_lacks_them(tmp_
     log = read_log(written(tmp_path, b"".join(out)))
     assert log.track.rotor_count == 8
     np.testing.assert_array_equal(log.track.rotor_speed_rpm[0], np.arange(8) + 2000.0)
-    assert log.track.sources["tank_kg"].words == "FUEL_STATUS remaining_fuel of id 0 (ml)"
+    assert source_words(log.track.sources["tank_kg"]) == "FUEL_STATUS remaining_fuel of id 0 (ml)"
     np.testing.assert_allclose(log.track.tank_kg, 12.0 - np.arange(40) / 1000, atol=1e-5)
     assert log.track.voltage[5] == pytest.approx(50.0)
     assert log.quality.unknown_ids == {}

@@ -236,3 +236,12 @@ def test_what_the_last_flight_did_not_show_is_open(hangar: Hangar):
     ends = row("c", 5.2, verdict="under", caveats=(Caveat.UNSEEN, Caveat.GAUGE))
     hangar.add_flight("north", ends)
     assert hangar.load("north").clearance().caveats == (Caveat.UNSEEN, Caveat.GAUGE)
+
+
+def test_a_row_of_an_earlier_version_keeps_the_rotors_of_its_faults(hangar: Hangar):
+    old = row("a", 3.2, verdict="damaged", fault_kinds=("propeller",), suspects=(3,))
+    assert old.fault_rotors == (3,)
+    pair = row("b", 4.2, fault_kinds=("propeller",), fault_rotors=(2,), suspects=(2, 4))
+    hangar.add_flight("north", pair)
+    kept = hangar.load("north").flights[-1]
+    assert (kept.fault_rotors, kept.suspects) == ((2,), (2, 4))

@@ -8,6 +8,7 @@ from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.position import GroundContact, airborne_so_far
 from thrustmargin.gcs_plugin.telemetry.signals import signals_by_channel
+from thrustmargin.gcs_plugin.wording.check_words import source_words
 from thrustmargin.models.checks.held import HeldSoFar
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 
@@ -54,9 +55,9 @@ def flying(
 def test_rotors_that_carry_half_the_empty_weight_fly():
     # 2 x 2e-5 x N² = 49.03 N at 1107.2 rpm each; one silent rotor makes nothing.
     speeds = np.array([[1107.0] * 2, [1107.5] * 2, [1500.0, NAN], [1600.0, NAN], [NAN, NAN]])
-    rows, words, after = flying(5, speeds=speeds)
+    rows, source, after = flying(5, speeds=speeds)
     assert rows == [1, 3]
-    assert words == "rotor speeds, else armed"
+    assert source_words(source) == "rotor speeds, else armed"
     assert after == GroundContact()
     # Rotor speeds of an unknown aircraft say nothing: then armed, then a metre of height.
     armed = reports("armed", [1.0, 0.0], [1.0, 3.0])
@@ -81,9 +82,9 @@ def test_disarmed_or_idle_it_never_flies():
 def test_the_autopilots_word_goes_before_rotor_speeds():
     # 1 on the ground, 2 in the air, 3 taking off, 4 landing
     said = reports("landed", [2.0, 1.0, 3.0, 4.0, 1.0], [0.0, 1.0, 2.0, 3.0, 4.0])
-    rows, words, after = flying(5, said, speeds=np.full((5, 2), 2000.0))
+    rows, source, after = flying(5, said, speeds=np.full((5, 2), 2000.0))
     assert rows == [0, 2, 3]  # no height is known, so it counts as clear
-    assert words == "LANDED x"
+    assert source_words(source) == "LANDED x"
     assert after == GroundContact(on_ground=True)
 
 

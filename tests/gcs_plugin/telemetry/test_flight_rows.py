@@ -11,13 +11,19 @@ from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.flight_log import assemble, log_of_track, with_track
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap
-from thrustmargin.gcs_plugin.telemetry.recording import LogQuality, Recording
+from thrustmargin.gcs_plugin.telemetry.recording import LogQuality, Recording, channel_source
 from thrustmargin.gcs_plugin.telemetry.rows import FlightRows, RowState, flight_rows, row_times
 from thrustmargin.gcs_plugin.telemetry.signals import signals_by_channel
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
+from thrustmargin.gcs_plugin.wording.check_words import (
+    source_words,
+    statement_words,
+)
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.provenance import NOT_REPORTED
+from thrustmargin.models.statement import state
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 KEPT = 8.0
@@ -32,7 +38,7 @@ OURS = replace(
     liquid_density=1.2,
     pump_max_flow_l_min=6.0,
 )
-FOUR = MotorMap(4, (0, 1, 2, 3), 4, "as numbered", (), escs=(0, 1, 2, 3), esc_words="as numbered")
+FOUR = MotorMap(4, (0, 1, 2, 3), 4, state("as written", text="as numbered"), (), escs=(0, 1, 2, 3))
 
 
 def reports(channel: str, times, values, index=None, source: str = "") -> Signal:
@@ -145,12 +151,12 @@ def test_live_rows_hold_the_last_report_of_every_channel():
     assert rows.track.spraying[[39, 40]].tolist() == [0.0, 1.0]
     np.testing.assert_allclose(rows.track.position_ned[119], [0.0, 0.0, -1.0], atol=1e-6)
     assert (
-        rows.track.sources["position_ned"].words
+        source_words(rows.track.sources["position_ned"])
         == "GLOBAL_POSITION_INT x (from home; by HOME_POSITION)"
     )
-    assert rows.track.sources["rotor_speed_rpm"].words == "esc_rpm x (as numbered)"
-    assert rows.track.sources["throttle"].words == "servo_us x (as numbered)"
-    assert rows.track.sources["flying"].words == "landed x"
+    assert source_words(rows.track.sources["rotor_speed_rpm"]) == "esc_rpm x (as numbered)"
+    assert source_words(rows.track.sources["throttle"]) == "servo_us x (as numbered)"
+    assert source_words(rows.track.sources["flying"]) == "landed x"
     assert rows.track.origin is not None
     assert rows.track.origin.altitude == 50.0
     assert (rows.track.time_s[0], rows.track.rotor_count) == (0.0, 4)
@@ -196,7 +202,7 @@ def test_a_reading_that_was_turned_down_before_is_not_turned_down_again():
         ]
     )
     second = made(signals, row_state=replace(first.row_state, heard_s=106.55))
-    assert [note[:7] for note in first.unmeasured] == ["rotor 2"]
+    assert [note[:7] for note in map(statement_words, first.unmeasured)] == ["rotor 2"]
     assert second.unmeasured == ()
 
 
@@ -204,8 +210,8 @@ def test_recorded_rows_lie_between_their_reports():
     rows = made(flight(), Options(airframe=OURS, tank_start_kg=5.0))
     np.testing.assert_allclose(rows.track.voltage[[0, 1, 2]], [50.0, 50.1, 50.2])
     assert rows.track.tank_kg[41] == pytest.approx(5.0 - 0.006)
-    assert rows.track.sources["flying"].words == "landed x, and 0.2 m clear of it"
-    assert rows.track.sources["tank_kg"].words.startswith(
+    assert source_words(rows.track.sources["flying"]) == "landed x, and 0.2 m clear of it"
+    assert source_words(rows.track.sources["tank_kg"]).startswith(
         "pump output (servo 5, summed from the stated 5 kg"
     )
     # In the air to the end: only the start is cut, above 0.2 m from 2.4 s on.
@@ -218,7 +224,7 @@ def test_a_live_channel_takes_the_first_source_that_is_fresh():
     second = reports("airspeed", times, [1.0, 2.0, 3.0, 4.0], source="second")
     rows = made([first, second, rotor(0, times)])
     assert rows.track.airspeed.tolist() == [5.0, 6.0, 6.0, 4.0]
-    assert rows.track.sources["airspeed"].words == "first"
+    assert source_words(rows.track.sources["airspeed"]) == "first"
     assert rows.reported["airspeed"] == [first, second]
     recorded = made([first, second, rotor(0, times)], replace(LIVE, sampling="linear"))
     assert recorded.track.airspeed.tolist() == [1.0, 2.0, 3.0, 4.0]  # it covers more
@@ -247,7 +253,9 @@ def test_a_rotor_at_zero_in_flight_whose_output_is_unknown_is_not_measured():
     assert speeds[10:20, 3].tolist() == [0.0] * 10  # on the ground a rotor may stand
     assert np.isnan(speeds[20:, 3]).all()
     assert (speeds[:, :3] == 1000.0).all()
-    assert [words.split(",")[0] for words in rows.unmeasured] == ["rotor 4: 20 readings in flight"]
+    assert [words.split(",")[0] for words in map(statement_words, rows.unmeasured)] == [
+        "rotor 4: 20 readings in flight"
+    ]
 
 
 def test_a_listener_knows_from_idle_motors_that_what_they_are_sent_is_dshot():
@@ -285,7 +293,7 @@ def test_a_recorded_tank_is_that_of_the_most_trusted_gauge_and_of_no_other():
     trusted = reports("named_value", times[:3], [9.0, 8.0, 7.0], "TANK", source="named")
     other = reports("fuel_remaining", times, 1000.0 * np.arange(10.0), 0, source="fuel")
     rows = made([trusted, other, rotor(0, times)], replace(LIVE, sampling="linear"))
-    assert rows.track.sources["tank_kg"].words == "named"
+    assert source_words(rows.track.sources["tank_kg"]) == "named"
     assert rows.track.tank_kg[:3].tolist() == [9.0, 8.0, 7.0]
     assert np.isnan(rows.track.tank_kg[-1])
 
@@ -319,7 +327,7 @@ def recording(**given: Any) -> Recording:
         "vehicles": (3, 4),
         "autopilot": "ArduPilot",
         "mav_type": 2,
-        "notes": ("read",),
+        "notes": (state("as written", text="read"),),
     }
     return Recording(**(plain | given))
 
@@ -332,7 +340,7 @@ def test_a_flight_counts_from_its_first_row():
     assert (log.clock_start_s, track.start_unix_s, track.name) == (100.0, 1e9 + 100.0, "north.tlog")
     assert (track.time_s[0], track.time_s[-1]) == (0.0, pytest.approx(11.9))
     assert log.messages == ((3.0, "Mission: 2 WP"),)
-    assert track.notes == ("read",)
+    assert [statement_words(one) for one in track.notes] == ["read"]
     assert (log.vehicle, log.vehicles, log.format) == (3, (3, 4), "tlog")
     found = {report.name: report for report in log.channels}
     voltage = found["voltage"]
@@ -342,7 +350,7 @@ def test_a_flight_counts_from_its_first_row():
     assert voltage.longest_gap_s == pytest.approx(0.2)
     # 50.0 at the first row to 61.8, which is held to 11.9 s; the middle of 120 rows is at 5.95 s.
     assert (voltage.minimum, voltage.median, voltage.maximum) == pytest.approx((50.0, 55.95, 61.8))
-    assert (found["wind_ned"].samples, found["wind_ned"].source) == (0, "not in the log")
+    assert (found["wind_ned"].samples, found["wind_ned"].source) == (0, NOT_REPORTED)
     assert np.isnan(found["wind_ned"].rate_hz)
     unknown = assemble(recording(unix_minus_clock=None), signals_by_channel(flight()), LIVE).track
     assert unknown.start_unix_s is None
@@ -353,8 +361,13 @@ def test_what_is_in_the_log_and_not_used_is_named_with_the_reason():
     absurd = reports("pressure", [0.0, 1.0], [1.0, 1.0])
     unmapped = reports("servo_us", [0.0, 1.0], [[1500.0], [1600.0]])
     signals = signals_by_channel([rotor(0, [0.0, 1.0]), unknown, absurd, unmapped])
-    read = recording(unused={"altitude": "in the log (baro), not used: it has no unit"})
-    found = {report.name: report.source for report in assemble(read, signals, Options()).channels}
+    read = recording(
+        unused={"altitude": state("as written", text="in the log (baro), not used: it has no unit")}
+    )
+    found = {
+        report.name: channel_source(report)
+        for report in assemble(read, signals, Options()).channels
+    }
     assert found["current"].endswith("), not used: never with a value")
     assert found["pressure"].endswith("), not used: no value that can be believed or is in time")
     assert found["altitude"] == "in the log (baro), not used: it has no unit"
@@ -362,7 +375,7 @@ def test_what_is_in_the_log_and_not_used_is_named_with_the_reason():
     nobody = assemble(
         recording(mav_type=None), signals_by_channel([unmapped, absurd, unknown]), Options()
     )
-    found = {report.name: report.source for report in nobody.channels}
+    found = {report.name: channel_source(report) for report in nobody.channels}
     assert found["throttle"].endswith("), not used: of no known motor")
 
 
@@ -370,10 +383,11 @@ def test_absent_rotor_speeds_are_told():
     # Motor 3 was heard at first only.
     signals = signals_by_channel([rotor(0, np.arange(20.0)), rotor(2, [0.0, 1.0])])
     log = assemble(recording(), signals, Options())
-    assert log.track.notes[-1] == "no rotor speed of motor 2, 4"
+    assert statement_words(log.track.notes[-1]) == "no rotor speed of motor 2, 4"
     log = assemble(recording(), signals_by_channel([reports("airspeed", [0.0], [1.0])]), Options())
     assert (
-        log.track.notes[-1] == "no ESC telemetry of its motors in the log: rotor speeds are unknown"
+        statement_words(log.track.notes[-1])
+        == "no ESC telemetry of its motors in the log: rotor speeds are unknown"
     )
     with pytest.raises(LogError, match=r"north.tlog: 90 messages, but none with rotor speed"):
         assemble(recording(), {}, Options())
@@ -401,7 +415,7 @@ def test_a_table_is_a_log_of_its_own_rows():
     assert (log.quality.frames_missing, log.quality.bad_checksum, log.quality.damage) == (0, 0, ())
     assert (log.quality.bytes_skipped, log.quality.damaged_places) == (0, 0)
     assert (log.clock_start_s, log.format, log.vehicles) == (2.0, "CSV", ())
-    assert log.track.notes == ("no rotor speed of motor 2",)
+    assert [statement_words(one) for one in log.track.notes] == ["no rotor speed of motor 2"]
     found = {report.name: report for report in log.channels}
     voltage = found["voltage"]
     assert (voltage.samples, voltage.gaps) == (4, 0)  # 3 s are still young enough
@@ -411,7 +425,7 @@ def test_a_table_is_a_log_of_its_own_rows():
     # What is filled in later is reported as it then is, and the rest stays.
     full = replace(log.track, tank_kg=np.full(4, 5.0), sources={"tank_kg": sent("inferred")})
     later = {report.name: report for report in with_track(log, full).channels}
-    assert (later["tank_kg"].samples, later["tank_kg"].source) == (4, "inferred")
+    assert (later["tank_kg"].samples, source_words(later["tank_kg"].source)) == (4, "inferred")
     assert (later["tank_kg"].median, later["tank_kg"].unit) == (5.0, "kg")
     assert later["voltage"] == voltage
     assert later["airspeed"].samples == 0
@@ -440,7 +454,7 @@ def test_reports_of_a_channel_are_counted_with_their_pauses():
 @pytest.mark.parametrize("sampling", ["hold", "linear"])
 def test_only_what_is_stated_with_an_error_carries_one(sampling):
     rows = made(flight(), Options(load=3.0, air_temperature=291.15, sampling=sampling))
-    assert rows.track.sources["tank_kg"].words.startswith("stated: 3 kg")
+    assert source_words(rows.track.sources["tank_kg"]).startswith("stated: 3 kg")
     assert rows.track.temperature.tolist() == [291.15] * rows.clock_s.size
     errors = {k: set(v.tolist()) for k, v in rows.track.standard_errors.items()}
     assert errors == {"temperature": {2.0}}

@@ -12,8 +12,10 @@ from thrustmargin.gcs_plugin.telemetry.motors import motor_map
 from thrustmargin.gcs_plugin.telemetry.power import power
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
 from thrustmargin.gcs_plugin.telemetry.signals import signals_by_channel
+from thrustmargin.gcs_plugin.wording.check_words import source_words, statement_words
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.statement import Statement, state
 
 NAN = float("nan")
 TIME = np.array([0.0, 1.0, 2.0])
@@ -45,7 +47,7 @@ def motors(parameters=None, signals=(), airframe=None, **given):
 def test_motors_are_where_their_functions_are():
     found = motors({**functions(3, 1, 4, 2), "SERVO9_FUNCTION": 22.0})
     assert (found.rotor_count, found.outputs, found.pump_output) == (4, (2, 0, 3, 1), 8)
-    assert found.order_words == "motors on outputs 3, 1, 4, 2 by SERVOn_FUNCTION"
+    assert statement_words(found.order) == "motors on outputs 3, 1, 4, 2 by SERVOn_FUNCTION"
     assert not found.assumed
     # Functions 33 to 40 are motors 1 to 8, 82 to 85 are 9 to 12; outputs go up to 32.
     twelve = {**functions(*range(1, 9)), **functions(29, 30, 31, 32, first=82)}
@@ -60,7 +62,9 @@ def test_the_output_of_a_pump_is_no_motors_where_a_motor_is_not_found():
     for other in ({"SERVO1_FUNCTION": 22.0}, functions(5, 2), {"SERVO3_FUNCTION": 0.0}):
         found = motors(other, driven, F16)
         assert found.throttle(signals_by_channel(driven), other) == [None] * 4
-        assert found.notes[0].endswith("by SERVOn_FUNCTION: no motor output is used")
+        assert statement_words(found.notes[0]).endswith(
+            "by SERVOn_FUNCTION: no motor output is used"
+        )
     unsaid = {"SERVO6_FUNCTION": 22.0, "SERVO2_FUNCTION": 34.0}
     found = motors(unsaid, driven, F16)
     assert (found.outputs, found.notes) == ((0, 1, 2, 3), ())
@@ -70,7 +74,7 @@ def test_the_output_of_a_pump_is_no_motors_where_a_motor_is_not_found():
 def test_motors_that_nothing_names_are_taken_in_order():
     found = motors(airframe=F16)
     assert (found.outputs, found.assumed, found.pump_output) == ((0, 1, 2, 3), True, None)
-    assert found.order_words == "motor n taken to be on output n: 1, 2, 3, 4"
+    assert statement_words(found.order) == "motor n taken to be on output n: 1, 2, 3, 4"
     assert found.notes == ()
     # A motor short: the functions do not say where it is.
     assert motors(functions(5, 6, 7), airframe=None).rotor_count == 3
@@ -79,8 +83,8 @@ def test_motors_that_nothing_names_are_taken_in_order():
     # Nor are they on the outputs 1 to 4: motors 1, 3 and 4 are said to be elsewhere.
     assert motors(broken, airframe=F16).outputs == (-1, -1, -1, -1)
     assert not motors().assumed  # of no motors
-    ordered = motors(motor_order="numbered by motor", mav_type=13)
-    assert (ordered.order_words, ordered.assumed) == ("numbered by motor", False)
+    ordered = motors(motor_order=state("as written", text="numbered by motor"), mav_type=13)
+    assert (statement_words(ordered.order), ordered.assumed) == ("numbered by motor", False)
 
 
 @pytest.mark.parametrize(
@@ -103,16 +107,20 @@ def test_what_tells_the_number_of_rotors(given, count):
     found = motors(**given)
     assert found.rotor_count == count
     assert found.facts.rotor_count == count
-    assert any("reports the number of rotors" in note for note in found.notes) == (count == 0)
+    assert any(
+        "reports the number of rotors" in note for note in map(statement_words, found.notes)
+    ) == (count == 0)
 
 
 def test_a_plane_has_no_motors_that_lift_and_a_quadplane_its_hover_motors():
     plane = motors({**functions(1, 2, 3), "SERVO9_FUNCTION": 22.0}, mav_type=10)
     assert (plane.rotor_count, plane.outputs, plane.pump_output) == (0, (), 8)
-    assert plane.order_words == "no motors that lift"
+    assert statement_words(plane.order) == "no motors that lift"
     winged = motors(functions(5, 6, 7, 8), mav_type=20)
     assert (winged.rotor_count, winged.outputs) == (4, (4, 5, 6, 7))
-    assert winged.notes[0].startswith("a quadplane by MAV_TYPE 20: only its hover motors")
+    assert statement_words(winged.notes[0]).startswith(
+        "a quadplane by MAV_TYPE 20: only its hover motors"
+    )
     assert motors(functions(1, 2, 3)).notes == ()
 
 
@@ -182,7 +190,7 @@ def test_the_words_name_the_range_that_was_used():
     by = "motors on outputs 1, 2, 3 by SERVOn_FUNCTION"
 
     def words(**parameters: float) -> str:
-        return found.throttle_source([pulses], {}, parameters).words
+        return source_words(found.throttle_source([pulses], {}, parameters))
 
     unset = {"MOT_PWM_MIN": 0.0, "MOT_PWM_MAX": 0.0}
     by_radio = words(**unset, RC3_MIN=982.0, RC3_MAX=2006.0)
@@ -218,10 +226,14 @@ def test_escs_are_matched_by_what_turns(outputs, turn, phantom, escs):
     found = motors(functions(*outputs), signals=speeds)
     assert found.escs == escs
     assert found.outputs == tuple(output - 1 for output in outputs)
-    assert any("which is whose is not known" in note for note in found.notes) == (-1 in escs)
+    assert any(
+        "which is whose is not known" in note for note in map(statement_words, found.notes)
+    ) == (-1 in escs)
     moved = escs != found.outputs and -1 not in escs
-    assert ("turned and are taken for theirs" in found.esc_words) == moved
-    assert "turned" not in found.order_words
+    assert (
+        "turned and are taken for theirs" in statement_words(found.esc_order or found.order)
+    ) == moved
+    assert "turned" not in statement_words(found.order)
 
 
 def test_outputs_without_a_pulse_or_beyond_the_reported_have_no_throttle():
@@ -259,22 +271,24 @@ def test_words_say_where_rotor_speed_and_throttle_come_from():
     found = motors(functions(1, 2, 3))
     by = "motors on outputs 1, 2, 3 by SERVOn_FUNCTION"
     speeds = [reports("esc_rpm", [1.0] * 3), None, reports("esc_rpm", [2.0] * 3)]
-    assert found.esc_source(speeds).words == f"ESC_RPM x ({by})"
+    assert source_words(found.esc_source(speeds)) == f"ESC_RPM x ({by})"
     pulses = Signal("throttle", pulses_of("SERVO_OUTPUT_RAW servo1_raw"), TIME, TIME)
-    assert found.throttle_source([None, pulses], {}, {}).words == (
+    assert source_words(found.throttle_source([None, pulses], {}, {})) == (
         f"SERVO_OUTPUT_RAW (1000 to 2000 µs, assumed; {by})"
     )
     given = {"MOT_PWM_MIN": 1100.0, "MOT_PWM_MAX": 1940.0}
     rcou = found.throttle_source([pulses._replace(source=pulses_of("RCOU C1"))], {}, given)
-    assert rcou.words == f"RCOU (1100 to 1940 µs, MOT_PWM_MIN/MAX; {by})"
+    assert source_words(rcou) == f"RCOU (1100 to 1940 µs, MOT_PWM_MIN/MAX; {by})"
     own = pulses._replace(source=sent("actuator_motors control"))
-    assert found.throttle_source([own], {}, given).words == f"actuator_motors control ({by})"
+    assert (
+        source_words(found.throttle_source([own], {}, given)) == f"actuator_motors control ({by})"
+    )
 
 
 def first_of(channel: str, *signals: Signal, sampling: Any = "linear"):
-    notes: list[str] = []
+    notes: list[Statement] = []
     sources = tuple(power(signals_by_channel(signals), sampling, notes)[channel])
-    return sources, notes
+    return sources, [statement_words(one) for one in notes]
 
 
 def test_the_packs_own_message_goes_before_the_boards_and_the_escs():
@@ -325,7 +339,7 @@ def test_a_listener_holds_the_escs_at_the_reports_of_the_first():
     np.testing.assert_array_equal(sources[0].values, [44.0, 45.0, 46.0])  # 40, 42, 44 between
     sources, _ = first_of("voltage", first, second, sampling="hold")
     np.testing.assert_array_equal(sources[0].values, [44.0, 44.0, 46.0])
-    assert sources[0].source.words == "ESC_VOLTAGE x (mean of ESCs)"
+    assert source_words(sources[0].source) == "ESC_VOLTAGE x (mean of ESCs)"
     silent = reports("esc_voltage", [0.0] * 3, 2)
     sources, _ = first_of("voltage", silent, first, second)
     assert sources[0].values[0] == 44.0

@@ -9,6 +9,7 @@ from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.position import PlaceOfZero, place_of_zero, position_sources
 from thrustmargin.gcs_plugin.telemetry.signals import signals_by_channel
+from thrustmargin.gcs_plugin.wording.check_words import source_words
 from thrustmargin.models.flight import Origin
 
 NAN = float("nan")
@@ -43,7 +44,7 @@ def zero_of(*signals: Signal, flying=(), before: PlaceOfZero | None = None):
     return (
         (where.latitude_deg, where.longitude_deg, where.altitude),
         found.rank,
-        found.whose,
+        found.remark,
         found.settled,
     )
 
@@ -54,7 +55,7 @@ FIX = fixes((1.0, 2.0, 30.0))
 
 def test_home_is_where_it_was_at_take_off():
     moved = home([0.0, 4.0, 6.0], (1.0, 2.0, 3.0), (4.0, 5.0, 6.0), (7.0, 8.0, 9.0))
-    words = "home"
+    words = "from home"
     assert zero_of(FIX, moved, flying=[5, 6, 7]) == ((4.0, 5.0, 6.0), 0, words, True)
     assert zero_of(FIX, moved, flying=[4]) == ((4.0, 5.0, 6.0), 0, words, True)
     assert zero_of(FIX, moved, flying=[3]) == ((1.0, 2.0, 3.0), 0, words, True)
@@ -84,15 +85,15 @@ def test_home_is_where_it_was_at_take_off():
 def test_what_is_a_place(place, on_earth):
     found = zero_of(FIX, home([0.0], place))
     assert found is not None
-    assert found[1:3] == ((0, "home") if on_earth else (2, FIRST_FIX))
+    assert found[1:3] == ((0, "from home") if on_earth else (2, FIRST_FIX))
 
 
-FIRST_FIX = "the first fix, for no home is reported"
+FIRST_FIX = "from first fix"
 
 
 def test_after_home_the_estimators_origin_then_the_first_fix():
     ekf = origin([0.0], (4.0, 5.0, 6.0))
-    words = "the estimator's origin"
+    words = "from estimator's origin"
     assert zero_of(FIX, ekf) == ((4.0, 5.0, 6.0), 1, words, False)
     # Without latitudes positions are the estimator's own, whatever home is.
     assert zero_of(home([0.0], (1.0, 2.0, 3.0)), ekf) == ((4.0, 5.0, 6.0), 1, words, False)
@@ -108,22 +109,22 @@ def test_a_settled_place_gives_way_to_a_better_kind_only():
     where = (50.0, 60.0, 70.0)
     both = (FIX, home([0.0], (1.0, 2.0, 3.0)), origin([0.0], (4.0, 5.0, 6.0)))
     first = PlaceOfZero(old, 2, "old", OLD, settled=True)
-    assert zero_of(*both, before=first) == ((1.0, 2.0, 3.0), 0, "home", True)
+    assert zero_of(*both, before=first) == ((1.0, 2.0, 3.0), 0, "from home", True)
     by_ekf = PlaceOfZero(old, 1, "old", OLD, settled=True)
     assert zero_of(FIX, both[2], before=by_ekf) == (where, 1, "old", True)
-    assert zero_of(*both, before=by_ekf) == ((1.0, 2.0, 3.0), 0, "home", True)
+    assert zero_of(*both, before=by_ekf) == ((1.0, 2.0, 3.0), 0, "from home", True)
     by_home = PlaceOfZero(old, 0, "old", OLD, settled=True)
     assert zero_of(*both, before=by_home) == (where, 0, "old", True)
     # On the ground it moves with every report; with none it stays, settled by a take-off.
     loose = PlaceOfZero(old, 0, "old", OLD, settled=False)
-    assert zero_of(*both, before=loose) == ((1.0, 2.0, 3.0), 0, "home", False)
+    assert zero_of(*both, before=loose) == ((1.0, 2.0, 3.0), 0, "from home", False)
     assert zero_of(FIX, before=loose) == (where, 0, "old", False)
     assert zero_of(FIX, before=loose, flying=[1]) == (where, 0, "old", True)
 
 
 def test_positions_count_from_zero_in_metres_north_east_and_down():
     place = Origin(latitude_deg=0.0, longitude_deg=10.0, altitude=100.0)
-    zero = PlaceOfZero(place, 0, "home", sent("H"), settled=True)
+    zero = PlaceOfZero(place, 0, "from home", sent("H"), settled=True)
     signal = fixes(
         (1e-4, 10.0, 100.0),
         (0.0, 10.0001, 103.0),
@@ -136,7 +137,7 @@ def test_positions_count_from_zero_in_metres_north_east_and_down():
     sources = position_sources(signals_by_channel([local, signal]), zero)
     assert [s.channel for s in sources] == ["position_ned", "position_ned"]
     assert sources[1] is local
-    assert sources[0].source.words == "GPS x (from home; by H)"
+    assert source_words(sources[0].source) == "GPS x (from home; by H)"
     found = sources[0].values
     np.testing.assert_allclose(found[0], [NORTH * 1e-4, 0.0, 0.0], atol=1e-3)
     np.testing.assert_allclose(found[1], [0.0, EAST * 1e-4, -3.0], atol=1e-3)

@@ -6,6 +6,7 @@ import pytest
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap, motor_map
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, signals_by_channel
+from thrustmargin.gcs_plugin.wording.check_words import source_words, statement_words
 from thrustmargin.models.provenance import Provenance, SourceKind
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
@@ -24,12 +25,14 @@ def px4_motors(functions: tuple[int, ...], *, escs: bool) -> MotorMap:
 def test_px4_says_which_main_output_is_which_motor_and_not_which_esc(escs):
     crossed = px4_motors((0, 102, 101, 104, 103), escs=escs)
     assert crossed.outputs == (2, 1, 4, 3)
-    assert crossed.order_words == "motors on outputs 3, 2, 5, 4 by PWM_MAIN_FUNCn"
+    assert statement_words(crossed.order) == "motors on outputs 3, 2, 5, 4 by PWM_MAIN_FUNCn"
     # Speeds stay as they were numbered, and are said to be so.
     assert crossed.assumed is escs
     if escs:
         assert crossed.escs == (0, 1, 2, 3)
-        assert crossed.esc_words.startswith("ESC n taken to be that of motor n")
+        assert statement_words(crossed.esc_order or crossed.order).startswith(
+            "ESC n taken to be that of motor n"
+        )
     straight = px4_motors((101, 102, 103, 104), escs=escs)
     assert (straight.outputs, straight.assumed) == ((0, 1, 2, 3), False)
     # Some of them only: nothing is known of the others.
@@ -56,14 +59,15 @@ def throttle(sent: Signals, parameters: dict[str, float]) -> tuple[MotorMap, lis
 def test_motors_are_on_the_port_that_drives_all_of_them():
     main, aux = [1500, 0, 0, 0], [1600, 1700, 1800, 1900]
     motors, shares = throttle(outputs(main, aux), {})
-    assert motors.order_words == "motor n taken to be on output n: 1, 2, 3, 4"
+    assert statement_words(motors.order) == "motor n taken to be on output n: 1, 2, 3, 4"
     assert shares == pytest.approx([0.6, 0.7, 0.8, 0.9])
     # Both do: the first, whatever the second has.
     assert throttle(outputs(aux, [1500] * 4), {})[1] == pytest.approx([0.6, 0.7, 0.8, 0.9])
     functions = {f"PWM_AUX_FUNC{n}": 105.0 - n for n in range(1, 5)}
     motors, shares = throttle(outputs([1500] * 3, aux), functions)
     sent = outputs([1500] * 3, aux)
-    assert motors.throttle_source(motors.throttle(sent, functions), sent, functions).words == (
+    source = motors.throttle_source(motors.throttle(sent, functions), sent, functions)
+    assert source_words(source) == (
         "SERVO_OUTPUT_RAW (port 1; 1000 to 2000 µs, assumed; "
         "motors on outputs 4, 3, 2, 1 by PWM_AUX_FUNCn)"
     )

@@ -15,6 +15,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
 )
 from thrustmargin.gcs_plugin.telemetry.resample import sample, thinned
 from thrustmargin.gcs_plugin.telemetry.signals import best
+from thrustmargin.gcs_plugin.wording.check_words import source_words
 
 ROW_SPACING = 0.09  # s, least between two rows
 
@@ -119,7 +120,7 @@ def test_the_preferred_source_is_used_unless_another_covers_more():
 
     def chosen(*signals):
         found = best({"voltage": signals}, "voltage")
-        return None if found is None else found.source.words
+        return None if found is None else source_words(found.source)
 
     assert chosen(good, other) == "first"
     assert chosen(short, other) == "second"

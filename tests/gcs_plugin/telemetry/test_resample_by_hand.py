@@ -30,6 +30,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
     by_index,
     signals_by_channel,
 )
+from thrustmargin.gcs_plugin.wording.check_words import source_words
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.provenance import Meaning
 
@@ -205,7 +206,7 @@ def test_the_first_source_is_kept_down_to_nine_tenths_of_the_best(seconds, chose
     second = signal(np.arange(100), np.ones(100), source="second")
     found = best({"voltage": (first, second)}, "voltage")
     assert found is not None
-    assert found.source.words == chosen
+    assert source_words(found.source) == chosen
     assert best({}, "voltage") is None
 
 

@@ -18,13 +18,19 @@ from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
     lifting,
     measured_speeds,
     median_speeds,
-    rejected_words,
+    rejected_readings,
     stopped_in_flight,
 )
-from thrustmargin.gcs_plugin.wording.check_words import SENTENCES
+from thrustmargin.gcs_plugin.wording.check_words import SENTENCES, statement_words
 from thrustmargin.models.checks.speed_readings import REASONS
 from thrustmargin.models.checks.speed_readings import ZERO as SPEED_ZERO
 from thrustmargin.models.physics.airframe import load_airframe
+
+
+def sentences(*given, counted: bool) -> tuple[str, ...]:
+    """The sentences of the readings that are rejected."""
+    return tuple(map(statement_words, rejected_readings(*given, counted=counted)))
+
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 HELD = 2
@@ -61,9 +67,11 @@ def test_the_recorded_flights_are_measured_throughout(sitl_logs):
 def test_speeds_that_are_all_zero_are_no_speeds(sitl_logs, tmp_path):
     log = changed(sitl_logs, tmp_path, None, slice(0, None), 0)
     assert not log.track.reports("rotor_speed_rpm")
-    assert log.unmeasured == (f"every rotor: 8012 readings in flight, {ZERO}",)
+    assert tuple(map(statement_words, log.unmeasured)) == (
+        f"every rotor: 8012 readings in flight, {ZERO}",
+    )
     assert log.unmeasured[0] in log.track.notes
-    assert "no ESC telemetry that measures" in log.track.notes[-1]
+    assert "no ESC telemetry that measures" in statement_words(log.track.notes[-1])
     whole = read_log(sitl_logs / FLIGHT)
     assert log.track.flying.tolist() == whole.track.flying.tolist()
     findings = {f.check: f for f in inspect_log(log, load_airframe("topxgun-f16")).findings}
@@ -77,7 +85,11 @@ def test_one_sensor_that_fails_does_not_take_the_others_with_it(sitl_logs, tmp_p
     late = log.track.flying & (log.track.time_s > log.track.time_s[1210])
     assert np.isnan(log.track.rotor_speed_rpm[late, 3]).all()
     assert np.isfinite(log.track.rotor_speed_rpm[300:1190, 3]).all()
-    assert [n for n in log.unmeasured if n.startswith("rotor 4: ") and n.endswith(ZERO)]
+    assert [
+        n
+        for n in map(statement_words, log.unmeasured)
+        if n.startswith("rotor 4: ") and n.endswith(ZERO)
+    ]
 
 
 @pytest.mark.parametrize(
@@ -91,8 +103,8 @@ def test_one_sensor_that_fails_does_not_take_the_others_with_it(sitl_logs, tmp_p
 def test_held_lone_and_zero_readings_are_named(sitl_logs, tmp_path, rotor, rows, value, words):
     log = changed(sitl_logs, tmp_path, rotor, rows, value)
     assert len(log.unmeasured) == 1
-    assert log.unmeasured[0].startswith(f"rotor {rotor + 1}: ")
-    assert words in log.unmeasured[0]
+    assert statement_words(log.unmeasured[0]).startswith(f"rotor {rotor + 1}: ")
+    assert words in statement_words(log.unmeasured[0])
     whole = read_log(sitl_logs / FLIGHT).track.rotor_speed_rpm
     differs = np.flatnonzero((log.track.rotor_speed_rpm != whole).any(axis=1))
     assert differs.size <= rows.stop - rows.start + 1
@@ -125,7 +137,10 @@ def test_a_table_is_judged_as_a_log_is(sitl_logs, tmp_path):
     table = read_log(tmp_path / "flight.csv")
     assert np.isnan(table.track.rotor_speed_rpm[:, 1]).all()
     assert np.isnan(table.track.rotor_speed_rpm[900, 2])
-    assert [n.split(":")[0] for n in table.unmeasured] == ["rotor 2", "rotor 3"]
+    assert [n.split(":")[0] for n in map(statement_words, table.unmeasured)] == [
+        "rotor 2",
+        "rotor 3",
+    ]
     assert table.facts.rotor_count == 4
 
 
@@ -143,7 +158,7 @@ def test_without_outputs_the_other_rotors_show_that_a_value_is_held(sitl_logs, t
     lost = np.zeros(whole.shape, dtype=bool)
     lost[held.start + 1 : held.stop, 1] = True
     np.testing.assert_array_equal(table.track.rotor_speed_rpm, np.where(lost, np.nan, whole))
-    (said,) = table.unmeasured
+    (said,) = map(statement_words, table.unmeasured)
     assert said.startswith("rotor 2: 99 readings in flight, no measurement: one value held")
 
 
@@ -237,31 +252,31 @@ def test_what_was_no_measurement_is_counted_by_rotor_and_reason():
     hidden[2:, 2] = True
     none = np.full((4, 3), np.nan)
     held, zero = (SENTENCES[REASONS[why]] for why in (HELD, SPEED_ZERO))
-    assert sorted(rejected_words(measured, none, hidden, clock, flying, counted=True)) == [
+    assert sorted(sentences(measured, none, hidden, clock, flying, counted=True)) == [
         f"rotor 1: 2 readings in flight, no measurement: {held}",
         f"rotor 3: 2 readings in flight, no measurement: {zero}",
     ]
     # Those that were left out and those hidden add up; of all rotors it is said once.
     every = {(k, SPEED_ZERO): np.array([2.0]) for k in range(3)}
     measured = MeasuredSpeeds(signals=[], rejected=every, memory=())
-    assert rejected_words(measured, none, hidden, clock, flying, counted=True) == (
+    assert sentences(measured, none, hidden, clock, flying, counted=True) == (
         f"every rotor: 5 readings in flight, no measurement: {zero}",
     )
-    assert rejected_words(measured, none, hidden, clock, flying, counted=False) == (
+    assert sentences(measured, none, hidden, clock, flying, counted=False) == (
         f"every rotor: no measurement: {zero}",
     )
     # One reading of each as it spins up does not hide whose sensor is dead.
     dead = every | {(1, SPEED_ZERO): np.linspace(1.0, 3.0, 31)}
     measured_dead = MeasuredSpeeds(signals=[], rejected=dead, memory=())
     nobody = np.zeros((4, 3), dtype=bool)
-    assert rejected_words(measured_dead, none, nobody, clock, flying, counted=True) == (
+    assert sentences(measured_dead, none, nobody, clock, flying, counted=True) == (
         f"rotor 2: 31 readings in flight, no measurement: {zero}",
     )
     pair = MeasuredSpeeds(signals=[], rejected=dict(list(every.items())[:2]), memory=())
-    assert rejected_words(pair, none, hidden[:2, :2], clock, flying, counted=False) == (
+    assert sentences(pair, none, hidden[:2, :2], clock, flying, counted=False) == (
         f"every rotor: no measurement: {zero}",
     )
-    (alone,) = rejected_words(measured, none, hidden[:, :1], clock, flying, counted=False)[:1]
+    (alone,) = sentences(measured, none, hidden[:, :1], clock, flying, counted=False)[:1]
     assert alone.startswith("rotor 1: ")
 
 
@@ -273,9 +288,9 @@ def test_a_rotor_without_readings_for_a_part_of_the_flight_is_reported():
     speeds[:, 2] = np.nan  # never heard: that is said elsewhere
     speeds[10, 3] = np.nan  # 1 of 30
     measured = MeasuredSpeeds(signals=[], rejected={}, memory=())
-    said = rejected_words(measured, speeds, hidden, clock, flying, counted=True)
+    said = sentences(measured, speeds, hidden, clock, flying, counted=True)
     assert said == ("rotor 2: no reading for 13 % of the flight",)
-    assert rejected_words(measured, speeds, hidden, clock, flying, counted=False) == ()
+    assert sentences(measured, speeds, hidden, clock, flying, counted=False) == ()
     measured = MeasuredSpeeds(signals=[], rejected={(1, HELD): np.array([9.0])}, memory=())
-    (said,) = rejected_words(measured, speeds, hidden, clock, flying, counted=True)
+    (said,) = sentences(measured, speeds, hidden, clock, flying, counted=True)
     assert said.startswith("rotor 2: 1 readings in flight, no measurement")

@@ -14,6 +14,7 @@ from tests.gcs_plugin.logs.tlog_files import (
     written,
 )
 from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.wording.check_words import source_words
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -42,8 +43,8 @@ def test_motors_are_found_on_the_outputs_that_the_parameters_name(tmp_path):
     track = read_log(written(tmp_path, b"".join(out))).track
     np.testing.assert_array_equal(track.rotor_speed_rpm[5], [1006, 1005, 1008, 1007])
     np.testing.assert_allclose(track.throttle[5], [0.16, 0.15, 0.18, 0.17])
-    assert (
-        "motors on outputs 6, 5, 8, 7 by SERVOn_FUNCTION" in track.sources["rotor_speed_rpm"].words
+    assert "motors on outputs 6, 5, 8, 7 by SERVOn_FUNCTION" in source_words(
+        track.sources["rotor_speed_rpm"]
     )
 
 
@@ -123,7 +124,7 @@ def test_flying_is_told_by_the_best_evidence_there_is(tmp_path, told, height, sa
     rows = np.flatnonzero(track.flying)
     assert rows[0] == pytest.approx(first, abs=2)
     assert rows[-1] == pytest.approx(last, abs=2)
-    assert said in track.sources["flying"].words
+    assert said in source_words(track.sources["flying"])
 
 
 def test_home_moved_while_armed_is_not_the_place_of_zero(tmp_path):
@@ -153,10 +154,10 @@ def test_an_airframe_with_another_number_of_rotors_is_refused(tmp_path):
 
 def test_sources_say_which_message_each_channel_came_from():
     log = read_log(FLIGHT)
-    assert log.track.sources["tank_kg"].words == "NAMED_VALUE_FLOAT TANK"
-    assert log.track.sources["airspeed"].words.startswith("VFR_HUD airspeed (EKF estimate")
-    assert "(from home; by HOME_POSITION)" in log.track.sources["position_ned"].words
-    assert "not above the crop" in log.track.sources["height_agl"].words
+    assert source_words(log.track.sources["tank_kg"]) == "NAMED_VALUE_FLOAT TANK"
+    assert source_words(log.track.sources["airspeed"]).startswith("VFR_HUD airspeed (EKF estimate")
+    assert "(from home; by HOME_POSITION)" in source_words(log.track.sources["position_ned"])
+    assert "not above the crop" in source_words(log.track.sources["height_agl"])
     reports = {report.name: report for report in log.channels}
     assert reports["rotor_speed_rpm"].rate_hz == pytest.approx(10.0, rel=0.05)
     assert reports["tank_kg"].rate_hz == pytest.approx(2.0, rel=0.05)

@@ -28,6 +28,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
     pitot_present,
     signals_by_channel,
 )
+from thrustmargin.gcs_plugin.wording.check_words import source_words
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
@@ -88,7 +89,7 @@ def test_named_values_are_one_signal_each_in_the_order_of_time():
     )["named_value"]
     by_name = {s.index: s for s in found}
     assert set(by_name) == {"TANK", "FLOW"}
-    assert by_name["TANK"].source.words == "NAMED_VALUE_FLOAT TANK"
+    assert source_words(by_name["TANK"].source) == "NAMED_VALUE_FLOAT TANK"
     assert by_name["TANK"].time_s.tolist() == [0.0, 2.0]
     assert by_name["TANK"].values.tolist() == [7.0, 5.0]
 
@@ -123,7 +124,7 @@ def test_the_preferred_source_comes_first_whatever_came_first():
     found = mavlink_signals(dict(streams), HUD)
     assert values_of(found, "pressure") == [[100_000.0], [90_000.0]]
     assert found["airspeed"][0].source is HUD
-    assert found["altitude"][0].source.words.startswith("VFR_HUD alt")
+    assert source_words(found["altitude"][0].source).startswith("VFR_HUD alt")
     # Emptied on the way.
     mavlink_signals(streams, HUD)
     assert streams == {}
@@ -149,7 +150,8 @@ def test_a_listener_keeps_each_battery_by_itself_and_the_lowest_first():
     buffer.add({"BATTERY_STATUS": batteries([0.0, 1.0, 2.0], 1, 0, 1)}, HUD, -np.inf)
     found = buffer.signals["battery_percent"]
     assert [(s.index, s.time_s.tolist()) for s in found] == [(0, [1.0]), (1, [0.0, 2.0])]
-    assert [s.source.words.endswith(f"of id {k}") for k, s in enumerate(found)] == [True, True]
+    words = [source_words(signal.source) for signal in found]
+    assert [one.endswith(f"of id {k}") for k, one in enumerate(words)] == [True, True]
     assert buffer.heard == {"BATTERY_STATUS"}
 
 
@@ -221,7 +223,7 @@ def test_whether_the_vehicle_has_a_pitot_tube():
     ],
 )
 def test_what_the_airspeed_is(autopilot, pitot, said):
-    assert said in hud_airspeed(autopilot, pitot).words
+    assert said in source_words(hud_airspeed(autopilot, pitot))
 
 
 def item(kind: type, x, y) -> Any:
@@ -257,8 +259,8 @@ def test_a_log_in_five_lines():
     one = ChannelReport(
         name="voltage",
         unit="V",
-        source="s",
-        provenance=sent("s"),
+        source=sent("s"),
+        unused=None,
         samples=2,
         rate_hz=1.0,
         gaps=0,

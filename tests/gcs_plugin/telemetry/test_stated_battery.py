@@ -15,7 +15,7 @@ from tests.made_sources import sent
 from thrustmargin.gcs_plugin.logs import FlightLog, read_log
 from thrustmargin.gcs_plugin.mavlink.frame import checksum
 from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import reported_airframe
-from thrustmargin.gcs_plugin.wording.check_words import statement_words
+from thrustmargin.gcs_plugin.wording.check_words import source_words, statement_words
 from thrustmargin.models.checks.plausible import comparisons
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import load_airframe
@@ -123,4 +123,4 @@ def test_px4_writes_it_into_its_own_log(tmp_path):
         log.row("battery_status", 100.0 + tick / 10, 24.0, 1.0, 5000, 6)
     stated = read_log(ulog_written(tmp_path, log.bytes())).facts.battery
     assert (stated.cells, stated.capacity_mah) == (6, 5000.0)
-    assert stated.source.words == "battery_status cell_count of id 0"
+    assert source_words(stated.source) == "battery_status cell_count of id 0"

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options, stated_channels, stated_track
+from thrustmargin.gcs_plugin.wording.check_words import source_words
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -22,7 +23,9 @@ def load(options: Options, pumped=PUMPED, spraying=SPRAYING):
     found = stated_channels(
         options, time_s=TIME, flying=FLYING, spraying=spraying, pumped_kg=pumped
     )
-    return next((values.tolist(), s.words) for name, values, s, _ in found if name == "tank_kg")
+    return next(
+        (values.tolist(), source_words(s)) for name, values, s, _ in found if name == "tank_kg"
+    )
 
 
 @pytest.mark.parametrize("sampling", ["linear", "hold"])
@@ -94,7 +97,7 @@ def test_a_table_takes_what_is_stated_in_the_place_of_its_own():
     assert not stated_track(track, Options(tank="none")).reports("tank_kg")
     assert stated_track(track, Options()).tank_kg.tolist() == [9.0] * 5
     warm = stated_track(track, Options(air_temperature=291.15))
-    assert warm.sources["temperature"].words == "stated: 18 °C outside"
+    assert source_words(warm.sources["temperature"]) == "stated: 18 °C outside"
     assert warm.temperature.tolist() == [291.15] * 5
     assert warm.standard_errors["temperature"].tolist() == [2.0] * 5
 

@@ -19,8 +19,10 @@ from thrustmargin.gcs_plugin.telemetry.tank_source import (
     pump_share,
     tank_levels,
 )
+from thrustmargin.gcs_plugin.wording.check_words import source_words, statement_words
 from thrustmargin.models.flight import FlyingBy
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
+from thrustmargin.models.statement import Statement
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 AGREEMENT = 1.5
@@ -61,7 +63,9 @@ def test_kilograms_litres_and_millilitres():
     assert kilograms(percent) == pytest.approx([6.0, 4.8, 3.6, 2.4])  # of 12 kg
     share = level(percent, airframe=None)
     assert share.signal is None
-    assert any("only a share: give an airframe" in note for note in share.notes)
+    assert any(
+        "only a share: give an airframe" in note for note in map(statement_words, share.notes)
+    )
 
 
 def test_of_several_fuel_tanks_the_first_known_or_the_one_asked_for():
@@ -171,11 +175,11 @@ def test_a_pump_that_is_not_known_gives_no_level():
 
 def spraying(*signals: Signal, tank: Signal | None = None, sampling: Sampling = "linear", **given):
     context = TankContext(airframe=OURS, parameters=given.pop("parameters", {}), **given)
-    notes: list[str] = []
+    notes: list[Statement] = []
     found = spraying_sources(
         pump_share(signals_by_channel(signals), context), tank, sampling, notes
     )
-    return found[0] if found else None, notes
+    return found[0] if found else None, [statement_words(one) for one in notes]
 
 
 def test_the_pump_sprays_above_its_least_pulse():
@@ -200,7 +204,7 @@ def test_a_tank_that_falls_by_more_than_half_a_litre_a_minute_is_sprayed():
     # at 10 s 0.03 is 0.0075.
     assert found.values.tolist() == [0.0] * 4 + [1.0] * 6 + [0.0] * 6
     assert notes == ["no pump output known: spraying is read from the falling tank level"]
-    assert "0.48 kg/min" in found.source.words
+    assert "0.48 kg/min" in source_words(found.source)
     first = spraying(tank=reports("tank_kg", [5.0], times=[0.0]))[0]
     assert first is not None
     assert first.values.tolist() == [0.0]  # as a listener has it, which cannot wait for a second
@@ -219,7 +223,7 @@ def table(clock, channels) -> dict[str, np.ndarray]:
 
 def flying(*signals: Signal, clock=CLOCK, **channels) -> tuple[list[int], str]:
     found = airborne(signals_by_channel(signals), clock, table(clock, channels))
-    return np.flatnonzero(found.flying).tolist(), found.words
+    return np.flatnonzero(found.flying).tolist(), source_words(found.source)
 
 
 def grounded_by(*signals: Signal, airframe: Airframe | None = None, clock=CLOCK, **channels):

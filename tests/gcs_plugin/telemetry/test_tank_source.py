@@ -18,8 +18,10 @@ from thrustmargin.gcs_plugin.telemetry.tank_source import (
     flight_battery,
     tank_levels,
 )
+from thrustmargin.gcs_plugin.wording.check_words import source_words, statement_words
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.statement import state
 
 ROOT = Path(__file__).resolve().parents[3]
 FLIGHT = ROOT / "sitl_logs/campaign/v4_m10_q2.5.tlog"
@@ -63,7 +65,7 @@ def test_a_named_value_goes_before_a_tank_battery():
     named = Signal("named_value", sent("NAMED_VALUE_FLOAT TANK"), TIME, TIME * 0 + 7.0, "TANK")
     found = level(named, *battery(TIME * 0 + 50))
     assert found.signal is not None
-    assert found.signal.source.words == "NAMED_VALUE_FLOAT TANK"
+    assert source_words(found.signal.source) == "NAMED_VALUE_FLOAT TANK"
     assert found.signal.values[0] == 7.0
 
 
@@ -76,7 +78,7 @@ def test_litres_take_the_liquids_density():
     forced = level(own, source="NAMED_VALUE_FLOAT LVL:l", airframe=None)
     assert forced.signal is not None
     assert forced.signal.values[0] == 7.0
-    assert forced.notes == ("liquid taken as water, 1.0 kg/L: no airframe given",)
+    assert forced.notes == (state("liquid taken as water"),)
 
 
 def test_a_second_battery_with_a_level_senders_voltage_is_the_tank():
@@ -86,7 +88,7 @@ def test_a_second_battery_with_a_level_senders_voltage_is_the_tank():
     )
     assert found.signal is not None
     np.testing.assert_allclose(found.signal.values, 16.0 - used / 1000)
-    assert found.signal.source.words == (
+    assert source_words(found.signal.source) == (
         "BATTERY_STATUS of id 1 (a tank: ml used of BATT2_CAPACITY 16000 ml)"
     )
 
@@ -95,14 +97,14 @@ def test_without_a_capacity_parameter_the_airframes_tank_counts():
     found = level(*battery(TIME * 0 + 50.0))
     assert found.signal is not None
     assert found.signal.values[0] == pytest.approx(0.5 * F16.tank_capacity_kg)
-    assert "% of the airframe's 16 L" in found.signal.source.words
+    assert "% of the airframe's 16 L" in source_words(found.signal.source)
     brine = replace(F16, liquid_density=1.2)
     heavier = level(*battery(TIME * 0 + 50.0), airframe=brine)
     assert heavier.signal is not None
     assert heavier.signal.values[0] == pytest.approx(1.2 * found.signal.values[0])
     nothing = level(*battery(TIME * 0 + 50.0), airframe=None)
     assert nothing.signal is None
-    assert any("its volume is unknown" in note for note in nothing.notes)
+    assert any("its volume is unknown" in note for note in map(statement_words, nothing.notes))
 
 
 def test_ml_used_that_contradict_the_percentage_are_not_used():
@@ -114,7 +116,7 @@ def test_ml_used_that_contradict_the_percentage_are_not_used():
 def test_a_second_pack_is_not_taken_for_a_tank():
     found = level(*battery(TIME * 0 + 50.0, volts=55.0))
     assert found.signal is None
-    assert any("no tank gauge" in note for note in found.notes)
+    assert any("no tank gauge" in note for note in map(statement_words, found.notes))
     # Forced, it is taken at the user's word.
     assert level(*battery(TIME * 0 + 50.0, volts=55.0), source="BATTERY_STATUS 1").signal
 
@@ -149,13 +151,16 @@ def test_the_pump_is_summed_from_a_stated_level():
     per_second = 0.5 * F16.pump_max_flow_l_min / 60 * F16.liquid_density
     expected = np.maximum(10.0 - per_second * TIME, 0.0)
     np.testing.assert_allclose(found.signal.values, expected, atol=1e-9)
-    assert "stated 10 kg" in found.signal.source.words
+    assert "stated 10 kg" in source_words(found.signal.source)
 
 
 def test_without_a_start_level_the_pump_gives_no_number():
     found = level(pump(0.5), pump=4)
     assert found.signal is None
-    assert any("start level (--tank-start-kg) is unknown" in note for note in found.notes)
+    assert any(
+        "start level (--tank-start-kg) is unknown" in note
+        for note in map(statement_words, found.notes)
+    )
 
 
 @pytest.mark.parametrize(
@@ -180,7 +185,7 @@ def test_the_airframe_file_names_the_source_unless_the_user_does():
     tank = battery(TIME * 0 + 50)
     found = level(named, *tank, airframe=own)
     assert found.signal is not None
-    assert found.signal.source.words.startswith("BATTERY_STATUS")
+    assert source_words(found.signal.source).startswith("BATTERY_STATUS")
     asked = level(named, *tank, airframe=own, source="NAMED_VALUE_FLOAT TANK")
     assert asked.signal is not None
     assert asked.signal.values[0] == 7.0
@@ -195,7 +200,7 @@ def test_the_recorded_flights_three_gauges_agree():
     named = read_log(FLIGHT, airframe=F16).track
     battery_track = read_log(FLIGHT, airframe=F16, tank="BATTERY_STATUS 1").track
     assert np.nanmax(np.abs(named.tank_kg - battery_track.tank_kg)) < 0.15
-    assert battery_track.sources["tank_kg"].words.startswith(
+    assert source_words(battery_track.sources["tank_kg"]).startswith(
         "BATTERY_STATUS current_consumed of id 1 (a tank: ml used of"
     )
     left_out = read_log(FLIGHT, airframe=F16, tank="none").track
@@ -213,9 +218,9 @@ def test_a_flight_without_gauge_falls_back_to_the_pump_and_says_so(tmp_path):
     )
     unknown = read_log(path, airframe=F16).track
     assert not unknown.reports("tank_kg")
-    assert any("start level" in note for note in unknown.notes)
+    assert any("start level" in note for note in map(statement_words, unknown.notes))
     track = read_log(path, airframe=F16, tank_start_kg=10.0).track
-    assert track.sources["tank_kg"].words.startswith(
+    assert source_words(track.sources["tank_kg"]).startswith(
         "pump output (servo 5, summed from the stated 10 kg"
     )
     used = 10.0 - track.tank_kg[-1]

@@ -64,6 +64,7 @@ NOT_SPOKEN = {
     *("the start", "Home is taken where the first line starts; give --home for another."),
     "; the load that you state is taken for each of them",
     "RMSE rpm",
+    *("predicted margin", "margin ahead"),  # names of alarms, shown by SHOWN_NAMES
     " of {rotor}",  # behind the name of an effect without words
 }
 
@@ -89,7 +90,8 @@ def asked_for() -> set[str]:
                 found.add(text)
     used = {actions.LAND, actions.GROUND_WRECK, actions.TEST_BATTERY, actions.CHECK_LOAD}
     found |= {action.words for action in used | {actions.FLY_GENTLY}}
-    found |= {*GRAVEST_FIRST, *alarm_words.MISSING.values(), *alarm_words.FAILURES.values()}
+    found |= {alarm_words.SHOWN_NAMES.get(name, name) for name in GRAVEST_FIRST}
+    found |= {*alarm_words.MISSING.values(), *alarm_words.FAILURES.values()}
     found |= {word for word in alarm_words.ASKED if word}
     reasons = [
         value for value in vars(live_words).values() if isinstance(value, live_words.WhyUnknown)

@@ -12,6 +12,7 @@ import numpy as np
 
 import thrustmargin as tm
 from tests.lab.measured.findings import Finding, Number
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.errors import DataError
 
 FOLDER = "px4_ulog"
@@ -35,5 +36,5 @@ def find(folder: Path) -> Finding:
             Number("rows", track.time_s.size),
             Number("duration", track.duration, "s"),
         ),
-        notes=track.notes,
+        notes=tuple(map(statement_words, track.notes)),
     )

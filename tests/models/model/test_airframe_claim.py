@@ -117,7 +117,7 @@ def test_no_number_of_a_withheld_analysis_needs_an_airframe(rotors):
         elif field.name not in plain:
             assert np.isnan(getattr(flight, field.name)).all(), field.name
     assert flight.model is unknown_aircraft(rotors)
-    assert flight.voltage_basis == "no airframe"
+    assert flight.voltage_basis == state("no airframe")
     assert flight.model.airframe.rotor_count == rotors
 
 

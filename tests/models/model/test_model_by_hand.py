@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.errors import ModelError
@@ -319,7 +320,7 @@ def test_air_that_is_known_to_be_warm_is_thin_on_every_line():
     found = analyse(whole_flight(), model)
     density = 1.2 * 288.15 / 308.15
     np.testing.assert_allclose(found.density, density, rtol=1e-5)
-    assert "+20 K" in found.density_basis
+    assert "+20 K" in statement_words(found.density_basis)
     np.testing.assert_allclose(found.thrust[0, 0], 45.0 * density / 1.2, rtol=1e-5)
     # The network's own range of densities is no limit for a model that follows density itself.
     for effects, basis in (((), Basis.PHYSICS), ((air,), Basis.NETWORK)):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.made_sources import sent
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import load_model, save_model
@@ -122,7 +123,7 @@ def test_a_model_with_a_thermometer_reads_the_air_of_a_new_flight_by_it():
     by_it = analyse(hot, replace(model, thermometer=Thermometer(warmer_k=HEAT, error_k=0.6)))
     np.testing.assert_allclose(plain, hot.pressure / (287.05287 * 288.15))
     np.testing.assert_allclose(by_it.density, hot.pressure / (287.05287 * 313.15))
-    assert "the thermometer less 17.5 K" in by_it.density_basis
+    assert "the thermometer less 17.5 K" in statement_words(by_it.density_basis)
 
 
 def test_the_model_file_keeps_it(tmp_path):

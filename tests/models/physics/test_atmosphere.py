@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made_sources import sent
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.atmosphere import (
     air_density,
@@ -19,6 +20,7 @@ from thrustmargin.models.physics.atmosphere import (
 )
 from thrustmargin.models.provenance import Meaning
 from thrustmargin.models.provenance import stated as stated_words
+from thrustmargin.models.statement import state
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 SEA_LEVEL_DENSITY = 1.225
@@ -26,7 +28,7 @@ SEA_LEVEL_DENSITY = 1.225
 
 def track_density(track, temperature_offset: float = 0.0):
     air = track_air(track, temperature_offset)
-    return air.density, air.basis
+    return air.density, statement_words(air.basis)
 
 
 def flight(rows: int = 5, **channels: object) -> FlightTrack:
@@ -95,20 +97,22 @@ def test_the_warm_board_is_20_k_above_the_air_give_or_take_6():
     np.testing.assert_allclose(air.density, density)
     np.testing.assert_allclose(air.temperature, 293.15)
     np.testing.assert_allclose(air.density_error, density * np.hypot(6.0 / 293.15, 0.005))
-    assert "the autopilot's board less 20 K (± 6 K" in air.basis
+    assert "the autopilot's board less 20 K (± 6 K" in statement_words(air.basis)
 
 
 def test_a_stated_temperature_is_that_of_the_air_itself():
     stated = flight(
         altitude=np.zeros(5),
         temperature=np.full(5, 303.15),
-        sources={"temperature": stated_words("30 °C outside")},
+        sources={"temperature": stated_words(state("outside", celsius=30.0))},
         standard_errors={"temperature": np.full(5, 2.0)},
     )
     air = track_air(stated)
     np.testing.assert_allclose(air.density, air_density(101_325.0, 303.15))
     np.testing.assert_allclose(air.density_error / air.density, np.hypot(2.0 / 303.15, 0.012))
-    assert air.basis.endswith("at the temperature of the air as stated: 30 °C outside")
+    assert statement_words(air.basis).endswith(
+        "at the temperature of the air as stated: 30 °C outside"
+    )
 
 
 def test_a_reading_that_nobody_says_to_be_the_boards_is_not_used():
@@ -122,7 +126,7 @@ def test_a_board_that_cannot_be_is_not_believed_and_a_gap_is_of_the_standard_atm
     level = {"altitude": np.zeros(5), **BOARD}
     hot = track_air(flight(temperature=np.full(5, 400.0), **level))
     np.testing.assert_allclose(hot.temperature, 288.15)
-    assert "the standard atmosphere (± 10 K" in hot.basis
+    assert "the standard atmosphere (± 10 K" in statement_words(hot.basis)
     readings = np.array([310.15, np.nan, 312.15, np.nan, 311.15])
     some = track_air(flight(temperature=readings, **level))
     np.testing.assert_allclose(some.temperature, [290.15, 288.15, 292.15, 288.15, 291.15])

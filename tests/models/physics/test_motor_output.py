@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.made_sources import sent
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.physics.motor_output import output_curve
 from thrustmargin.models.provenance import NOT_REPORTED, Meaning
 
@@ -32,7 +33,7 @@ def test_an_exponent_of_zero_is_a_straight_line_and_one_a_square():
 def test_without_parameters_the_firmwares_defaults_are_said_to_be_assumed():
     curve = output_curve({})
     assert curve.thrust_share(np.array([0.15 + 0.8 * 0.6 / 1.3]))[0] == pytest.approx(0.3)
-    assert "assumed" in curve.described
+    assert "assumed" in statement_words(curve.set_by)
     assert curve.steepness_error == 2 * output_curve({"MOT_THST_EXPO": 0.65}).steepness_error
 
 

@@ -308,7 +308,7 @@ def test_on_a_full_disk_the_monitor_goes_on_and_says_so_and_records_again_when_t
         recorded = sample_table(session).num_rows
         assert max(0.5 * rows, recorded) <= int(heard[1]) <= rows
         assert "lost earlier" in told
-        assert any("Thrust margin" in line for line in [*said, *rest.splitlines()])
+        assert any("Thrust left" in line for line in [*said, *rest.splitlines()])
         kept = [data for _, data in stamped_frames(session / "telemetry.tlog")]
         sent = [data for _, data in stamped_frames(path)]
         assert len(sent) / 10 < len(kept) < len(sent)

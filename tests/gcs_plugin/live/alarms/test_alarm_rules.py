@@ -293,7 +293,7 @@ def test_missing_speeds_are_said_by_rotor_and_one_that_stands_owes_none():
         "No rotor speeds: ESC telemetry lost, check wiring"
     )
     made = unheard(8.0, 8.0, 8.0, 8.0, from_outputs=True)
-    assert made.text(0, 0) == "No motor outputs: margin unknown"
+    assert made.text(0, 0) == "No motor outputs: thrust left unknown"
     stands = {("stopped", 3): Alarm("stopped", 3, CRITICAL, "Rotor 3 stands still: land", 0.0)}
     assert on_and_off(unheard(0.1, 0.1, 8.0, 0.1, listed=stands)) == (False, True)
 
@@ -386,4 +386,4 @@ def test_an_interval_to_one_side_is_said_with_both_its_ends():
         pytest.approx(0.7145, abs=1e-3),
     )
     found = rules.margin(USUAL, RowsNow(analysis=wide, rows=slice(None)))
-    assert found.text(0, 0) == "Thrust margin 45% (28-50) below 50%: fly gently"
+    assert found.text(0, 0) == "Thrust left 45% (28-50) below 50%: fly gently"

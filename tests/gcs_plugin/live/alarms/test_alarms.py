@@ -83,12 +83,12 @@ def test_a_margin_under_the_limit_is_raised_after_its_hold_time_and_cleared_afte
     margins = [e for e in events if e[2] == "margin"]
     assert [(round(e[0], 1), e[1]) for e in margins] == [(17.5, True), (53.0, False)]
     assert "below 50%" in margins[0][4]
-    assert margins[1][4] == "Thrust margin was below 50%"
+    assert margins[1][4] == "Thrust left was below 50%"
 
 
 def test_the_alarm_asks_for_the_margin_that_the_largest_utilisation_leaves():
     track = hover(10.0, rpm=math.sqrt(0.45) * AIRFRAME.max_rotor_speed_rpm)
-    for allowed, words in ((0.5, []), (0.4, ["Thrust margin 55% below 60%: fly gently"])):
+    for allowed, words in ((0.5, []), (0.4, ["Thrust left 55% below 60%: fly gently"])):
         events = watched(track, Alarms(AlarmSettings(max_utilisation=allowed)))
         assert [e[4] for e in events if e[2] == "margin"] == words
 
@@ -200,7 +200,7 @@ def test_outside_the_models_training_is_reported_and_not_for_a_model_without_any
 def test_the_route_ahead_raises_before_the_margin_itself_does():
     events = watched(hover(10.0), margin_ahead=np.full(100, 0.41))
     assert [(e[2], e[4]) for e in events] == [
-        ("margin ahead", "Route ahead: margin 41% below 50%: fly gently")
+        ("margin ahead", "Route ahead: thrust left 41% below 50%: fly gently")
     ]
 
 
@@ -257,10 +257,10 @@ def test_while_an_alarm_stands_its_words_follow_the_numbers():
         watched(replace(track, time_s=track.time_s + 10.0 * turn), alarms)
         said.append([a.text for a in alarms.listed.values() if a.name == "margin"])
     assert said == [
-        ["Thrust margin 40% below 50%: fly gently"],
-        ["Thrust margin 45% below 50%: fly gently"],
+        ["Thrust left 40% below 50%: fly gently"],
+        ["Thrust left 45% below 50%: fly gently"],
         # Within the hysteresis it still stands, and does not repeat the old number.
-        ["Thrust margin 52% near 50%: fly gently"],
+        ["Thrust left 52% near 50%: fly gently"],
     ]
 
 
@@ -283,10 +283,10 @@ def test_a_margin_alarm_keeps_no_number_of_speeds_that_are_lost_and_is_cleared_b
     silent = replace(low, time_s=low.time_s + 10.0, rotor_speed_rpm=low.rotor_speed_rpm * np.nan)
     watched(silent, alarms)
     said = {a.name: a.text for a in alarms.listed.values()}
-    assert said["margin"] == "Thrust margin was below 50%"
+    assert said["margin"] == "Thrust left was below 50%"
     unsure = alarms.listed["margin", None]
     assert (unsure.state, unsure.missing) == ("unconfirmed", "speeds")
-    assert said["predicted margin"].startswith("Predicted margin")
+    assert said["predicted margin"].startswith("Predicted thrust left")
     light = replace(silent, tank_kg=silent.tank_kg * 0.0)
     for later in (10.0, 20.0, 30.0):
         watched(replace(light, time_s=silent.time_s + later), alarms)

@@ -15,6 +15,7 @@ from thrustmargin.gcs_plugin.live.rows.tank_balance import (
     virtual_gauge,
 )
 from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.wording.check_words import source_words, statement_words
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
@@ -27,7 +28,7 @@ def levels(frames, tank: str = "auto", start: float | None = None, airframe=AIRF
     """Level (kg), its source, notes and what was pumped, at each row."""
     rows, _ = live_rows(frames, airframe, tank=tank, tank_start_kg=start, piece=50)
     assert rows is not None
-    source = rows.track.source("tank_kg").words
+    source = source_words(rows.track.source("tank_kg"))
     return [
         (float(level), source, rows.notes, float(pumped))
         for level, pumped in zip(rows.track.tank_kg, rows.pumped_kg, strict=True)
@@ -85,7 +86,7 @@ def test_px4s_fuel_status_is_the_tank_too():
 def test_a_named_source_that_is_silent_is_not_replaced_by_another():
     found = levels(hover(lambda _: [], gauge=True), tank="FUEL_STATUS 0")
     assert math.isnan(found[-1][0])
-    assert "FUEL_STATUS" in " ".join(found[-1][2])
+    assert "FUEL_STATUS" in " ".join(map(statement_words, found[-1][2]))
     assert levels(hover(lambda _: [], gauge=True), tank="none")[-1][:2][1] == "not in the log"
 
 

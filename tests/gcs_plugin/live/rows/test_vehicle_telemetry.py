@@ -11,6 +11,7 @@ from tests.gcs_plugin.live.live_vehicle import SECOND, Vehicle, as_frame, live_r
 from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows, VehicleTelemetry
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
+from thrustmargin.gcs_plugin.wording.check_words import source_words, statement_words, value_words
 from thrustmargin.models.physics.airframe import load_airframe
 
 AIRFRAME = load_airframe("topxgun-f16-sitl")
@@ -123,14 +124,14 @@ def test_a_px4_vehicle_gives_rows_from_its_own_messages():
     # WIND_COV is a vector of the moving air; WIND would be a direction that it comes from.
     assert live.wind_ned[-1].tolist() == [1.0, -2.0, 0.0]
     assert live.tank_kg[-1] == pytest.approx(9.0)
-    assert live.sources["rotor_speed_rpm"].words.startswith("ESC_STATUS")
+    assert source_words(live.sources["rotor_speed_rpm"]).startswith("ESC_STATUS")
     assert live.flying[-1]
 
 
 def test_until_the_vehicle_says_which_output_is_which_motor_the_order_is_reported_as_assumed():
     vehicle = Vehicle()
     rows, _ = run(vehicle.tick())
-    assert "taken to be" in " ".join(rows.notes)
+    assert "taken to be" in " ".join(map(statement_words, rows.notes))
     reported = [
         vehicle.frame(
             dialect.MAVLink_param_value_message(f"SERVO{n}_FUNCTION".encode(), 32 + n, 9, 4, n)
@@ -138,7 +139,7 @@ def test_until_the_vehicle_says_which_output_is_which_motor_the_order_is_reporte
         for n in (1, 2, 3, 4)
     ]
     rows, _ = run([*vehicle.tick(), *reported, *vehicle.tick()])
-    assert "taken to be" not in " ".join(rows.notes)
+    assert "taken to be" not in " ".join(map(statement_words, rows.notes))
 
 
 def test_a_failure_that_an_esc_reports_is_that_rotors():
@@ -187,7 +188,7 @@ def test_rotors_that_turn_only_later_are_counted_where_nothing_else_says_how_man
         counts += [part.track.rotor_count for part in telemetry.rows()]
     assert counts[0] == 4
     assert counts[-1] == 6  # on the ground again, too
-    assert telemetry.facts.rotor_evidence == "the ESCs that report"
+    assert value_words(telemetry.facts.rotor_evidence) == "the ESCs that report"
 
 
 def test_flying_is_off_the_ground_and_not_only_said_so():
@@ -228,7 +229,10 @@ def test_zero_speeds_in_flight_are_unknown_and_said_so():
     speeds = rows.track.rotor_speed_rpm
     assert np.isnan(speeds[32:, 1]).all()
     assert np.isfinite(speeds[1:, [0, 2, 3]]).all()
-    assert any(note.startswith("rotor 2: no measurement: zero speed") for note in rows.notes)
+    assert any(
+        note.startswith("rotor 2: no measurement: zero speed")
+        for note in map(statement_words, rows.notes)
+    )
 
 
 def timed(vehicle: Vehicle, seconds: int, unix_s: float) -> list[Frame]:

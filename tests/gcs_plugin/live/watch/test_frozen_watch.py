@@ -92,4 +92,6 @@ def test_a_monitor_shows_no_voltage_of_an_instrument_that_stands_still():
                 said += update.notes
     assert np.isfinite(volts[300])
     assert np.isnan(volts[-1])
-    assert any(words.startswith("battery voltage stood at 50 V") for words in said)
+    assert any(
+        words.startswith("battery voltage stood at 50 V") for words in map(statement_words, said)
+    )

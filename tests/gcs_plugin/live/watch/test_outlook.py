@@ -87,10 +87,13 @@ def test_longer_than_a_flight_is_no_time():
 def test_below_nothing_there_are_no_degrees():
     for words in (
         percent(-1.26),
-        margin_words("Route ahead: margin", -1.26, 0.5, ends=(-1.26, -1.26), rotor=None),
+        margin_words("Route ahead: thrust left", -1.26, 0.5, ends=(-1.26, -1.26), rotor=None),
     ):
         assert "126" not in words
-    assert len(margin_words("Route ahead: margin", -1.26, 0.5, ends=(-1.26, -1.26), rotor=8)) <= 50
+    assert (
+        len(margin_words("Route ahead: thrust left", -1.26, 0.5, ends=(-1.26, -1.26), rotor=8))
+        <= 50
+    )
 
 
 def looked(

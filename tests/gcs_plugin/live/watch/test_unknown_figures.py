@@ -22,14 +22,14 @@ from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 
 #: Heading of the table -> the figure by its name in sentences.
 FIGURE = {
-    "margin": "measured margin",
-    "predicted": "predicted margin",
+    "thrust left": "measured thrust left",
+    "predicted": "predicted thrust left",
     "one rotor lost": "one rotor lost",
     "tank": "tank",
     "by thrust": "tank by thrust",
     "empty in": "time to empty",
     "route ahead": "route ahead",
-    "if full": "margin with a full tank",
+    "if full": "thrust left with a full tank",
 }
 
 
@@ -72,7 +72,7 @@ def heard(flight: list[Frame], keep: Callable[[Frame], bool]):
         (lambda f: not of_tank(f), set(), ("inferred from hover thrust",)),
         (
             lambda f: not of_speed(f) and not of_tank(f),
-            {"margin", "predicted", "one rotor lost", "tank", "by thrust", "empty in"},
+            {"thrust left", "predicted", "one rotor lost", "tank", "by thrust", "empty in"},
             ("--load", "--tank"),
         ),
         (
@@ -128,7 +128,7 @@ def test_without_any_speed_the_predicted_margin_is_shown_as_such_and_raises_its_
     assert "≈" in cell.plain
     assert cell.style != "green"
     raised = {alarm.name: alarm.text for alarm in watch.alarms.listed.values()}
-    assert raised["predicted margin"].startswith("Predicted margin 4")
+    assert raised["predicted margin"].startswith("Predicted thrust left 4")
     assert "margin" not in raised
     assert np.isnan(watch.last.analysis.utilisation[-1]).all()
 

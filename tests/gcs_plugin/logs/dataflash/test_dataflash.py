@@ -20,6 +20,7 @@ from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import (
 )
 from thrustmargin.gcs_plugin.mavlink.scan import read_bytes
 from thrustmargin.gcs_plugin.telemetry.signals import airspeed_sources, by_index
+from thrustmargin.gcs_plugin.wording.check_words import source_words, statement_words
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import TRACK_CHANNELS
 from thrustmargin.models.physics.airframe import load_airframe
@@ -269,7 +270,7 @@ def test_sensor_numbers_of_a_few_damaged_rows_are_no_new_sensors(tmp_path):
         for k, row in enumerate(rows[1000:1020].tolist()):
             data[int(whole.start[row]) + 11] = 5 + k % 3  # the number is the 12th byte
     log = read_log(written(tmp_path, bytes(data)))
-    assert not any("battery" in note for note in log.track.notes)
+    assert not any("battery" in note for note in map(statement_words, log.track.notes))
     signals = dataflash_signals(next(dataflash_boots(tmp_path / "made.BIN")).streams)
     assert set(by_index(signals, "esc_rpm")) == {0, 1, 2, 3}
     assert set(by_index(signals, "battery_voltage")) == {0, 1}
@@ -304,9 +305,11 @@ def test_a_boot_without_flight_is_said_and_no_flight(tmp_path):
     whole = read_log(FLIGHT)
     assert len(log.quality.clock_jumps) == 1
     assert len(log.unflown) == 1
-    assert any(note.startswith("no verdict on a stretch") for note in log.track.notes)
+    assert any(
+        note.startswith("no verdict on a stretch") for note in map(statement_words, log.track.notes)
+    )
     assert log.track.duration == pytest.approx(whole.track.duration, abs=0.5)
-    assert any("time went backwards" in note for note in log.track.notes)
+    assert any("time went backwards" in note for note in map(statement_words, log.track.notes))
 
 
 def test_vehicle_and_rotor_count_must_fit():
@@ -353,12 +356,12 @@ def test_torn_lines_of_a_text_log_are_counted_and_left_out(tmp_path):
 
 def test_a_log_says_which_messages_its_channels_came_from():
     sources = read_log(FLIGHT).track.sources
-    assert sources["tank_kg"].words == "NVF TANK"
-    assert sources["airspeed"].words == "XKF1 VN, VE, VD (less XKF2's wind)"
-    assert sources["rotor_speed_rpm"].words.startswith(
+    assert source_words(sources["tank_kg"]) == "NVF TANK"
+    assert source_words(sources["airspeed"]) == "XKF1 VN, VE, VD (less XKF2's wind)"
+    assert source_words(sources["rotor_speed_rpm"]).startswith(
         "ESC RawRPM (motors on outputs 1, 2, 3, 4 by"
     )
-    assert sources["position_ned"].words == "POS Lat, Lng, Alt (from home; by ORGN)"
+    assert source_words(sources["position_ned"]) == "POS Lat, Lng, Alt (from home; by ORGN)"
 
 
 def test_messages_of_the_older_ekf_are_called_by_their_own_names():
@@ -366,14 +369,14 @@ def test_messages_of_the_older_ekf_are_called_by_their_own_names():
     for newer, older in (("XKF1", "NKF1"), ("XKF2", "NKF2")):
         streams[older] = streams.pop(newer)
     signals = dataflash_signals(streams)
-    assert signals["wind_ned"][0].source.words == "NKF2 VWN, VWE (EKF; level)"
+    assert source_words(signals["wind_ned"][0].source) == "NKF2 VWN, VWE (EKF; level)"
     (by_wind,) = airspeed_sources(signals, "linear")
-    assert by_wind.source.words == "NKF1 VN, VE, VD (less NKF2's wind)"
+    assert source_words(by_wind.source) == "NKF1 VN, VE, VD (less NKF2's wind)"
 
 
 def test_the_attitude_that_was_asked_for_is_read_and_followed():
     track = read_log(FLIGHT).track
-    assert track.sources["asked_attitude"].words == "ATT DesRoll, DesPitch"
+    assert source_words(track.sources["asked_attitude"]) == "ATT DesRoll, DesPitch"
     apart = np.abs(track.asked_attitude - track.attitude[:, :2])[track.flying]
     assert np.degrees(np.nanmedian(apart)) < 1.0
     assert np.degrees(np.nanmax(np.abs(track.asked_attitude))) > 5.0

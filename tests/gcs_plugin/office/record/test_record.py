@@ -38,6 +38,7 @@ from thrustmargin.gcs_plugin.office.record.record_words import TITLES, liquid_wo
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.provenance import SourceKind
+from thrustmargin.models.statement import state
 
 STATED = {
     "--product": "=Oil 5",
@@ -261,7 +262,11 @@ def test_what_rotors_carried_less_is_an_estimate_where_their_speeds_are_known():
 
 def test_what_a_pump_did_in_a_pause_of_the_log_is_not_known():
     track = log().track
-    summed = replace(track.source("tank_kg"), kind=SourceKind.INFERRED, remarks=("3 L/min",))
+    summed = replace(
+        track.source("tank_kg"),
+        kind=SourceKind.INFERRED,
+        remarks=(state("as written", text="3 L/min"),),
+    )
     track = replace(track, sources={**track.sources, "tank_kg": summed})
     whole = pump_estimate(track)
     assert whole is not None

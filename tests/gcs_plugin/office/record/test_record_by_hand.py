@@ -14,6 +14,7 @@ from thrustmargin.gcs_plugin.office.record.record import common_density, liquids
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.models.flight import FlightTrack, Origin
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
+from thrustmargin.models.statement import state
 
 ROWS = np.arange(40.0)
 
@@ -111,7 +112,11 @@ def test_a_pump_is_not_summed_of_a_log_that_reads_as_another_number_of_sorties(m
         return [one.by for one in liquids([flight()])]
 
     track = log().track
-    summed = replace(track.source("tank_kg"), kind=SourceKind.INFERRED, remarks=("3 L/min",))
+    summed = replace(
+        track.source("tank_kg"),
+        kind=SourceKind.INFERRED,
+        remarks=(state("as written", text="3 L/min"),),
+    )
     again = replace(log(), track=replace(track, sources={**track.sources, "tank_kg": summed}))
     assert "pump" in by([again])
     assert "pump" not in by([again, again])

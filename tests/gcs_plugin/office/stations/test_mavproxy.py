@@ -260,9 +260,9 @@ class TestInMavproxy:
         mavproxy.ask(f"{name} 80%", f"{name} 80%")
         with playing(flight, mavproxy.port, 50.0, 140.0, 1.0):
             mavproxy.wait_for_field("Margin", {"green"}, r"^Margin [34]\d % R[1-4]$")
-            assert not [line for line in mavproxy.printed if line.startswith("Thrust margin")]
+            assert not [line for line in mavproxy.printed if line.startswith("Thrust left")]
             mavproxy.ask(f"{name} 0.4", f"{name} 40%")
-            mavproxy.wait(r"Thrust margin [345]\d% below 60%(, rotor [1-4])?: fly gently")
+            mavproxy.wait(r"Thrust left [345]\d% below 60%(, rotor [1-4])?: fly gently")
             mavproxy.ask("margin", "ALARM Thrust margin")
             mavproxy.wait_for_field("Margin", {"red"})
             mavproxy.wait_for_field("OneOut", {"orange"}, r"^OneOut 0\.9\d$")

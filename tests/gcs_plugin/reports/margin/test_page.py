@@ -43,6 +43,7 @@ from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.scores import Estimate
+from thrustmargin.models.statement import state
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 
@@ -312,8 +313,9 @@ def test_a_moved_limit_moves_the_jump_of_the_colours():
 
 
 def test_nothing_hostile_in_a_log_becomes_an_element(tmp_path):
-    track = replace(log().track, name=HOSTILE, notes=(HOSTILE,), sources={"tank_kg": sent(HOSTILE)})
-    channels = tuple(replace(c, source=HOSTILE) for c in log().channels)
+    hostile = state("as written", text=HOSTILE)
+    track = replace(log().track, name=HOSTILE, notes=(hostile,), sources={"tank_kg": sent(HOSTILE)})
+    channels = tuple(replace(c, source=sent(HOSTILE), unused=hostile) for c in log().channels)
     analysis, recorded = flight(
         track=track, messages=((1.0, HOSTILE),), channels=channels, autopilot=HOSTILE
     )
@@ -322,8 +324,8 @@ def test_nothing_hostile_in_a_log_becomes_an_element(tmp_path):
     analysis = replace(
         analysis,
         model=physics_model(airframe),
-        density_basis=HOSTILE,
-        voltage_basis=HOSTILE,
+        density_basis=hostile,
+        voltage_basis=hostile,
     )
     report = build_report(
         [(analysis, recorded), flight()], unread=[UnusedLog(name=HOSTILE, reason=HOSTILE)]

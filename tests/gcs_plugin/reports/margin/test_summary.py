@@ -10,6 +10,7 @@ from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.reports.margin import build_report, report_flight
 from thrustmargin.gcs_plugin.reports.margin.data import end_rows
 from thrustmargin.gcs_plugin.reports.margin.moments import doing, worst_moments
+from thrustmargin.gcs_plugin.wording.check_words import source_words
 from thrustmargin.gcs_plugin.wording.language import clock
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
@@ -405,7 +406,9 @@ def test_the_data_quality_is_what_the_reader_says(report):
     whole = log().quality
     assert report.quality["frames"] == whole.frames
     assert report.quality["bytes"] == whole.bytes
-    assert [c.source for c in report.quality["channels"]] == [c.source for c in log().channels]
+    assert [c["source"] for c in report.quality["channels"]] == [
+        source_words(c.source) for c in log().channels
+    ]
     assert report.quality["messages"] == log().messages
 
 

@@ -8,6 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import reported_airframe
+from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.errors import AirframeError
 
 QUAD = {"FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0}
@@ -107,7 +108,7 @@ def test_what_is_no_multirotor_or_no_known_frame_is_refused():
 def test_other_outputs_than_the_frame_has_motors_are_noted():
     outputs = {f"SERVO{n}_FUNCTION": 32.0 + n for n in range(1, 7)}
     (note,) = reported_airframe(QUAD | outputs).notes
-    assert note == "6 motors by SERVOn_FUNCTION, but quad-x has 4"
+    assert statement_words(note) == "6 motors by SERVOn_FUNCTION, but quad-x has 4"
     assert reported_airframe({"FRAME_CLASS": 2.0, "FRAME_TYPE": 1.0} | outputs).notes == ()
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import motor_outputs, whole_number
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
-from thrustmargin.gcs_plugin.wording.check_words import statement_words
+from thrustmargin.gcs_plugin.wording.check_words import statement_words, value_words
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 FOUR = {f"SERVO{n}_FUNCTION": 32.0 + n for n in range(1, 5)}
@@ -27,7 +27,7 @@ REAR = {f"SERVO{n}_FUNCTION": 28.0 + n for n in range(5, 9)}
 )
 def test_a_program_introduces_itself(text, kind, evidence):
     facts = vehicle_facts({}, texts=("Free RAM: 1331", text, "ArduPlane is not this"))
-    assert (facts.kind, facts.evidence) == (kind, f"boot text '{evidence}'")
+    assert (facts.kind, value_words(facts.evidence)) == (kind, f"boot text '{evidence}'")
     assert facts.rotor_count == 0
     assert vehicle_facts({}, texts=("upgrade from ArduPlane V4",)).kind == "unknown"
 
@@ -136,7 +136,7 @@ def test_a_copter_program_flies_helicopters_too():
 def test_the_frame_text_tells_the_rotors():
     texts = ("ArduCopter V4.5.7", "Frame: HEXA/X")
     facts = vehicle_facts({}, texts=texts)
-    assert (facts.rotor_count, facts.rotor_evidence) == (6, "text 'Frame: HEXA/X'")
+    assert (facts.rotor_count, value_words(facts.rotor_evidence)) == (6, "text 'Frame: HEXA/X'")
     assert vehicle_facts({}, texts=("ArduCopter V4.5.7", "Frame: UNSUPPORTED")).rotor_count == 0
 
 
@@ -157,7 +157,7 @@ def test_the_frame_text_tells_the_rotors():
 )
 def test_two_numbers_of_rotors_are_both_said(parameters, mav_type, count, conflict):
     facts = vehicle_facts(parameters, mav_type=mav_type)
-    assert (facts.rotor_count, facts.rotor_conflict) == (count, conflict)
+    assert (facts.rotor_count, value_words(facts.rotor_conflict)) == (count, conflict)
     words = statement_words(facts.statement)
     assert words.endswith(f", but {conflict}") if conflict else "but" not in words
 

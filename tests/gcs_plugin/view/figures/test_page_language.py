@@ -54,10 +54,10 @@ def page(view: LiveView, language: str) -> dict[str, Any]:
 def test_alarms_history_and_gauges_are_in_the_readers_language(flown):
     view, events = flown
     (english,) = [event.alarm.text for event in events if event.alarm.name == "margin"]
-    assert re.fullmatch(r"Thrust margin \d\d% below 50%.*: fly gently", english)
+    assert re.fullmatch(r"Thrust left \d\d% below 50%.*: fly gently", english)
     english_page, german_page = page(view, "en"), page(view, "de")
     for part in ("text", "line"):
-        assert english_page["alarms"][0][part].startswith("Thrust margin")
+        assert english_page["alarms"][0][part].startswith("Thrust left")
         assert german_page["alarms"][0][part].startswith("Schubreserve")
     assert english_page["history"][-1]["text"] == english
     assert german_page["history"][-1]["text"].endswith("sanft fliegen")

@@ -238,7 +238,7 @@ def test_number_colour_and_alarm_of_a_margin_agree(left: float, percent: int, lo
     """What an alarm calls below 50 % has the number and the colour of it, and nothing else has."""
     assert shown_margin(left, left, left)["percent"] == percent
     assert (percent < 50) == low
-    said = margin_words("Thrust margin", left, 0.5, ends=(left, left), rotor=None)
+    said = margin_words("Thrust left", left, 0.5, ends=(left, left), rotor=None)
     assert f"{percent}%" in said
     papers = {side: css(MARGIN.screen(side)) for side in (0.496, 0.5, 0.5004)}
     assert (papers[left] == papers[0.496]) == low

@@ -1,4 +1,4 @@
-"""Predicted margin before and with effects, by hand from weight and thrust curve."""
+"""Predicted thrust left before and with effects, by hand from weight and thrust curve."""
 
 from dataclasses import replace
 from types import SimpleNamespace

@@ -10,7 +10,7 @@ import pytest
 
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.wording.check_words import statement_words
+from thrustmargin.gcs_plugin.wording.check_words import source_words, statement_words
 from thrustmargin.models.checks.speed_readings import check_speed_scale
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
@@ -37,6 +37,7 @@ from thrustmargin.models.provenance import (
     SourceKind,
     stated,
 )
+from thrustmargin.models.statement import state
 
 G0 = 9.80665  # m/s²
 
@@ -102,7 +103,7 @@ def test_a_gauge_that_falls_silent_early_hides_no_load_that_thrust_shows(until, 
     if not stays:
         source = made.source("tank_kg")
         assert [one.reason for one in source.rejected] == [Reason.COVERS_LESS]
-        assert "covers 17% of the flight" in source.words
+        assert "covers 17% of the flight" in source_words(source)
         assert np.median(made.tank_kg) == pytest.approx(8.0, abs=0.3)
 
 
@@ -114,14 +115,16 @@ def test_a_hover_shows_its_load_with_an_interval_that_holds_it():
     np.testing.assert_allclose(error, common, rtol=0.03)
     np.testing.assert_allclose(found.tank_kg, 9.0, atol=0.2)
     width = f"± {NINETY * np.median(error):.1f} kg, 90 %"
-    assert found.sources["tank_kg"].words == f"inferred from hover thrust ({width}; constant)"
+    assert (
+        source_words(found.sources["tank_kg"]) == f"inferred from hover thrust ({width}; constant)"
+    )
     assert not np.isfinite(found.measured("tank_kg")).any()
 
 
 @pytest.mark.parametrize("told", [None, "3 kg"])
 def test_a_margin_is_judged_with_the_load_of_thrust_where_a_gauge_surely_has_less(told):
     # 3 % of the curve and 8 % of the air of 30.1 kg: 2.6 kg, of which 2.6 make 6.9 kg.
-    sources = {"tank_kg": stated(told) if told else sent("GAUGE")}
+    sources = {"tank_kg": stated(state("as written", text=told)) if told else sent("GAUGE")}
 
     def judged(tank_kg):
         gauge = np.full(600, tank_kg)
@@ -136,7 +139,7 @@ def test_a_margin_is_judged_with_the_load_of_thrust_where_a_gauge_surely_has_les
     assert not np.isfinite(after.measured("tank_kg")).any()
     by = "as stated" if told else "by GAUGE"
     words = f"1.7 kg {by} are too little for these rotor speeds: check gauge and empty mass"
-    assert words in after.sources["tank_kg"].words
+    assert words in source_words(after.sources["tank_kg"])
     assert with_load_for_verdict(after, F16) is after
     # What is looked for in the flight still sees the load as it was told.
     np.testing.assert_array_equal(with_load(before, F16).tank_kg, 1.7)
@@ -148,7 +151,7 @@ def test_it_falls_while_the_pump_runs_until_the_tank_is_empty():
     assert np.mean(load == 0.0) > 0.1
     found = with_load(hover(load, spraying=spraying), F16)
     np.testing.assert_allclose(found.tank_kg, load, atol=0.35)
-    assert found.sources["tank_kg"].words.endswith("falling with the pump's output)")
+    assert source_words(found.sources["tank_kg"]).endswith("falling with the pump's output)")
 
 
 def test_before_a_fall_is_seen_the_pump_is_taken_to_run_at_half_its_flow():
@@ -170,10 +173,10 @@ def test_without_a_pump_it_falls_by_its_own_trend_and_never_fills_in_flight():
     load = np.interp(np.arange(1800), [400, 1500], [8.0, 2.0])
     found = with_load(hover(load), F16)
     np.testing.assert_allclose(found.tank_kg, load, atol=0.5)
-    assert found.sources["tank_kg"].words.endswith("falling by its own trend)")
+    assert source_words(found.sources["tank_kg"]).endswith("falling by its own trend)")
     fuller = with_load(hover(load[::-1]), F16)
     np.testing.assert_allclose(fuller.tank_kg, fuller.tank_kg[0])
-    assert fuller.sources["tank_kg"].words.endswith("constant)")
+    assert source_words(fuller.sources["tank_kg"]).endswith("constant)")
 
 
 def test_a_tank_that_is_filled_between_two_flights_has_two_loads():
@@ -253,7 +256,7 @@ def test_a_stated_load_stays_and_is_contradicted_only_by_thrust_that_surely_diff
         np.full(600, 9.0),
         spraying=spraying,
         tank_kg=np.full(600, 8.0),
-        sources={"tank_kg": stated("8 kg")},
+        sources={"tank_kg": stated(state("as written", text="8 kg"))},
         pressure=np.full(600, 101_325.0),
     )
     assert with_load(right, F16) is right
@@ -263,7 +266,7 @@ def test_a_stated_load_stays_and_is_contradicted_only_by_thrust_that_surely_diff
     alone = with_load(replace(right, tank_kg=np.full(600, np.nan), sources={}), F16)
     load, error = np.median(alone.tank_kg), np.median(alone.standard_errors["tank_kg"])
     shows = f"hover thrust shows {load:.1f} ± {NINETY * error:.1f} kg (90 %)"
-    assert wrong.sources["tank_kg"].words == f"stated: 8 kg; but {shows}"
+    assert source_words(wrong.sources["tank_kg"]) == f"stated: 8 kg; but {shows}"
 
 
 @pytest.mark.parametrize(("errors", "said"), [(2.4, False), (2.8, True), (-2.8, True)])
@@ -271,8 +274,12 @@ def test_a_stated_load_is_contradicted_beyond_its_99_percent_interval(errors, sa
     track = hover(np.full(600, 9.0), spraying=np.zeros(600), pressure=np.full(600, 101_325.0))
     shown = with_load(track, F16)
     off = errors * shown.standard_errors["tank_kg"]
-    given = replace(track, tank_kg=shown.tank_kg + off, sources={"tank_kg": stated("so much")})
-    assert ("but hover thrust" in with_load(given, F16).sources["tank_kg"].words) == said
+    given = replace(
+        track,
+        tank_kg=shown.tank_kg + off,
+        sources={"tank_kg": stated(state("as written", text="so much"))},
+    )
+    assert ("but hover thrust" in source_words(with_load(given, F16).sources["tank_kg"])) == said
 
 
 @pytest.mark.parametrize(("seconds", "enough"), [(2.5, False), (3.5, True)])
@@ -306,7 +313,7 @@ def test_a_listener_has_the_same_in_any_pieces_and_does_not_look_ahead():
     assert not np.isfinite(whole.tank_kg[:100]).any()  # nothing was shown yet
     error = whole.standard_errors["tank_kg"][100:]
     assert np.mean(np.abs(whole.tank_kg - load)[100:] < NINETY * error) > 0.9
-    assert "so far" in whole.sources["tank_kg"].words
+    assert "so far" in source_words(whole.sources["tank_kg"])
 
 
 def test_a_listener_that_hears_a_gauge_infers_no_more():

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from thrustmargin.gcs_plugin.wording.check_words import source_words
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.inferred.load_evidence import LoadEvidence, load_fit
 from thrustmargin.models.model.inferred.load_inference import (
@@ -20,6 +21,7 @@ from thrustmargin.models.model.inferred.load_inference import (
 )
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 from thrustmargin.models.provenance import stated
+from thrustmargin.models.statement import state
 
 G0 = 9.80665
 CRAFT: Airframe = replace(
@@ -210,9 +212,10 @@ def test_what_is_said_of_a_flight_is_its_middle_load():
         rotor_speed_rpm=np.repeat(speed[:, None], 4, axis=1),
         flying=rows,
         tank_kg=np.full(460, 20.0),
-        sources={"tank_kg": stated("20 kg")},
+        sources={"tank_kg": stated(state("as written", text="20 kg"))},
     )
-    assert "but hover thrust shows 10.0 ±" in with_load(flown, CRAFT).sources["tank_kg"].words
+    words = source_words(with_load(flown, CRAFT).sources["tank_kg"])
+    assert "but hover thrust shows 10.0 ±" in words
 
 
 def test_a_load_falls_while_the_pump_is_heard_to_run_from_what_was_shown_before():

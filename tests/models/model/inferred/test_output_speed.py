@@ -8,6 +8,7 @@ import pytest
 
 from tests.made_sources import pulses
 from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.wording.check_words import source_words
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.inferred.output_speed import (
@@ -73,7 +74,7 @@ def test_hover_sets_the_speeds_whatever_the_esc_makes_of_voltage(gain, exponent)
     assert np.max(np.abs(found / true - 1.0)) < 0.03
     assert np.max(np.abs(misses(flown, filled))) < 1.645
     assert filled.sources["rotor_speed_rpm"].meaning is Meaning.MOTOR_OUTPUTS
-    assert "weight" in filled.sources["rotor_speed_rpm"].words
+    assert "weight" in source_words(filled.sources["rotor_speed_rpm"])
 
 
 def test_without_the_load_the_airframes_full_thrust_stands_and_the_error_is_wide():
@@ -83,7 +84,7 @@ def test_without_the_load_the_airframes_full_thrust_stands_and_the_error_is_wide
     assert np.min(share) > 0.12  # half of 25 % of the maker's full thrust
     assert np.max(share) < 0.14
     assert np.max(np.abs(misses(flown, filled))) < 1.645
-    assert "weight is not known" in filled.sources["rotor_speed_rpm"].words
+    assert "weight is not known" in source_words(filled.sources["rotor_speed_rpm"])
 
 
 def test_an_aircraft_without_a_tank_has_its_weight():
@@ -111,7 +112,7 @@ def test_a_measured_rotor_stays_and_sets_the_others():
     assert np.array_equal(filled.rotor_speed_rpm[:, :2], flown.rotor_speed_rpm[:, :2])
     assert np.max(np.abs(filled.rotor_speed_rpm[30:, 2] / flown.rotor_speed_rpm[30:, 2] - 1)) < 0.03
     assert np.all(filled.standard_errors["rotor_speed_rpm"][:, [0, 1, 3]] == 0.0)
-    assert "from motor outputs (rotor 3; " in filled.sources["rotor_speed_rpm"].words
+    assert "from motor outputs (rotor 3; " in source_words(filled.sources["rotor_speed_rpm"])
 
 
 def test_what_is_measured_is_left_alone():
@@ -184,7 +185,7 @@ def test_telemetry_that_stops_in_flight_leaves_the_outputs(live):
     assert np.max(np.abs(misses(flown, made))) < 1.645
     np.testing.assert_allclose(made.rotor_speed_rpm[-1], flown.rotor_speed_rpm[-1], rtol=0.02)
     if not live:
-        words = made.sources["rotor_speed_rpm"].words
+        words = source_words(made.sources["rotor_speed_rpm"])
         assert "all rotors from 0:30 to 1:00; " in words
 
 

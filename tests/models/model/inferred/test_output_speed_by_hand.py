@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.made_sources import pulses
+from thrustmargin.gcs_plugin.wording.check_words import source_words, statement_words
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.inferred.output_speed import (
@@ -284,15 +285,15 @@ def test_only_rotors_that_were_ever_measured_count_as_heard(rotors):
     assert np.isnan(filled.rotor_speed_rpm[21:40, rotors]).all()
     names = ", ".join(str(r + 1) for r in silent)
     found = filled.sources["rotor_speed_rpm"]
-    assert found.remarks[0] == f"rotors {names}"
-    assert found.remarks[1].startswith("SERVO_OUTPUT_RAW, ")
+    assert statement_words(found.remarks[0]) == f"rotors {names}"
+    assert statement_words(found.remarks[1]).startswith("SERVO_OUTPUT_RAW, ")
     assert found.parts == (filled.source("voltage"),)  # nothing says what measured the others'
 
 
 def test_the_one_silent_rotor_is_named():
     speeds = np.tile([2000.0, np.nan, 2000.0, 2000.0], (100, 1))
     filled, _ = filled_speeds(outputs(rotor_speed_rpm=speeds), F16, SQUARE)
-    words = filled.sources["rotor_speed_rpm"].words
+    words = source_words(filled.sources["rotor_speed_rpm"])
     assert "from motor outputs (rotor 2; " in words
     assert words.endswith("; set by the rotors whose speed is measured)")
 
