@@ -177,6 +177,9 @@ WORDS: Mapping[str, EffectWords] = {
     "load_factor": EffectWords("the load factor of manoeuvres", amounts.load_factor),
     "slung_load": EffectWords("a swinging load", amounts.slung_load, actions.LOOK_BELOW),
     "cg_offset": EffectWords("a shifted centre of gravity", amounts.balance, actions.BALANCE),
+    "yaw_trim:tilted arm": EffectWords(
+        "a tilted arm of {rotor}", amounts.tilted_arm, actions.LEVEL_MOTORS
+    ),
     "yaw_trim": EffectWords("a steady yaw moment", amounts.yaw_moment, actions.LEVEL_MOTORS),
     "manoeuvre_moment": EffectWords("the moments of turning", amounts.turning),
     "manoeuvre_moment:changed": EffectWords("another inertia", amounts.inertia, actions.ARMS_CARRY),

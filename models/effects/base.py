@@ -34,6 +34,8 @@ USUAL_MASS, USUAL_ARM = 21.1, 0.9595439
 #: Half of the 95 % interval of a torque ratio as a share of it: read off a bench or a data sheet,
 #: or worked out with a figure of merit of 0.7 that may be 0.6 or 0.8.
 KNOWN_TORQUE, GUESSED_TORQUE = 0.05, 0.15
+#: least factor of a loss on the thrust and torque of a rotor
+KAPPA_FLOOR = 0.05
 SAME_SIZE = 0.01  # share by which mass or arm may differ from it and nothing is scaled
 
 

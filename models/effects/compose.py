@@ -24,14 +24,13 @@ from typing import Any
 import numpy as np
 
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.effects.base import Array, Effect, Kind, Placed, Values
+from thrustmargin.models.effects.base import KAPPA_FLOOR, Array, Effect, Kind, Placed, Values
 from thrustmargin.models.effects.channels import LAGS, NEAR_LAG, Channels
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import mixer
 
-KAPPA_FLOOR = 0.05
 MOST_AIRSPEED, AIRSPEED_STEP = 20.0, 0.1  # m/s of the table of a base model
 THRUST_FLOOR = 1e-3  # N: a rotor never pulls down
 
@@ -186,7 +185,7 @@ def _rebalance(base: BaseTable, apart: Sequence[Placed], x: Channels, thrust: Ar
     alone = coefficient([item for item in apart if item.rotor is not None], x, rotors)
     shared = coefficient([item for item in apart if item.rotor is None], x, rotors)
     torque = _product(apart, x, rotors, lambda item: item.effect.torque)
-    twist = (np.maximum(torque, KAPPA_FLOOR) / shared - 1.0) * base.yaw_rows
+    twist = (torque / shared - 1.0) * base.yaw_rows
     causes = np.concatenate([base.thrust_control[:, bad], base.yaw_control[:, None]], axis=1)
     answer = base.shares @ causes  # (R, K)
     lost = alone[:, bad] - 1.0 if bad else np.empty((thrust.shape[0], 0))
@@ -316,7 +315,8 @@ class EffectRecord:
         other effects."""
         of_curve = [v for name, v in self.parameters.items() if name.startswith("at_")]
         losses = [self.parameters["loss"]] if "loss" in self.parameters else of_curve
-        return max(losses, key=lambda v: v.value) if self.rotor is not None else None
+        largest = max(losses, key=lambda v: v.value, default=None)
+        return None if self.rotor is None else largest
 
 
 def losses_of(records: Sequence[EffectRecord]) -> dict[int, Identified]:

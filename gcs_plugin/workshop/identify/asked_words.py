@@ -41,7 +41,7 @@ def requested_actions(found: Identification) -> tuple[RequestedAction, ...]:
     comes last.
     """
     out = [
-        _request(action, f.term.rotor, f.probability)
+        _request(action, f.term.degraded_rotor, f.probability)
         for f in sorted(found.found, key=lambda f: f.term.rotor is None)
         if (action := action_of(f, found)) and action.part != actions.KEEP.part
     ]

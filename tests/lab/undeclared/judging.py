@@ -34,6 +34,8 @@ RIGHT_INSTRUMENT: Mapping[str, tuple[str, ...]] = {
     "airspeed bias": ("airspeed",),
     "voltage offset": ("voltage",),
 }
+#: Names that are as true of a change as its own.
+ALSO_TRUE: Mapping[str, tuple[str, ...]] = {"hung weight": ("extra_mass",)}
 #: Where a change outside the table shows: modes and, as parts of its name, channels; () for any.
 SHOWS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "wake": (("pitch", "collective"), ("airspeed", "velocity", "speed", "flow")),
@@ -46,6 +48,8 @@ SHOWS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "flap": (("pitch",), ("airspeed", "velocity", "speed")),
     "worn": ((), ("airspeed", "velocity", "speed")),
     "sail": (("roll",), ("velocity", "side", "airspeed")),
+    "recoil": (("roll", "pitch"), ("spray",)),
+    "swing": (("roll", "pitch"), ("acceleration",)),
 }
 
 Verdict = Literal["named", "listed", "missed"]
@@ -192,7 +196,7 @@ def judge(
             verdict = "listed"
         verdicts.append(verdict)
         probabilities.append(share)
-    instrument = RIGHT_INSTRUMENT.get(data.kind, ())
+    instrument = (*RIGHT_INSTRUMENT.get(data.kind, ()), *ALSO_TRUE.get(data.kind, ()))
     wrong = [n for n in left if not any(part in n[0] for part in instrument)]
     uneven = uneven_rotors(data)
     bad = {i.rotor + 1 for i in data.implants if i.rotor is not None} | uneven
