@@ -131,6 +131,20 @@ def along_name(channel: str) -> str:
     return say(ALONG_WORDS[channel][0])
 
 
+#: Channel of an unnamed cause -> a common cause of what goes with it.
+COMMON_CAUSES = {
+    "spraying": "the recoil of the spray",
+    "along_acceleration": "a load that moves",
+}
+
+
+def common_cause(channel: str) -> str:
+    """Return an example of what goes with a channel, in brackets with a leading space; empty
+    without one."""
+    cause = COMMON_CAUSES.get(channel)
+    return "" if cause is None else f" ({say('as by {cause}', cause=say(cause))})"
+
+
 WEAK, STRONG = "a weak {rotor}", "more thrust of {rotor}"
 #: Key of the effect, or its name if all variants are described alike -> its words.
 WORDS: Mapping[str, EffectWords] = {

@@ -444,11 +444,13 @@ TILTED_ARM = replace(
             lower=-0.15,
             upper=0.15,
             scale=0.03,
+            smallest=0.0017,  # 0.1 degrees
             accuracy=GUESSED_TORQUE,
             of_torque=True,
         ),
     ),
     of_one_rotor=True,
+    of_every_aircraft=False,
     source="an arm twisted about its own axis turns part of that rotor's thrust into a yaw moment, "
     "thrust x arm x sin(tilt); positive adds to the torque of the rotor",
     apply=_upright_share,
