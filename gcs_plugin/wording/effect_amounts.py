@@ -370,6 +370,14 @@ yaw_moment = Amount(
 )
 
 
+def arm_weight(it: DescribedEffect) -> str:
+    """Return the sentence about a weight at the end of an arm."""
+    names = it.whole.model.airframe.rotor_names
+    rotor = rotor_words(it.found.term.rotor or 0, names)
+    words = "A weight that the model lacks, {amount}, hangs near {rotor}"
+    return say(words, amount=Verbatim(joined(it.size("mass", "kg"))), rotor=rotor)
+
+
 def tilted_arm(it: DescribedEffect) -> str:
     """Return the sentence about a tilted arm: by how much, and to which side it turns the
     aircraft."""

@@ -164,6 +164,9 @@ WORDS: Mapping[str, EffectWords] = {
     "rotor_degradation:until repaired": EffectWords(
         "a weak {rotor} until it was repaired", amounts.weak_until_repaired, actions.REPAIRED
     ),
+    "extra_mass:on an arm": EffectWords(
+        "a weight near {rotor}", amounts.arm_weight, actions.BALANCE
+    ),
     "extra_mass": EffectWords(
         "hidden mass", amounts.hidden_mass, actions.answer_to(Trouble.MASS).action
     ),

@@ -207,6 +207,12 @@ class Effect:
         return self.gone or any(p.per_flight for p in self.parameters)
 
     @property
+    def of_one_arm(self) -> bool:
+        """Return whether it is the variant of an effect on one arm, which leaves the rotor's own
+        thrust as it is."""
+        return self.of_one_rotor and self.one_variant
+
+    @property
     def key(self) -> str:
         """Return the name with the variant, unique in the catalogue."""
         return f"{self.name}:{self.variant}" if self.variant else self.name

@@ -51,6 +51,7 @@ class BaseTable:
     thrust_coefficient: float
     effectiveness: Any  # (R,) thrust over apparent thrust
     moment_shares: Any  # (R, 3) N per N m of roll, pitch, yaw: the inverse of the mixer
+    carried: Any  # (R, R) apparent thrust by which the rotors carry 1 N at the place of each
     shares: Any  # (R, C) the mixer: apparent thrust of each rotor, N, by control
     thrust_control: Any  # (C, R) control that compensates each rotor's thrust, by apparent thrust
     yaw_control: Any  # (C,) control that compensates a yaw moment
@@ -101,6 +102,7 @@ def base_table(
         thrust_coefficient=thrust_coefficient,
         effectiveness=airframe.rotor_effectiveness,
         moment_shares=(shares @ control)[:, 1:],
+        carried=shares @ control[:, :3] @ mixer(airframe)[:3],
         shares=shares,
         thrust_control=control[:, :3] @ rows[:3],
         yaw_control=control[:, 3],
@@ -136,11 +138,16 @@ def apparent_thrust(base: BaseTable, placed: Sequence[Placed], x: Channels) -> A
     thrust = base.look_up(x.airspeed, x.tank_kg)
     demand = total = thrust @ base.effectiveness
     for item in placed:
-        if item.effect.kind is Kind.DEMAND:
+        if item.effect.kind is Kind.DEMAND and item.rotor is None:
             demand = item.effect.apply(item.values, x, demand)
     if demand is not total:
         demand = np.maximum(demand, THRUST_FLOOR)  # negative if a fall at more than g is reported
         thrust = thrust * (demand / total)[:, None]
+    for item in placed:
+        if item.effect.kind is Kind.DEMAND and item.rotor is not None:
+            more = item.effect.apply(item.values, x, demand) - demand
+            thrust = thrust + more[:, None] * base.carried[:, item.rotor]
+            demand = demand + more
     for item in placed:
         if item.effect.kind is Kind.MOMENTS:
             moments = item.effect.apply(item.values, x, demand)

@@ -412,10 +412,11 @@ def effects_resembling(
     """Rule 4: list the effects of `named` that may only imitate an unexplained cause.
 
     If a rotor's loss varies along a channel, effects that do not act on such a rotor may only
-    compensate for it, unless they change far more than it does (MOST_UNEXPLAINED). Beside a probable cause along its own channel, however
-    small, an instrument is not at fault for certain. Otherwise, an effect resembles the unexplained
-    residual if it acts on the same rotor, reads one of the same channels, or changes mostly the
-    same modes. A residual that is only slow noise resembles no effect.
+    compensate for it, unless they change far more than it does (MOST_UNEXPLAINED). Beside a
+    probable cause along its own channel, however small, an instrument is not at fault for certain.
+    Otherwise, an effect resembles the unexplained residual if it acts on the same rotor, reads one
+    of the same channels, or changes mostly the same modes. A residual that is only slow noise
+    resembles no effect.
     """
     search, best = answer.search, answer.best
     likely = probable_causes(answer)

@@ -143,7 +143,7 @@ class Posterior:
                 for s in self.sets
                 for c in s.key
                 if every[c].term.effect.name == term.effect.name
-                and every[c].term.rotor is not None
+                and every[c].term.effect.of_one_arm
                 and term.rotor is None
             }
             return {candidate} | arms
@@ -335,8 +335,8 @@ class Posterior:
             ]
             if c in named or len(main) != 1 or candidate.term.effect.begins:
                 continue
-            if candidate.term.degraded_rotor != candidate.term.rotor:
-                continue  # of one arm: the limit of the variant that names no arm holds for it
+            if candidate.term.effect.of_one_arm:
+                continue  # the limit of the variant without an arm holds for it
             if self.probability([c]) > OPEN_PROBABILITY:
                 continue
             key = best.key | {c}

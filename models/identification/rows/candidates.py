@@ -61,8 +61,8 @@ class Term:
 
     @property
     def degraded_rotor(self) -> int | None:
-        """Return the rotor whose own thrust the effect changes; None for a tilted arm, too."""
-        return None if self.effect.one_variant else self.rotor
+        """Return the rotor whose own thrust the effect changes; None for effects on an arm, too."""
+        return None if self.effect.of_one_arm else self.rotor
 
     @property
     def words(self) -> str:

@@ -213,6 +213,17 @@ def _tilt(rng: np.random.Generator, craft: Craft, size: float) -> Fields:
     return {"condition": {"tilt": size * _either(rng), "tilted": rotor}}
 
 
+def _tilted_arm(rng: np.random.Generator, craft: Craft, size: float) -> Fields:
+    tilted = _tilt(rng, craft, size)
+    return {**tilted, "rotor": tilted["condition"]["tilted"]}
+
+
+def _hung(rng: np.random.Generator, craft: Craft, size: float) -> Fields:
+    rotor = int(rng.integers(craft.rotors))
+    condition = {"hung": size, "rotor": rotor}
+    return {"rotor": rotor, "condition": condition, "truth": {"mass": size}}
+
+
 def _recoil(rng: np.random.Generator, _: Craft, size: float) -> Fields:
     return {"condition": {"recoil": _way(rng, size)}}
 
@@ -295,8 +306,8 @@ MORE_OUTSIDE: Mapping[str, tuple[str, float, float, Draw]] = MappingProxyType(
 #: Of the third plan alone.
 THIRD_SINGLE: Mapping[str, tuple[str, float, float, Draw]] = MappingProxyType(
     {
-        "tilted arm": ("yaw_trim", 0.035, 0.09, _tilt),  # rad
-        "hung weight": ("cg_offset", 0.3, 1.0, _number("hung", of_rotor=True)),  # kg
+        "tilted arm": ("yaw_trim", 0.035, 0.09, _tilted_arm),  # rad
+        "hung weight": ("extra_mass", 0.3, 1.0, _hung),  # kg
     }
 )
 THIRD_OUTSIDE: Mapping[str, tuple[str, float, float, Draw]] = MappingProxyType(

@@ -104,7 +104,8 @@ def needed_wrench(
     moment[:, 1] += pitch * unit * motion.spraying
     if condition.hung:
         ahead, aside = craft.position[condition.rotor]
-        pull = condition.hung * attitude.thrust / craft.typical_mass
+        mass = craft.empty_mass + condition.hidden_mass + condition.hung + around.tank
+        pull = condition.hung * attitude.thrust / mass
         moment[:, 0] -= aside * pull
         moment[:, 1] += ahead * pull
     if condition.swing:

@@ -150,10 +150,16 @@ WHEN = ("onset", "for a while", "in each flight", "since", "until repaired")
 def test_what_kind_of_thing_each_effect_is():
     onsets = {f"rotor_degradation:{when}" for when in WHEN}
     assert having("begins") == onsets
-    assert having("of_one_rotor") == onsets | {"rotor_degradation", "yaw_trim:tilted arm"}
+    arms = {"yaw_trim:tilted arm", "extra_mass:on an arm"}
+    assert having("of_one_arm") == arms
+    assert having("of_one_rotor") == onsets | {"rotor_degradation", *arms}
     torque = {"rotor_degradation", "air_density", "yaw_trim:tilted arm"}
     assert having("torque") == onsets | torque
-    assert having("on_airframe") == onsets | {"rotor_degradation", "extra_mass"}
+    assert having("on_airframe") == onsets | {
+        "rotor_degradation",
+        "extra_mass",
+        "extra_mass:on an arm",
+    }
     assert having("afterwards") == {"rotor_degradation:onset", "rotor_degradation:since"}
     assert having("gone") == {"rotor_degradation:until repaired"}
     assert having("delays") == {"sensor_lag:rotor speed"}

@@ -412,6 +412,20 @@ def test_a_tilted_motor_turns_by_a_share_of_its_thrust(tank_kg):
     np.testing.assert_allclose(share(track, nose), by_hand, rtol=1e-6)
 
 
+def test_a_weight_at_an_arm_is_carried_by_its_rotor_most():
+    # 3 kg, 0.1 of 30 kg, at rotor 1: 0.1 / 4 each, and x and y off by 0.1 x its own place, which
+    # the four rotors share as 0.1 / 4 more (1), less (2), none (3, 4) for each of the two axes
+    by_hand = 1.0 + 0.1 * np.array([1.0 + 1.0 + 1.0, 1.0 - 2.0, 1.0 + 0.0, 1.0 + 0.0])
+    hung = effect("extra_mass:on an arm", 1, mass=3.0)
+    np.testing.assert_allclose(share(steady(), hung), by_hand, rtol=1e-6)
+    # The same as a hidden mass beside a centre of gravity that it shifts by a 33rd of 3.3 kg
+    both = effect("extra_mass", mass=3.0), effect("cg_offset", x=X / 11.0, y=Y / 11.0)
+    np.testing.assert_allclose(share(steady(), *both), by_hand, rtol=1e-6)
+    empty = steady(tank_kg=np.zeros(60))
+    alone = share(empty, hung) - share(empty)
+    np.testing.assert_allclose(alone, by_hand - 1.0, rtol=1e-5)  # whatever is in the tank
+
+
 @pytest.mark.parametrize(("rotor", "with_spin"), [(1, (0, 1, 2, 3)), (3, (2, 3, 0, 1))])
 def test_a_tilted_arm_turns_by_its_own_thrust(rotor, with_spin):
     # Tilted by 0.05 rad at 0.640312 m: 1.640046 times its torque, 0.998750 of its thrust upward.

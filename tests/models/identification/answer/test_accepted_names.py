@@ -31,7 +31,7 @@ def test_what_the_inaccurate_law_of_a_larger_effect_may_explain_is_not_reported(
 ):
     one = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=0), 1)
     linear: Any = SimpleNamespace(
-        trials=[SimpleNamespace(candidate=one)], law_error=lambda c, k: law * (k == 0)
+        trials=[SimpleNamespace(candidate=one)], law_error=lambda _, k: law * (k == 0)
     )
     value, error = np.array([[loss, 1.0]]), np.array([[0.001, 0.1]])
     estimate: Any = SimpleNamespace(candidate=0, value=value, error=error)
