@@ -12,7 +12,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thrustmargin.gcs_plugin.wording.alarm_words import place_words
-from thrustmargin.gcs_plugin.wording.language import Verbatim, clock, joined, number, say, within
+from thrustmargin.gcs_plugin.wording.language import (
+    DEGREES,
+    Verbatim,
+    clock,
+    joined,
+    number,
+    say,
+    within,
+)
 
 if TYPE_CHECKING:
     from thrustmargin.models.identification.answer.result import Identification, ReportedEffect
@@ -360,6 +368,27 @@ yaw_moment = Amount(
     "The rotors hold a steady yaw moment of {amount} to the right",
     "The rotors hold a steady yaw moment of {amount} to the left",
 )
+
+
+def arm_weight(it: DescribedEffect) -> str:
+    """Return the sentence about a weight at the end of an arm."""
+    names = it.whole.model.airframe.rotor_names
+    rotor = rotor_words(it.found.term.rotor or 0, names)
+    words = "A weight that the model lacks, {amount}, hangs near {rotor}"
+    return say(words, amount=Verbatim(joined(it.size("mass", "kg"))), rotor=rotor)
+
+
+def tilted_arm(it: DescribedEffect) -> str:
+    """Return the sentence about a tilted arm: by how much, and to which side it turns the
+    aircraft."""
+    spin = it.whole.model.airframe.rotor_spin[it.found.term.rotor or 0]
+    words = "The arm of {rotor} is tilted by {amount}, which turns the aircraft to the right"
+    if spin * it.ends("tilt")[0] < 0.0:
+        words = "The arm of {rotor} is tilted by {amount}, which turns the aircraft to the left"
+    names = it.whole.model.airframe.rotor_names
+    amount = it.size("tilt", "°", factor=DEGREES, most=1)
+    rotor = rotor_words(it.found.term.rotor or 0, names)
+    return say(words, rotor=rotor, amount=Verbatim(joined(amount)))
 
 
 def turning(it: DescribedEffect) -> str:

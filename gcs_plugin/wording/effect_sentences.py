@@ -131,6 +131,20 @@ def along_name(channel: str) -> str:
     return say(ALONG_WORDS[channel][0])
 
 
+#: Channel of an unnamed cause -> a common cause of what goes with it.
+COMMON_CAUSES = {
+    "spraying": "the recoil of the spray",
+    "along_acceleration": "a load that moves",
+}
+
+
+def common_cause(channel: str) -> str:
+    """Return an example of what goes with a channel, in brackets with a leading space; empty
+    without one."""
+    cause = COMMON_CAUSES.get(channel)
+    return "" if cause is None else f" ({say('as by {cause}', cause=say(cause))})"
+
+
 WEAK, STRONG = "a weak {rotor}", "more thrust of {rotor}"
 #: Key of the effect, or its name if all variants are described alike -> its words.
 WORDS: Mapping[str, EffectWords] = {
@@ -149,6 +163,9 @@ WORDS: Mapping[str, EffectWords] = {
     ),
     "rotor_degradation:until repaired": EffectWords(
         "a weak {rotor} until it was repaired", amounts.weak_until_repaired, actions.REPAIRED
+    ),
+    "extra_mass:on an arm": EffectWords(
+        "a weight near {rotor}", amounts.arm_weight, actions.BALANCE
     ),
     "extra_mass": EffectWords(
         "hidden mass", amounts.hidden_mass, actions.answer_to(Trouble.MASS).action
@@ -177,6 +194,9 @@ WORDS: Mapping[str, EffectWords] = {
     "load_factor": EffectWords("the load factor of manoeuvres", amounts.load_factor),
     "slung_load": EffectWords("a swinging load", amounts.slung_load, actions.LOOK_BELOW),
     "cg_offset": EffectWords("a shifted centre of gravity", amounts.balance, actions.BALANCE),
+    "yaw_trim:tilted arm": EffectWords(
+        "a tilted arm of {rotor}", amounts.tilted_arm, actions.LEVEL_MOTORS
+    ),
     "yaw_trim": EffectWords("a steady yaw moment", amounts.yaw_moment, actions.LEVEL_MOTORS),
     "manoeuvre_moment": EffectWords("the moments of turning", amounts.turning),
     "manoeuvre_moment:changed": EffectWords("another inertia", amounts.inertia, actions.ARMS_CARRY),

@@ -264,7 +264,12 @@ def shown_unit(unit: str, name: str = "") -> tuple[float, str]:
     """
     if unit == "1" and "exponent" in name:
         return 1.0, ""
-    people = {"1": (100.0, "%"), "m": (1000.0, "mm"), "1/s": (6000.0, say("% a minute"))}
+    people = {
+        "1": (100.0, "%"),
+        "m": (1000.0, "mm"),
+        "rad": (DEGREES, "°"),
+        "1/s": (6000.0, say("% a minute")),
+    }
     return people.get(unit, (1.0, unit.replace("^2", "²")))
 
 

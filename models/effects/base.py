@@ -34,6 +34,8 @@ USUAL_MASS, USUAL_ARM = 21.1, 0.9595439
 #: Half of the 95 % interval of a torque ratio as a share of it: read off a bench or a data sheet,
 #: or worked out with a figure of merit of 0.7 that may be 0.6 or 0.8.
 KNOWN_TORQUE, GUESSED_TORQUE = 0.05, 0.15
+#: least factor of a loss on the thrust and torque of a rotor
+KAPPA_FLOOR = 0.05
 SAME_SIZE = 0.01  # share by which mass or arm may differ from it and nothing is scaled
 
 
@@ -203,6 +205,12 @@ class Effect:
         """Return whether later flights do not have the effect: values of single flights, or a
         past loss."""
         return self.gone or any(p.per_flight for p in self.parameters)
+
+    @property
+    def of_one_arm(self) -> bool:
+        """Return whether it is the variant of an effect on one arm, which leaves the rotor's own
+        thrust as it is."""
+        return self.of_one_rotor and self.one_variant
 
     @property
     def key(self) -> str:

@@ -84,6 +84,7 @@ class Channels:
     empty_weight: float  # N
     propeller_diameter: float
     arm: float  # m, longest of the aircraft
+    torque_ratio: float  # m, rotor torque over rotor thrust
 
     def __getattr__(self, name: str) -> Any:  # for channels that were not given
         """Compute a channel that was not given."""
@@ -237,6 +238,7 @@ def channels_of(
         empty_weight=float(airframe.empty_mass * G0),
         propeller_diameter=float(airframe.propeller_diameter),
         arm=airframe.arm,
+        torque_ratio=float(airframe.torque_ratio),
     )
     return made
 

@@ -24,14 +24,13 @@ from typing import Any
 import numpy as np
 
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.effects.base import Array, Effect, Kind, Placed, Values
+from thrustmargin.models.effects.base import KAPPA_FLOOR, Array, Effect, Kind, Placed, Values
 from thrustmargin.models.effects.channels import LAGS, NEAR_LAG, Channels
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import mixer
 
-KAPPA_FLOOR = 0.05
 MOST_AIRSPEED, AIRSPEED_STEP = 20.0, 0.1  # m/s of the table of a base model
 THRUST_FLOOR = 1e-3  # N: a rotor never pulls down
 
@@ -52,6 +51,7 @@ class BaseTable:
     thrust_coefficient: float
     effectiveness: Any  # (R,) thrust over apparent thrust
     moment_shares: Any  # (R, 3) N per N m of roll, pitch, yaw: the inverse of the mixer
+    carried: Any  # (R, R) apparent thrust by which the rotors carry 1 N at the place of each
     shares: Any  # (R, C) the mixer: apparent thrust of each rotor, N, by control
     thrust_control: Any  # (C, R) control that compensates each rotor's thrust, by apparent thrust
     yaw_control: Any  # (C,) control that compensates a yaw moment
@@ -102,6 +102,7 @@ def base_table(
         thrust_coefficient=thrust_coefficient,
         effectiveness=airframe.rotor_effectiveness,
         moment_shares=(shares @ control)[:, 1:],
+        carried=shares @ control[:, :3] @ mixer(airframe)[:3],
         shares=shares,
         thrust_control=control[:, :3] @ rows[:3],
         yaw_control=control[:, 3],
@@ -137,11 +138,16 @@ def apparent_thrust(base: BaseTable, placed: Sequence[Placed], x: Channels) -> A
     thrust = base.look_up(x.airspeed, x.tank_kg)
     demand = total = thrust @ base.effectiveness
     for item in placed:
-        if item.effect.kind is Kind.DEMAND:
+        if item.effect.kind is Kind.DEMAND and item.rotor is None:
             demand = item.effect.apply(item.values, x, demand)
     if demand is not total:
         demand = np.maximum(demand, THRUST_FLOOR)  # negative if a fall at more than g is reported
         thrust = thrust * (demand / total)[:, None]
+    for item in placed:
+        if item.effect.kind is Kind.DEMAND and item.rotor is not None:
+            more = item.effect.apply(item.values, x, demand) - demand
+            thrust = thrust + more[:, None] * base.carried[:, item.rotor]
+            demand = demand + more
     for item in placed:
         if item.effect.kind is Kind.MOMENTS:
             moments = item.effect.apply(item.values, x, demand)
@@ -186,7 +192,7 @@ def _rebalance(base: BaseTable, apart: Sequence[Placed], x: Channels, thrust: Ar
     alone = coefficient([item for item in apart if item.rotor is not None], x, rotors)
     shared = coefficient([item for item in apart if item.rotor is None], x, rotors)
     torque = _product(apart, x, rotors, lambda item: item.effect.torque)
-    twist = (np.maximum(torque, KAPPA_FLOOR) / shared - 1.0) * base.yaw_rows
+    twist = (torque / shared - 1.0) * base.yaw_rows
     causes = np.concatenate([base.thrust_control[:, bad], base.yaw_control[:, None]], axis=1)
     answer = base.shares @ causes  # (R, K)
     lost = alone[:, bad] - 1.0 if bad else np.empty((thrust.shape[0], 0))
@@ -316,7 +322,8 @@ class EffectRecord:
         other effects."""
         of_curve = [v for name, v in self.parameters.items() if name.startswith("at_")]
         losses = [self.parameters["loss"]] if "loss" in self.parameters else of_curve
-        return max(losses, key=lambda v: v.value) if self.rotor is not None else None
+        largest = max(losses, key=lambda v: v.value, default=None)
+        return None if self.rotor is None else largest
 
 
 def losses_of(records: Sequence[EffectRecord]) -> dict[int, Identified]:

@@ -47,6 +47,16 @@ EXTRA_MASS = Effect(
     on_airframe=lambda p, airframe, rotor: replace(
         airframe, empty_mass=airframe.empty_mass + float(p["mass"])
     ),
+    one_variant=True,
+)
+
+#: It shifts the centre of gravity too, and by how much is known with the mass.
+ARM_WEIGHT = replace(
+    EXTRA_MASS,
+    variant="on an arm",
+    parameters=tuple(replace(p, upper=10.0) for p in EXTRA_MASS.parameters),
+    of_one_rotor=True,
+    source="weight at the end of one arm, which that rotor and its neighbours carry",
 )
 
 
@@ -88,7 +98,7 @@ LOAD_FACTOR = Effect(
     looks=lambda p: shifts_look(p["lag"], LOAD_LOOK),
 )
 
-_WEIGHT = (EXTRA_MASS, LOAD_FACTOR)
+_WEIGHT = (EXTRA_MASS, ARM_WEIGHT, LOAD_FACTOR)
 
 
 def _with_drag(p, x: Channels, thrust):

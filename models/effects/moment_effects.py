@@ -411,7 +411,50 @@ YAW_TRIM = Effect(
     of_every_aircraft=True,
     source="a tilted motor turns part of its thrust into a yaw moment, in proportion to it; the "
     "moment is that of a hover with half a tank",
+    one_variant=True,
     apply=_trim_moment,
+)
+
+
+#: times its own torque, the most with which a tilted rotor may drive its own spin: beyond it, yaw
+#: control of a quad would act against itself
+MOST_DRIVE = 3.0
+
+
+def _upright_share(p, x: Channels):
+    """Return the share (T,) of a tilted rotor's thrust that still lifts."""
+    return np.cos(p["tilt"]) + 0.0 * x.time_s
+
+
+def _tilted_torque(p, x: Channels):
+    """Return the yaw moment (T,) of a tilted rotor over that of its torque alone."""
+    turned = np.sin(p["tilt"]) * x.arm / x.torque_ratio
+    return np.maximum(1.0 + turned, 1.0 - MOST_DRIVE) + 0.0 * x.time_s
+
+
+#: `yaw_trim` of one arm: a rotor whose thrust the autopilot changes changes the moment too
+TILTED_ARM = replace(
+    YAW_TRIM,
+    variant="tilted arm",
+    kind=Kind.COEFFICIENT,
+    parameters=(
+        Parameter(
+            name="tilt",
+            unit="rad",
+            lower=-0.15,
+            upper=0.15,
+            scale=0.03,
+            smallest=0.0017,  # 0.1 degrees
+            accuracy=GUESSED_TORQUE,
+            of_torque=True,
+        ),
+    ),
+    of_one_rotor=True,
+    of_every_aircraft=False,
+    source="an arm twisted about its own axis turns part of that rotor's thrust into a yaw moment, "
+    "thrust x arm x sin(tilt); positive adds to the torque of the rotor",
+    apply=_upright_share,
+    torque=_tilted_torque,
 )
 
 
@@ -446,7 +489,7 @@ WEATHERVANE = Effect(
     apply=_yaw_moment,
 )
 
-_YAW = (YAW_TRIM, WEATHERVANE)
+_YAW = (YAW_TRIM, TILTED_ARM, WEATHERVANE)
 
 
 EFFECTS = (*_CG, *_DRAG_MOMENT, *_FLOW, *_MANOEUVRE, *_YAW)

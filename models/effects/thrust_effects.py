@@ -10,7 +10,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from thrustmargin.models.effects.base import TORQUE_SHARE, Effect, Kind, Parameter, Values, shaping
+from thrustmargin.models.effects.base import (
+    KAPPA_FLOOR,
+    TORQUE_SHARE,
+    Effect,
+    Kind,
+    Parameter,
+    Values,
+    shaping,
+)
 from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.forward_flight import induced_ratio
@@ -183,7 +191,7 @@ def _degraded_thrust(p, x: Channels):
 
 def _degraded_torque(p, x: Channels):
     """Return the factor of torque of a degraded rotor, in the rows of its time span."""
-    return 1.0 - p["loss"] * p["torque_share"] * _after_onset(p, x)
+    return np.maximum(1.0 - p["loss"] * p["torque_share"] * _after_onset(p, x), KAPPA_FLOOR)
 
 
 def _after_onset(p, x: Channels):

@@ -14,6 +14,7 @@ from thrustmargin.gcs_plugin.wording.effect_sentences import (
     action_of,
     along_name,
     amount_of,
+    common_cause,
     effect_thing,
     unnamed_place,
 )
@@ -41,7 +42,7 @@ def requested_actions(found: Identification) -> tuple[RequestedAction, ...]:
     comes last.
     """
     out = [
-        _request(action, f.term.rotor, f.probability)
+        _request(action, f.term.degraded_rotor, f.probability)
         for f in sorted(found.found, key=lambda f: f.term.rotor is None)
         if (action := action_of(f, found)) and action.part != actions.KEEP.part
     ]
@@ -71,8 +72,10 @@ def unexplained_words(found: Identification) -> str:
     if left["mode"] is None or left["minor"]:
         return ""
     share, rms = chance(left["fraction_of_variance"]), number(left["rms_rpm"], "rpm", 0)
-    channels = f" {say('or')} ".join(along_name(one) for one in left["channels"])
-    along = say("goes with {channels}", channels=channels)
+    channels = f" {say('or')} ".join(
+        along_name(one) + common_cause(one) for one in left["channels"]
+    )
+    along = say("goes with {channels}", channels=Verbatim(channels))
     action = actions.COMPARE_SOUND.text
     if not found.open_causes:
         action = say("nothing was added for it; {action}", action=action)
@@ -153,7 +156,8 @@ def unnamed_causes_words(found: Identification) -> str:
         span = f"{number(low, '', 1)} {say('to')} {number(high, unit, 1)}"
         as_well = [along_name(other) for other in one.alike if other != CONSTANT]
         others = f" ({say('or')} {', '.join(as_well)})" if as_well else ""
-        each.append(f"{where}{others}, {span} {size}{until}")
+        example = common_cause(one.place[1])
+        each.append(f"{where}{others}{example}, {span} {size}{until}")
         curves = True
     seen = say("Without a name, as it was seen: {causes}", causes=Verbatim("; ".join(each)))
     beyond = say(", held at its edge beyond that range, with twice the interval")

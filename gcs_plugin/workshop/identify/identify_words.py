@@ -99,7 +99,7 @@ def suspect_rotors(found: Identification, following: NextFlight | None = None) -
     terms = [f.term for f in found.found]
     terms += [term for one in found.one_of for term in one.terms]
     terms += [term for side in (following.separates if following else ()) for term in side]
-    rotors = {term.rotor for term in terms} | {one.rotor for one in found.mentioned}
+    rotors = {term.degraded_rotor for term in terms} | {one.rotor for one in found.mentioned}
     rotors |= (
         {one.rotor for one in found.constant_shares.weak_rotors} if found.constant_shares else set()
     )

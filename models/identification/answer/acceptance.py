@@ -12,6 +12,8 @@
    Without it, the closest effect of the catalogue is reported for a cause that it lacks.
 5. `needed_effects`: drop effects, or pairs, that the cross-validated error does not need.
    Without it, two effects that cancel each other are both reported.
+   `exceeds_law_error`: also drop those that the inaccurate laws of larger effects may explain.
+   Without it, a tilted arm's 300 rpm report a sound rotor as weak by 0.8 %.
 6. `resembles_unexplained`: drop "one of" groups of which rule 4 would drop every effect.
    Without it, a choice is reported between effects that all only imitate an unlisted cause.
 7. `Posterior.estimates`: refit the remaining effects alone; drop those whose interval then includes
@@ -58,7 +60,12 @@ from thrustmargin.models.identification.answer.result import (
     ReportedEffect,
     Unexplained,
 )
-from thrustmargin.models.identification.certainty import CHOICE, COSTS, OPEN_PROBABILITY
+from thrustmargin.models.identification.certainty import (
+    CHOICE,
+    COSTS,
+    ERRORS,
+    OPEN_PROBABILITY,
+)
 from thrustmargin.models.identification.rows.candidates import (
     Term,
     TrialEffect,
@@ -67,7 +74,7 @@ from thrustmargin.models.identification.rows.candidates import (
 )
 from thrustmargin.models.identification.rows.problem import BLOCK_SECONDS, Problem
 from thrustmargin.models.identification.sets.discrepancy import FORM, MEANS, WANDER, slow_wander
-from thrustmargin.models.identification.sets.linear_sets import EffectSet
+from thrustmargin.models.identification.sets.linear_sets import EffectSet, LinearisedSets
 from thrustmargin.models.identification.sets.search_space import USUAL_SHARE, SearchSpace
 from thrustmargin.models.identification.sets.set_search import FAR, Search
 from thrustmargin.models.physics.atmosphere import G0
@@ -129,6 +136,8 @@ def accept_effects(
     unexplained = find_unexplained(space, answer)
     lookalikes = effects_resembling(unexplained, probable, answer)
     needed = needed_effects(error, [c for c in probable if c not in lookalikes])
+    linear = search.linearise(answer.best)
+    needed = [c for c in needed if exceeds_law_error(linear, answer.estimate(c))]
     # Rules 6 and 7: while values are fitted, the most probable effect represents each "one of"
     one_of = tuple(
         one
@@ -402,16 +411,21 @@ def effects_resembling(
 ) -> list[int]:
     """Rule 4: list the effects of `named` that may only imitate an unexplained cause.
 
-    If a rotor's loss varies along a channel, however slightly, all effects that do not act on such
-    a rotor may only compensate for it. Beside a probable cause along its own channel, however
-    small, an instrument is not at fault for certain. Otherwise, an effect resembles the unexplained
-    residual if it acts on the same rotor, reads one of the same channels, or changes mostly the
-    same modes. A residual that is only slow noise resembles no effect.
+    If a rotor's loss varies along a channel, effects that do not act on such a rotor may only
+    compensate for it, unless they change far more than it does (MOST_UNEXPLAINED). Beside a
+    probable cause along its own channel, however small, an instrument is not at fault for certain.
+    Otherwise, an effect resembles the unexplained residual if it acts on the same rotor, reads one
+    of the same channels, or changes mostly the same modes. A residual that is only slow noise
+    resembles no effect.
     """
     search, best = answer.search, answer.best
     likely = probable_causes(answer)
     terms = {c: search.candidates[c].term for c in {*named, *likely}}
-    uneven = {terms[c].rotor for c in likely} - {None}
+    uneven = {
+        rotor: float(square.sum())
+        for c, square in likely.items()
+        if (rotor := terms[c].rotor) is not None
+    }
     open_reads = {needed for c in likely for needed in ALONG[place_of(terms[c].effect)[1]].needs}
     trials = best.effects
     read: set[str] = set()
@@ -420,8 +434,10 @@ def effects_resembling(
 
     def resembles(c: int) -> bool:
         """Return whether candidate `c` resembles the unexplained residual."""
-        if uneven and terms[c].rotor not in uneven:
-            return True
+        if uneven and terms[c].degraded_rotor not in uneven:
+            own = float(mean_square_change(search, trials[c]).sum()) if c in trials else 0.0
+            if sum(uneven.values()) > MOST_UNEXPLAINED * own:
+                return True
         effect = terms[c].effect
         instrument = effect.kind is Kind.INPUT and not effect.of_its_flights
         if instrument and open_reads & set(effect.needs):
@@ -438,9 +454,14 @@ def effects_resembling(
 
 def changes_mostly(search: Search, trial: TrialEffect, modes: Sequence[int]) -> bool:
     """Return whether more than MAIN_SHARE of an effect's squared change is in the given modes."""
-    change = predicted_modes(search.reduced, [trial]) - predicted_modes(search.reduced, ())
-    square = np.mean(np.nan_to_num(change) ** 2, axis=0)
+    square = mean_square_change(search, trial)
     return bool(square[list(modes)].sum() > MAIN_SHARE * square.sum())
+
+
+def mean_square_change(search: Search, trial: TrialEffect) -> Floats:
+    """Return the mean square (R,), rpm², of the change in each mode by one effect alone."""
+    change = predicted_modes(search.reduced, [trial]) - predicted_modes(search.reduced, ())
+    return np.mean(np.nan_to_num(change) ** 2, axis=0)
 
 
 def needed_effects(error: Callable[[Sequence[int]], float], members: Collection[int]) -> list[int]:
@@ -460,6 +481,21 @@ def needed_effects(error: Callable[[Sequence[int]], float], members: Collection[
             break
         kept = [c for c in kept if c not in groups[least]]
     return kept
+
+
+def exceeds_law_error(linear: LinearisedSets, estimate: EffectEstimate) -> bool:
+    """Return whether an interval excludes zero with the inaccurate laws of all effects included.
+
+    `linear` is about the most probable set. True for an effect without a shared main value.
+    """
+    one = linear.trials[estimate.candidate].candidate
+    away = [
+        abs(float(estimate.value[0, k]) - p.absent)
+        > ERRORS * np.hypot(estimate.error[0, k], linear.law_error(estimate.candidate, place))
+        for place, ((k, flight), p) in enumerate(zip(one.free, one.parameters, strict=True))
+        if flight is None and p.absent is not None and not p.detail
+    ]
+    return not away or any(away)
 
 
 def resembles_unexplained(one: OneOf, unexplained: Unexplained | None, answer: Posterior) -> bool:

@@ -105,6 +105,9 @@ class Posterior:
             equivalent = self._equivalent_candidates(c)
             names = [k for k in equivalent if not self._unnamed(k)]
             first = max(names, key=lambda c: self.probability([c]))
+            if self.search.candidates[c].term.degraded_rotor is None:
+                # It names no arm: it is certain where it is possible and the arm is not certain.
+                first = c if self.probability([c]) > OPEN_PROBABILITY else None
             if c == first and not {*likely} & equivalent and self.probability(equivalent) >= SURE:
                 likely.append(c)
         return [c for c in sorted(likely) if _excludes_zero(self.estimate(c))]
@@ -130,17 +133,25 @@ class Posterior:
     def _equivalent_candidates(self, candidate: int) -> set[int]:
         """Return the candidates that count as evidence for the same effect.
 
-        For an effect on one rotor: all variants of it and all unnamed causes on that rotor.
-        Otherwise only the candidate itself.
+        For an effect on one rotor: all variants of it and all unnamed causes on that rotor. For
+        one without a rotor: its variants of single arms. Otherwise only the candidate itself.
         """
-        term = self.search.candidates[candidate].term
-        if term.rotor is None:
-            return {candidate}
+        every, term = self.search.candidates, self.search.candidates[candidate].term
+        if term.degraded_rotor is None:
+            arms = {
+                c
+                for s in self.sets
+                for c in s.key
+                if every[c].term.effect.name == term.effect.name
+                and every[c].term.effect.of_one_arm
+                and term.rotor is None
+            }
+            return {candidate} | arms
         return {
             c
             for s in self.sets
             for c in s.key
-            if self.search.candidates[c].term.rotor == term.rotor
+            if self.search.candidates[c].term.degraded_rotor == term.rotor
             and (self._unnamed(c) or self.search.candidates[c].term.effect.name == term.effect.name)
         }
 
@@ -264,10 +275,10 @@ class Posterior:
         A rotor is listed if any effect or unnamed cause on it has more than OPEN_PROBABILITY.
         """
         candidates = self.search.candidates
-        safe = {candidates[c].term.rotor for c in named}
+        safe = {candidates[c].term.degraded_rotor for c in named}
         rotors: dict[int, list[int]] = {}
         for c in {c for s in self.sets for c in s.key}:
-            rotor = candidates[c].term.rotor
+            rotor = candidates[c].term.degraded_rotor
             if rotor is not None and rotor not in safe:
                 rotors.setdefault(rotor, []).append(c)
         mentions = []
@@ -296,7 +307,7 @@ class Posterior:
         """
         of_rotors: dict[int, list[int]] = {}
         for c in {c for one in self.sets for c in one.key if not self._unnamed(c)}:
-            rotor = self.search.candidates[c].term.rotor
+            rotor = self.search.candidates[c].term.degraded_rotor
             if rotor is not None:
                 of_rotors.setdefault(rotor, []).append(c)
         gaining = set()
@@ -324,6 +335,8 @@ class Posterior:
             ]
             if c in named or len(main) != 1 or candidate.term.effect.begins:
                 continue
+            if candidate.term.effect.of_one_arm:
+                continue  # the limit of the variant without an arm holds for it
             if self.probability([c]) > OPEN_PROBABILITY:
                 continue
             key = best.key | {c}

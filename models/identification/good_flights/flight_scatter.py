@@ -119,7 +119,7 @@ def flight_estimates(
     ("effect_key.parameter") and rotor."""
     model, estimates = problem.model, {}
     for effect in catalogue:
-        if effect.begins or problem.lacks(effect):
+        if effect.begins or effect.of_one_arm or problem.lacks(effect):
             continue
         rest, values = separate_effect(model, effect)
         at_start = replace(problem, model=rest)

@@ -120,7 +120,7 @@ def scatter_columns(rows: RowsToFit, background_rpm: Floats | float) -> Floats:
     good = rows.model.good_flights
     shown = good.scatter if good is not None else {}
     for effect in effects_for(rows.model.airframe):
-        if effect.begins:
+        if effect.begins or effect.of_one_arm:
             continue
         own = [shown.get(f"{effect.key}.{p.name}", p.smallest) for p in effect.parameters]
         moving = [k for k, size in enumerate(own) if size > 0.0]

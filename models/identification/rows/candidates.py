@@ -60,6 +60,11 @@ class Term:
         return self.effect.key + suffix
 
     @property
+    def degraded_rotor(self) -> int | None:
+        """Return the rotor whose own thrust the effect changes; None for effects on an arm, too."""
+        return None if self.effect.of_one_arm else self.rotor
+
+    @property
     def words(self) -> str:
         """Return the effect's name, with the rotor (1-based) if it has one."""
         return self.effect.name + ("" if self.rotor is None else f" of rotor {self.rotor + 1}")

@@ -85,7 +85,7 @@ def flight_sums(model: RotorModel, track: FlightTrack) -> FlightEvidence:
     count.
     """
     reduced = reduce_flights(model, [track], delays=False)
-    catalogue = effects_for(model.airframe)
+    catalogue = [e for e in effects_for(model.airframe) if not e.of_one_arm]
     if reduced.of_outputs:
         catalogue = effects_on_shares(catalogue)
     space = search_space(model, [track], catalogue, reduced)

@@ -186,7 +186,7 @@ def prior_of(trials: Sequence[TrialEffect]) -> ValuePrior:
 def _first_rotor_log_odds(candidates: Sequence[Candidate]) -> float:
     """Return the log factor by which a set's first bad rotor is more probable than further ones; 0
     without a rotor."""
-    some = any(one.term.rotor is not None for one in candidates)
+    some = any(one.term.degraded_rotor is not None for one in candidates)
     return log(EFFECT_PRIOR / ROTOR_PRIOR) if some else 0.0
 
 

@@ -243,9 +243,14 @@ def unexplained_noise(open_: Nuisance, residual: Floats) -> Floats:
 
 
 def main_values(candidates: Sequence[Candidate]) -> list[tuple[int, int, str]]:
-    """List (candidate, free value, "effect_key.parameter") of every shared main value."""
+    """List (candidate, free value, "effect_key.parameter") of every shared main value.
+
+    Effects on one arm change speeds nearly as their variant without one, which stands for them.
+    """
     names = []
     for c, one in enumerate(candidates):
+        if one.term.effect.of_one_arm:
+            continue
         for k, (_, flight) in enumerate(one.free):
             p = one.parameters[k]
             if flight is None and not p.detail and p.smallest > 0.0:

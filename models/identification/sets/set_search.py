@@ -161,7 +161,7 @@ class Search:
         uneven = {every[c].term.rotor for c in key if every[c].unnamed} - {None}
         members = []
         for c, one in enumerate(every):
-            effect, rotor = one.term.effect, one.term.rotor
+            effect, rotor = one.term.effect, one.term.degraded_rotor
             steady = effect.key == ROTOR_DEGRADATION.key and rotor in uneven
             lasts = rotor is None and not (effect.begins or effect.of_its_flights)
             if steady or (c in key and (one.unnamed or lasts)):
@@ -286,11 +286,11 @@ class Search:
             beam, grown_from = grown, BEAM
 
     def _is_duplicate(self, key: Key, c: int) -> bool:
-        """Return whether a set has another variant of candidate `c`: of its rotor, or of a
-        one-variant effect."""
+        """Return whether a set has another variant of candidate `c`: of its rotor, or, of a
+        one-variant effect, of any."""
         term = self.candidates[c].term
         return (term.effect.of_one_rotor or term.effect.one_variant) and any(
-            self.candidates[k].term.rotor == term.rotor
+            (term.effect.one_variant or self.candidates[k].term.rotor == term.rotor)
             and self.candidates[k].term.effect.name == term.effect.name
             for k in key
         )

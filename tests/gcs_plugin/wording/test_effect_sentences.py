@@ -176,6 +176,24 @@ def test_no_two_effects_are_called_alike():
             "fit new propellers, each of the kind of its own motor",
         ),
         (
+            "extra_mass:on an arm",
+            [0.48],
+            [0.04],
+            2,
+            "A weight that the model lacks, 0.48 kg (0.44 to 0.52), hangs near rotor 3 (front "
+            "left): with the battery off, move battery or load back to the middle, or look for "
+            "what was mounted",
+        ),
+        (
+            "yaw_trim:tilted arm",
+            [0.0461],
+            [0.003],
+            2,
+            "The arm of rotor 3 (front left) is tilted by 2.6 ° (2.5 to 2.8), which turns the "
+            "aircraft to the left: with the battery off, level the motors and look for a twisted "
+            "arm; if the moment stays, fit new propellers, each of the kind of its own motor",
+        ),
+        (
             "thrust_drift",
             [1e-4],
             [1e-5],

@@ -54,6 +54,9 @@ class Condition:
     flap: float = 0.0  # nose-up moment of a cover that opens above a speed
     worn: float = 0.0  # thrust that a rotor and the next one lose at 6 m/s, with airspeed squared
     sail: float = 0.0  # roll moment of a side wind of 5 m/s, with its square
+    recoil: tuple[float, float] = (0.0, 0.0)  # spray's roll, pitch moment over weight times arm
+    swing: float = 0.0  # m of the line on which the liquid swings as the aircraft accelerates
+    hung: float = 0.0  # kg hung at the end of an arm, that of `rotor`
     # instruments
     period: float = 0.0  # s between speed reports
     quantum: float = 0.0  # share of hover speed by which speeds are rounded
@@ -210,6 +213,21 @@ def _tilt(rng: np.random.Generator, craft: Craft, size: float) -> Fields:
     return {"condition": {"tilt": size * _either(rng), "tilted": rotor}}
 
 
+def _tilted_arm(rng: np.random.Generator, craft: Craft, size: float) -> Fields:
+    tilted = _tilt(rng, craft, size)
+    return {**tilted, "rotor": tilted["condition"]["tilted"]}
+
+
+def _hung(rng: np.random.Generator, craft: Craft, size: float) -> Fields:
+    rotor = int(rng.integers(craft.rotors))
+    condition = {"hung": size, "rotor": rotor}
+    return {"rotor": rotor, "condition": condition, "truth": {"mass": size}}
+
+
+def _recoil(rng: np.random.Generator, _: Craft, size: float) -> Fields:
+    return {"condition": {"recoil": _way(rng, size)}}
+
+
 def _lag(_: np.random.Generator, __: Craft, size: float) -> Fields:
     return {"condition": {"speed_delay": size}, "truth": {"lag": size}}
 
@@ -285,8 +303,21 @@ MORE_OUTSIDE: Mapping[str, tuple[str, float, float, Draw]] = MappingProxyType(
         "sail": ("", 0.002, 0.02, _number("sail", signed=True)),
     }
 )
-EVERY_OUTSIDE = MappingProxyType({**OUTSIDE, **MORE_OUTSIDE})
-KINDS = MappingProxyType({**SINGLE, **MORE_SINGLE, **EVERY_OUTSIDE, **INSTRUMENTS})
+#: Of the third plan alone.
+THIRD_SINGLE: Mapping[str, tuple[str, float, float, Draw]] = MappingProxyType(
+    {
+        "tilted arm": ("yaw_trim", 0.035, 0.09, _tilted_arm),  # rad
+        "hung weight": ("extra_mass", 0.3, 1.0, _hung),  # kg
+    }
+)
+THIRD_OUTSIDE: Mapping[str, tuple[str, float, float, Draw]] = MappingProxyType(
+    {
+        "recoil": ("", 0.004, 0.02, _recoil),  # of weight times arm
+        "swing": ("", 0.1, 0.5, _number("swing")),  # m
+    }
+)
+EVERY_OUTSIDE = MappingProxyType({**OUTSIDE, **MORE_OUTSIDE, **THIRD_OUTSIDE})
+KINDS = MappingProxyType({**SINGLE, **MORE_SINGLE, **THIRD_SINGLE, **EVERY_OUTSIDE, **INSTRUMENTS})
 #: Flights to identify from, where it is not three to five.
 FLIGHTS = MappingProxyType({"late rotor": 12, "repaired rotor": 8})
 

@@ -45,6 +45,7 @@ class Craft:
     radius: float  # m of a propeller
     body_area: float = 0.0  # m² of drag, 0 for one that goes with the discs
     flown: Literal["missions", "by hand", "hard"] = "missions"
+    good_flights: int = 12  # from which its model is trained
     telemetry: tuple[tuple[str, float], ...] = ()  # how its ESCs report, fields of a Condition
     blade: Blade = PROPELLER
 
@@ -214,3 +215,5 @@ OTHER_CRAFTS: tuple[Craft, ...] = (
     ),
     _craft("quad-plus", 15.0, 10.0, 0.7, 0.38, flown="hard", telemetry=(("repeats", 0.3),)),
 )
+#: That of the third plan.
+HEXACOPTER = _craft("hexa-x", 20.0, 16.0, 1.0, 0.42, good_flights=8)

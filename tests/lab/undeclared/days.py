@@ -94,7 +94,8 @@ def surroundings(
         wind[:, 2] -= condition.thermal * np.sin(2 * np.pi * north) * np.cos(2 * np.pi * east + 1.9)
     used = np.cumsum(motion.spraying) * FINE_STEP * day.flow / 60.0
     tank = craft.tank_litres * np.maximum(day.fill * condition.gauge_gain - used, 0.0)
-    mass = craft.empty_mass * (1.0 + day.mass) + condition.hidden_mass + tank
+    more = condition.hidden_mass + condition.hung
+    mass = craft.empty_mass * (1.0 + day.mass) + more + tank
     power = (mass / craft.typical_mass) ** 1.5  # of that at the typical mass
     left = day.charge - np.cumsum(power) * FINE_STEP / (60.0 * day.minutes)
     voltage = craft.cells * (3.4 + 0.8 * np.maximum(left, 0.0) - 0.06 * power)

@@ -27,6 +27,7 @@ from tests.lab.undeclared.rotor_aero import Array, forces_of, ground_relief
 
 ITERATIONS = 7
 SLOSH_PERIOD, SLOSH_DAMPING = 3.0, 0.08
+SWING_DAMPING = 0.3
 
 
 class Attitude(NamedTuple):
@@ -98,6 +99,23 @@ def needed_wrench(
     moment[:, 1] -= 0.15 * craft.arm * body_drag[:, 0]
     unit = craft.typical_mass * GRAVITY * craft.arm
     moment[:, 0] += condition.jet * unit * motion.spraying
+    roll, pitch = condition.recoil
+    moment[:, 0] += roll * unit * motion.spraying
+    moment[:, 1] += pitch * unit * motion.spraying
+    if condition.hung:
+        ahead, aside = craft.position[condition.rotor]
+        mass = craft.empty_mass + condition.hidden_mass + condition.hung + around.tank
+        pull = condition.hung * attitude.thrust / mass
+        moment[:, 0] -= aside * pull
+        moment[:, 1] += ahead * pull
+    if condition.swing:
+        # Forward and right of the heading, by a damped pendulum that hangs from the body.
+        turned = np.column_stack([np.cos(motion.heading), np.sin(motion.heading)])
+        ahead = np.sum(motion.acceleration[:, :2] * turned, axis=1)
+        aside = motion.acceleration[:, 1] * turned[:, 0] - motion.acceleration[:, 0] * turned[:, 1]
+        for axis, pushed, sign in ((1, ahead, -1.0), (0, aside, 1.0)):
+            shift = condition.swing * pendulum(pushed, np.sqrt(GRAVITY / condition.swing)) / GRAVITY
+            moment[:, axis] += sign * shift * around.tank * GRAVITY
     if condition.flap:
         speed = np.linalg.norm(motion.velocity - around.air_velocity, axis=1)
         moment[:, 1] += condition.flap * unit / (1.0 + np.exp((4.5 - speed) / 0.3))
@@ -117,6 +135,13 @@ def needed_wrench(
     start = wrench[:1, 3] * keep
     wrench[:, 3] = lfilter([1.0 - keep], [1.0, -keep], wrench[:, 3], zi=start)[0]
     return wrench
+
+
+def pendulum(pushed: Array, natural: float) -> Array:
+    """A push after a damped oscillator of natural frequency rad/s, of the same mean."""
+    w = natural * FINE_STEP
+    a = [1.0, 2.0 * SWING_DAMPING * w + w**2 - 2.0, 1.0 - 2.0 * SWING_DAMPING * w]
+    return np.asarray(lfilter([w**2], a, pushed))
 
 
 def yaw_time(craft: Craft) -> float:
@@ -232,12 +257,15 @@ def rotor_speeds(
     control[:, 0] = wrench[:, 0] / (craft.typical_mass * GRAVITY * dense)
     lean = np.zeros(craft.rotors)
     lean[condition.tilted] = craft.arm * np.sin(condition.tilt)
+    upright = np.ones(craft.rotors)
+    upright[condition.tilted] = np.cos(condition.tilt)
     for _ in range(ITERATIONS):
         share = np.maximum(control @ mixer.T, 0.02)
         thrust, torque = rotor_forces(
             craft, condition, hover * np.sqrt(share), flow, seconds, clock
         )
-        thrust, turning = dense * thrust, dense * (torque * craft.spin + thrust * lean)
+        turning = dense * (torque * craft.spin + thrust * lean)
+        thrust = dense * thrust * upright
         rows = np.stack([thrust, -y * thrust, x * thrust, turning], axis=1)
         slope = (rows / share[:, None, :]) @ mixer
         control += np.linalg.solve(slope, (wrench - rows.sum(axis=2))[..., None])[..., 0]

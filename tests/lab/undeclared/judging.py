@@ -34,6 +34,11 @@ RIGHT_INSTRUMENT: Mapping[str, tuple[str, ...]] = {
     "airspeed bias": ("airspeed",),
     "voltage offset": ("voltage",),
 }
+#: Names that are as true of a change as its own.
+ALSO_TRUE: Mapping[str, tuple[str, ...]] = {
+    "hung weight": ("extra_mass", "cg_offset"),
+    "tilted arm": ("yaw_trim",),
+}
 #: Where a change outside the table shows: modes and, as parts of its name, channels; () for any.
 SHOWS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "wake": (("pitch", "collective"), ("airspeed", "velocity", "speed", "flow")),
@@ -46,6 +51,8 @@ SHOWS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "flap": (("pitch",), ("airspeed", "velocity", "speed")),
     "worn": ((), ("airspeed", "velocity", "speed")),
     "sail": (("roll",), ("velocity", "side", "airspeed")),
+    "recoil": (("roll", "pitch"), ("spray",)),
+    "swing": (("roll", "pitch"), ("acceleration",)),
 }
 
 Verdict = Literal["named", "listed", "missed"]
@@ -192,10 +199,11 @@ def judge(
             verdict = "listed"
         verdicts.append(verdict)
         probabilities.append(share)
-    instrument = RIGHT_INSTRUMENT.get(data.kind, ())
+    instrument = (*RIGHT_INSTRUMENT.get(data.kind, ()), *ALSO_TRUE.get(data.kind, ()))
     wrong = [n for n in left if not any(part in n[0] for part in instrument)]
     uneven = uneven_rotors(data)
-    bad = {i.rotor + 1 for i in data.implants if i.rotor is not None} | uneven
+    weak = [i.rotor for i in data.implants if i.name == "rotor_degradation"]
+    bad = {rotor + 1 for rotor in weak if rotor is not None} | uneven
     parts = [str(one["part"]) for one in result.get("actions") or []]
     unexplained = open_place(result)
     excluded = [e for e in result.get("excluded") or [] if e.get("parameter", "loss") == "loss"]

@@ -1,7 +1,8 @@
-"""Two frozen plans: which data set each seed is.
+"""Three frozen plans: which data set each seed is.
 
 Of the first, seeds 1 to 999 are open and those from 5000 sealed; of the second, on other aircraft
-flown otherwise, 20000 to 29999 are open and those from 30000 sealed.
+flown otherwise, 20000 to 29999 are open and those from 30000 sealed; of the third, a hexacopter of
+30 kg with a model of eight good flights, 40000 to 40999 are open and those from 41000 sealed.
 
 A round is sixty sets in an order of its own: ten sound, one or more of each single change, pairs,
 triples (a cut propeller beside hidden mass and a shifted centre of gravity among them), changes
@@ -27,14 +28,13 @@ from tests.lab.undeclared.conditions import (
     Implant,
     draw,
 )
-from tests.lab.undeclared.crafts import CRAFTS, OTHER_CRAFTS, SEA_LEVEL_DENSITY, Craft
+from tests.lab.undeclared.crafts import CRAFTS, HEXACOPTER, OTHER_CRAFTS, SEA_LEVEL_DENSITY, Craft
 from tests.lab.undeclared.days import Day, random_day
 from tests.lab.undeclared.missions import STYLES, Style, hover_only
 from tests.lab.undeclared.plant import Flight, fly
 
-OPEN = (range(1, 1_000), range(20_000, 30_000))
-SECOND_FROM = 20_000
-GOOD_FLIGHTS = 12
+OPEN = (range(1, 1_000), range(20_000, 30_000), range(40_000, 41_000))
+SECOND_FROM, THIRD_FROM = 20_000, 40_000
 MIXED = ("rotor", "mass", "cg")
 ROUND = (
     *["none"] * 10,
@@ -56,6 +56,12 @@ SECOND_ROUND = (
     *["mass", "cg", "gauge gain", "air", "pair"] * 2,
     *["mixed"] * 2,
     *["wake", "flex", "slosh", "jet", "shed", "flap", "worn", "sail"] * 2,
+)
+#: The third: what leans, sprays, swings or hangs, and a worn rotor beside a shifted load.
+THIRD_ROUND = (
+    *["none", "tilted arm", "hung weight"] * 3,
+    *["recoil", "swing", "worn and shifted"] * 2,
+    "rotor",
 )
 HOVER_SHARE = 0.1  # of the sets of the second plan
 _CRAFT_SHARES = (0.4, 0.12, 0.12, 0.12, 0.12, 0.12)
@@ -89,6 +95,8 @@ class DataSet:
 def case_of(seed: int) -> tuple[str, Craft]:
     """The kind and the aircraft of a seed."""
     rng = np.random.default_rng([seed, 12])
+    if seed >= THIRD_FROM:
+        return planned_kind(seed - THIRD_FROM + 1, THIRD_ROUND), HEXACOPTER
     if seed >= SECOND_FROM:
         craft = OTHER_CRAFTS[int(rng.integers(len(OTHER_CRAFTS)))]
         return planned_kind(seed - SECOND_FROM + 1, SECOND_ROUND), craft
@@ -109,6 +117,11 @@ def draw_implants(
         return []
     if kind == "mixed":
         return [draw(k, rng, craft) for k in MIXED]
+    if kind == "worn and shifted":
+        worn, shifted = (
+            float(np.exp(rng.uniform(*np.log(of)))) for of in ((0.03, 0.1), (0.01, 0.03))
+        )
+        return [draw("rotor", rng, craft, worn), draw("cg", rng, craft, shifted)]
     if kind not in ("pair", "triple"):
         return [draw(kind, rng, craft, size)]
     chosen: list[Implant] = []
@@ -145,9 +158,9 @@ def missions_of(craft: Craft, rng: np.random.Generator, count: int) -> list[tupl
     ]
 
 
-def good_flights(craft: Craft, count: int = GOOD_FLIGHTS, seed: int = 0) -> list[Flight]:
+def good_flights(craft: Craft, count: int | None = None, seed: int = 0) -> list[Flight]:
     """Flights of the sound aircraft over the range of missions and fills, to train on."""
-    missions = []
+    count, missions = craft.good_flights if count is None else count, []
     for i, (style, day) in enumerate(missions_of(craft, np.random.default_rng([seed, 1]), count)):
         day = replace(day, fill=0.25 + 0.75 * ((i * 0.618) % 1.0))
         if craft.flown == "missions":
@@ -166,9 +179,9 @@ def build(
     implants = tuple(draw_implants(kind, np.random.default_rng([seed, 16]), craft, size))
     rng = np.random.default_rng([seed, 13])
     held = int(rng.integers(1, 3))
-    count = FLIGHTS.get(kind) or int(rng.integers(3, 6))
+    count = FLIGHTS.get(kind) or int(rng.integers(3, 5 if seed >= THIRD_FROM else 6))
     missions = missions_of(craft, rng, count + held)
-    if seed >= SECOND_FROM and rng.random() < HOVER_SHARE:
+    if THIRD_FROM > seed >= SECOND_FROM and rng.random() < HOVER_SHARE:
         missions = [(hover_only(s), d) for s, d in missions]
     for implant in implants:
         missions = [

@@ -66,7 +66,8 @@ def fly(
     x, y = (c + craft.arm * d for c, d in zip(condition.cg, day.cg, strict=True))
     condition = replace(condition, cg=(x, y))
     around = surroundings(craft, condition, motion, day, of_air)
-    mass = craft.empty_mass + craft.typical_mass * day.mass + condition.hidden_mass + around.tank
+    mass = craft.empty_mass + craft.typical_mass * day.mass + around.tank
+    mass = mass + condition.hidden_mass + condition.hung
     turned, attitude = rotor_speeds(craft, condition, motion, around, mass, SOLVE_EVERY)
     rows = np.arange(FIRST_ROW, motion.time[-1], ROW_STEP)
     clean = reported_speeds(craft, condition, turned, around, rows)

@@ -25,7 +25,7 @@ import tyro
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from tests.lab.undeclared.crafts import CRAFTS, OTHER_CRAFTS, Craft
+from tests.lab.undeclared.crafts import CRAFTS, HEXACOPTER, OTHER_CRAFTS, Craft
 from tests.lab.undeclared.judging import Score, judge
 from tests.lab.undeclared.methods import Sparse, density_slope, oracle_errors, tree_errors
 from tests.lab.undeclared.plan import OPEN, DataSet, build, case_of, good_flights
@@ -33,6 +33,7 @@ from tests.lab.undeclared.recorded import build_recorded, hosts, recorded_case_o
 from tests.lab.undeclared.rotor_aero import Array
 from tests.lab.undeclared.table import print_tables, summary
 
+EVERY_CRAFT = (*CRAFTS, *OTHER_CRAFTS, HEXACOPTER)
 NOTHING = {"effects": [], "before": {"rmse_rpm": None}, "after": {"rmse_rpm": None}}
 
 
@@ -167,8 +168,8 @@ def main(
     Example: python -m tests.lab.undeclared.scorer --seeds 1 60 --jobs 2 --models /tmp/models
 
     Args:
-        seeds: First and last data set. Open are 1 to 999 and, of the second plan, 20000 to 29999;
-            others are for the end.
+        seeds: First and last data set. Open are 1 to 999 and, of the second plan, 20000 to 29999,
+            of the third 40000 to 40999; others are for the end.
         only: Only sets of these kinds (see the plan), or groups: none, single, pair, triple,
             outside, instrument.
         craft: Only sets of this aircraft, for example quad-x-21kg.
@@ -200,13 +201,11 @@ def main(
             cases = [
                 Case(seed=seed, kind=only[0], craft=of, models=kept, compare=compare, size=size)
                 for seed in range(seeds[0], seeds[1] + 1)
-                for of in (*CRAFTS, *OTHER_CRAFTS)
+                for of in EVERY_CRAFT
                 if craft == of.name
             ]
         if not cases:
-            print(
-                f"no such set; aircraft are {', '.join(c.name for c in (*CRAFTS, *OTHER_CRAFTS))}"
-            )
+            print(f"no such set; aircraft are {', '.join(c.name for c in EVERY_CRAFT)}")
             return 2
         scores = list(shown_as_they_come(cases, jobs))
     scores.sort(key=lambda s: s.seed)
@@ -228,10 +227,16 @@ def shown_as_they_come(cases: Sequence[Case], jobs: int) -> Iterator[Score]:
 
 
 def group_of(kind: str) -> str:
-    from tests.lab.undeclared.conditions import EVERY_OUTSIDE, INSTRUMENTS, MORE_SINGLE, SINGLE
+    from tests.lab.undeclared.conditions import (
+        EVERY_OUTSIDE,
+        INSTRUMENTS,
+        MORE_SINGLE,
+        SINGLE,
+        THIRD_SINGLE,
+    )
 
     groups = {
-        "single": {**SINGLE, **MORE_SINGLE},
+        "single": {**SINGLE, **MORE_SINGLE, **THIRD_SINGLE},
         "outside": EVERY_OUTSIDE,
         "instrument": INSTRUMENTS,
     }

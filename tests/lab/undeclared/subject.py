@@ -20,7 +20,7 @@ import thrustmargin as tm
 from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.lab.undeclared.conditions import Implant
 from tests.lab.undeclared.crafts import Craft
-from tests.lab.undeclared.plan import GOOD_FLIGHTS, good_flights
+from tests.lab.undeclared.plan import good_flights
 from tests.lab.undeclared.rotor_aero import Array
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.rows.candidates import Candidate
@@ -50,7 +50,7 @@ def command(*words: object) -> str:
     return done.stdout
 
 
-def trained_model(craft: Craft, folder: Path, flights: int = GOOD_FLIGHTS) -> Path:
+def trained_model(craft: Craft, folder: Path, flights: int | None = None) -> Path:
     """The model file of a craft by `thrustmargin train` on its good flights, kept in the folder."""
     path = folder / f"{craft.name}.safetensors"
     if path.exists():

@@ -7,15 +7,17 @@ import numpy as np
 import pytest
 
 from tests.lab.undeclared.conditions import KINDS, Condition, draw
-from tests.lab.undeclared.crafts import CRAFTS, OTHER_CRAFTS
+from tests.lab.undeclared.crafts import CRAFTS, HEXACOPTER, OTHER_CRAFTS
 from tests.lab.undeclared.days import Day
 from tests.lab.undeclared.missions import Style
 from tests.lab.undeclared.plan import (
     ROUND,
     SECOND_ROUND,
+    THIRD_ROUND,
     DataSet,
     build,
     case_of,
+    draw_implants,
     good_flights,
 )
 from tests.lab.undeclared.plant import fly
@@ -45,6 +47,16 @@ def test_the_second_plan_has_other_aircraft_and_every_kind_in_each_round():
         assert {case_of(seed)[1].name for seed in seeds} == {
             "hexa-x-24kg", "octo-coaxial-x8-8kg", "quad-plus-15kg",
         }  # fmt: skip
+
+
+def test_the_third_plan_has_one_aircraft_and_every_kind_in_each_round():
+    assert len(THIRD_ROUND) == 16
+    for start in (40_000, 41_008):
+        seeds = range(start, start + 16)
+        assert Counter(case_of(seed)[0] for seed in seeds) == Counter(THIRD_ROUND)
+        assert {case_of(seed)[1].name for seed in seeds} == {"hexa-x-20kg"}
+    pair = draw_implants("worn and shifted", np.random.default_rng(1), HEXACOPTER)
+    assert [i.name for i in pair] == ["rotor_degradation", "cg_offset"]
 
 
 def test_the_plans_stay_as_they_were_frozen():

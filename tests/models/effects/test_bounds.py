@@ -50,6 +50,7 @@ SIZES = {
     ("manoeuvre_moment", "spin_up"): (0, 1, 0.2, 0),
     ("weathervane", "lever"): (-0.2, 0.2, 0.02, 0.002),
     ("yaw_trim", "moment"): (-20, 20, 1, 0.1),
+    ("yaw_trim", "tilt"): (-0.15, 0.15, 0.03, 0.0017),
     ("air_density", "temperature_offset"): (-35, 35, 8, 0),
     ("air_density", "torque_share"): (0, 1, 0.5, 0),
     ("battery_voltage", "exponent"): (-2.5, 2.5, 0.5, 0.05),
@@ -106,6 +107,7 @@ RESOLUTION = {
     "rotor_degradation:until repaired.end_clock": 0.3,
 }
 ACCURACY = {"load_factor.gain": 0.05, "yaw_trim.moment": 0.15, "weathervane.lever": 0.15}
+ACCURACY |= {"yaw_trim:tilted arm.tilt": 0.15}
 ACCURACY |= {f"cg_offset.{axis}": 0.01 for axis in "xy"}
 ACCURACY |= {f"cg_offset:tank.{axis}_full": 0.01 for axis in "xy"}
 ACCURACY |= {
@@ -148,9 +150,16 @@ WHEN = ("onset", "for a while", "in each flight", "since", "until repaired")
 def test_what_kind_of_thing_each_effect_is():
     onsets = {f"rotor_degradation:{when}" for when in WHEN}
     assert having("begins") == onsets
-    assert having("of_one_rotor") == onsets | {"rotor_degradation"}
-    assert having("torque") == onsets | {"rotor_degradation", "air_density"}
-    assert having("on_airframe") == onsets | {"rotor_degradation", "extra_mass"}
+    arms = {"yaw_trim:tilted arm", "extra_mass:on an arm"}
+    assert having("of_one_arm") == arms
+    assert having("of_one_rotor") == onsets | {"rotor_degradation", *arms}
+    torque = {"rotor_degradation", "air_density", "yaw_trim:tilted arm"}
+    assert having("torque") == onsets | torque
+    assert having("on_airframe") == onsets | {
+        "rotor_degradation",
+        "extra_mass",
+        "extra_mass:on an arm",
+    }
     assert having("afterwards") == {"rotor_degradation:onset", "rotor_degradation:since"}
     assert having("gone") == {"rotor_degradation:until repaired"}
     assert having("delays") == {"sensor_lag:rotor speed"}

@@ -412,6 +412,39 @@ def test_a_tilted_motor_turns_by_a_share_of_its_thrust(tank_kg):
     np.testing.assert_allclose(share(track, nose), by_hand, rtol=1e-6)
 
 
+def test_a_weight_at_an_arm_is_carried_by_its_rotor_most():
+    # 3 kg, 0.1 of 30 kg, at rotor 1: 0.1 / 4 each, and x and y off by 0.1 x its own place, which
+    # the four rotors share as 0.1 / 4 more (1), less (2), none (3, 4) for each of the two axes
+    by_hand = 1.0 + 0.1 * np.array([1.0 + 1.0 + 1.0, 1.0 - 2.0, 1.0 + 0.0, 1.0 + 0.0])
+    hung = effect("extra_mass:on an arm", 1, mass=3.0)
+    np.testing.assert_allclose(share(steady(), hung), by_hand, rtol=1e-6)
+    # The same as a hidden mass beside a centre of gravity that it shifts by a 33rd of 3.3 kg
+    both = effect("extra_mass", mass=3.0), effect("cg_offset", x=X / 11.0, y=Y / 11.0)
+    np.testing.assert_allclose(share(steady(), *both), by_hand, rtol=1e-6)
+    empty = steady(tank_kg=np.zeros(60))
+    alone = share(empty, hung) - share(empty)
+    np.testing.assert_allclose(alone, by_hand - 1.0, rtol=1e-5)  # whatever is in the tank
+
+
+@pytest.mark.parametrize(("rotor", "with_spin"), [(1, (0, 1, 2, 3)), (3, (2, 3, 0, 1))])
+def test_a_tilted_arm_turns_by_its_own_thrust(rotor, with_spin):
+    # Tilted by 0.05 rad at 0.640312 m: 1.640046 times its torque, 0.998750 of its thrust upward.
+    # Without roll and pitch diagonal rotors make a, a, b, b; 2 a + 2 b = 294.1995 N, and yaw is
+    # a (1.640046 / 0.998750 + 1) = 2 b: a = 294.1995 / 4.642098 = 63.37641, b = 83.72334
+    by_hand = np.empty(4)
+    by_hand[list(with_spin)] = np.array([63.45571, 63.37641, 83.72334, 83.72334]) / 73.549875
+    arm = effect("yaw_trim:tilted arm", rotor, tilt=0.05)
+    np.testing.assert_allclose(share(steady(), arm), by_hand, rtol=2e-5)
+
+
+def test_a_tilted_arm_cannot_drive_its_rotor_beyond_what_a_quad_can_hold():
+    # 1 + 0.640312 / 0.05 sin(-0.3) would be -2.78; at -2 its rotor and the diagonal one need
+    # a (-2 / 0.955336 + 1) = 2 b: nothing on the others, which never pull down
+    found = speeds(steady(), effect("yaw_trim:tilted arm", 1, tilt=-0.3))[ROW]
+    assert np.isfinite(found).all()
+    np.testing.assert_allclose(found[2:], np.sqrt(1e-3 / 2e-5), rtol=1e-6)
+
+
 @pytest.mark.parametrize(("level", "kappa"), [(0.08, (45.0 / 54.0) ** 2), (-0.1, 1.0)])
 def test_speeds_are_right_at_a_voltage_of_their_own(level, kappa):
     # 45 V where a full battery has 50: speeds that are right at 54, or at 45

@@ -287,6 +287,10 @@ def test_what_is_unexplained_has_mode_channel_closest_names_and_an_action(sound)
     assert "closest in the table: late rotor speeds: " in unexplained_words(late)  # type: ignore[arg-type]
     either = _Left(sound, channels=["tank_kg", "voltage"])
     assert "that goes with tank level or battery voltage: " in unexplained_words(either)  # type: ignore[arg-type]
+    spray = _Left(sound, channel="spraying")
+    assert "that goes with spraying (as by the recoil of the spray): " in unexplained_words(spray)  # type: ignore[arg-type]
+    load = _Left(sound, channel="along_acceleration")
+    assert "that goes with speeding up (as by a load that moves): " in unexplained_words(load)  # type: ignore[arg-type]
     slow = _Left(sound, channel="time_s", wanders=True)
     assert "and goes with no channel: with the battery off, look at ice" in unexplained_words(slow)  # type: ignore[arg-type]
     warm = _Left(sound, channel="time_s", rotor=1)

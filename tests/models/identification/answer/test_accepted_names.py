@@ -6,12 +6,36 @@ from typing import Any
 import numpy as np
 import pytest
 
+from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.identification.answer.acceptance import (
+    exceeds_law_error,
     is_sole_cause,
     names_that_hold,
     needs_inspection,
     unnamed_terms_worth_keeping,
 )
+from thrustmargin.models.identification.rows.candidates import Term, candidate
+
+
+@pytest.mark.parametrize(
+    ("loss", "law", "reported"),
+    [
+        (0.008, 0.0, True),
+        (0.008, 0.016, False),  # a twentieth of what a tilted arm changes
+        (0.040, 0.016, True),  # 2.4 standard errors
+        (-0.040, 0.016, True),
+    ],
+)
+def test_what_the_inaccurate_law_of_a_larger_effect_may_explain_is_not_reported(
+    loss, law, reported
+):
+    one = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=0), 1)
+    linear: Any = SimpleNamespace(
+        trials=[SimpleNamespace(candidate=one)], law_error=lambda _, k: law * (k == 0)
+    )
+    value, error = np.array([[loss, 1.0]]), np.array([[0.001, 0.1]])
+    estimate: Any = SimpleNamespace(candidate=0, value=value, error=error)
+    assert exceeds_law_error(linear, estimate) is reported
 
 
 @pytest.mark.parametrize(

@@ -22,13 +22,16 @@ MASS, GAUGE, CG = (
 LOSS = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=2), 1)
 LAST = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=3), 1)
 SINCE = candidate(Term(effect=BY_KEY["rotor_degradation:since"], rotor=2), 1)
-ALL = [MASS, GAUGE, CG, LOSS, LAST, SINCE]
+TRIM = candidate(Term(effect=BY_KEY["yaw_trim"]), 1)
+ARMS = [candidate(Term(effect=BY_KEY["yaw_trim:tilted arm"], rotor=r), 1) for r in (0, 2)]
+ALL = [MASS, GAUGE, CG, LOSS, LAST, SINCE, TRIM, *ARMS]
 PITCH, TURN = (candidate(Term(effect=UNNAMED["pitch", k]), 1) for k in ("airspeed", "yaw_rate"))
 
 
 def a_set(weight: float, **values: tuple[float, float]) -> EffectSet:
     """A set: the first value of each effect and its standard error by name."""
     names = {"mass": 0, "gauge": 1, "cg": 2, "loss": 3, "last": 4, "since": 5}
+    names |= {"trim": 6, "first arm": 7, "third arm": 8}
     key = frozenset(names[n] for n in values)
     trials, errors = [], []
     for n in sorted(values, key=lambda name: names[name]):
@@ -86,6 +89,26 @@ def test_two_rotors_or_two_effects_of_which_one_is_there_are_no_name():
     )
 
 
+@pytest.mark.parametrize(
+    ("weights", "named", "either"),
+    [
+        ((0.02, 0.96, 0.02), [7], []),
+        # Some arm is tilted or all motors lean: the moment is certain, the arm is not.
+        ((0.30, 0.45, 0.25), [6], []),
+        # It is an arm, and these flights do not show which.
+        ((0.01, 0.59, 0.40), [], [["yaw_trim of rotor 1", "yaw_trim of rotor 3"]]),
+    ],
+)
+def test_a_tilted_arm_is_named_where_it_is_certain_which(weights, named, either):
+    keys = ("trim", "first arm", "third arm")
+    sets = [a_set(w, **{k: (0.05, 0.002)}) for k, w in zip(keys, weights, strict=True)]
+    found = answer_of(*sets)
+    assert found.named_candidates() == named
+    assert [[t.words for t in one.terms] for one in found.one_of(named)] == either
+    assert found.mentioned([]) == ()  # no rotor is weak
+    assert found.gaining_rotors() == frozenset()
+
+
 def test_both_that_nearly_all_weight_holds_are_named():
     both = answer_of(a_set(0.97, loss=(0.15, 0.01), since=(0.05, 0.01)), a_set(0.03))
     assert both.named_candidates() == [3, 5]
@@ -103,7 +126,7 @@ def test_a_rotor_with_more_thrust_is_distinguished_from_a_weak_one():
 
 def test_curves_that_stand_in_for_each_other_enter_a_model_by_their_joint_probability():
     """Pitch along airspeed or along yaw rate: neither is likelier than not, together they are."""
-    more = [*ALL, PITCH, TURN]
+    more = [*ALL[:6], PITCH, TURN]
 
     def members(*weights: float) -> list[int]:
         of = ({6}, {7}, {0}, set())

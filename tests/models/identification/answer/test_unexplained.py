@@ -321,6 +321,22 @@ def test_beside_a_loss_that_goes_along_a_channel_no_other_name_stands():
     assert not resembles_unexplained(alone, None, steady)
 
 
+@pytest.mark.parametrize(("mass_kg", "doubtful"), [(0.5, True), (15.0, False)])
+def test_an_effect_far_larger_than_an_uneven_loss_does_not_make_up_for_it(mass_kg, doubtful):
+    _, search, answer = searched(with_loss("in fast flight"), KEYS[:1] + KEYS[2:])
+    by_key = {c.key: k for k, c in enumerate(search.candidates) if not c.unnamed}
+    mass = by_key["extra_mass"]
+    cause = next(c for c in probable_causes(answer))
+    fitted = search.fit(frozenset({mass, cause}), ())
+    trials = [
+        replace(one, values=np.full_like(one.values, mass_kg)) if c == mass else one
+        for c, one in fitted.effects.items()
+    ]
+    search.fitted = {fitted.key: replace(fitted, trials=tuple(trials))}
+    resembling = effects_resembling(None, [mass], posterior_of(search))
+    assert resembling == ([mass] if doubtful else [])
+
+
 def test_two_curves_that_take_back_each_other_are_as_large_as_what_they_do_together(sound):
     """Without wind the airspeed is the speed forward: +5 % along one and -4 % along the other."""
     space, search, _ = sound
