@@ -57,14 +57,14 @@ WAYS: dict[str, tuple[tuple[str, ...], str, str, int]] = {
     ),
     "frame -> colour": (
         ("monitor", str(LOGS / "campaign/v4_m16_q2.5.tlog"), "--port", "0", "--record", "{out}"),
-        "gcs_plugin.view.scene.aircraft:disc_colours",
+        "gcs_plugin.view.scene.aircraft:show",
         f"Frame Signal Signals FlightRows LiveRows FlightTrack {MODEL} Update ShownRow Colours",
         20,
     ),
     "log -> report": (
         ("report", str(LOGS / "campaign/v4_m16_q2.5.tlog"), "--out", "{out}/x.html"),
         "",
-        f"{ROWS} {MODEL} LogAnswer FlightReport",
+        f"{ROWS} {MODEL} LogAnswer ReportedFlight",
         22,
     ),
     "six logs -> effect": (

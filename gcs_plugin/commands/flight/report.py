@@ -175,7 +175,7 @@ def print_verdicts(console: Console, made: Report) -> None:
     if len(made.flights) > 1:
         console.print(made.overview["headline"], style="bold", soft_wrap=True)
     for _, flight in worst_first(made.flights):
-        verdict = flight.verdict
+        verdict = flight.json["verdict"]
         console.print(f"{flight.name}: {verdict['headline']}", style="bold", soft_wrap=True)
         for fact in verdict["facts"]:
-            console.print(f"  {say(fact.label)}: {fact.text}", soft_wrap=True)
+            console.print(f"  {say(fact['label'])}: {fact['text']}", soft_wrap=True)

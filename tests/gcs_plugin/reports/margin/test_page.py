@@ -36,7 +36,7 @@ from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, with_heads
 from thrustmargin.gcs_plugin.reports.shared.plot_style import keep_extremes, keep_worst, single
 from thrustmargin.gcs_plugin.reports.shared.route_map import plotly_scale
-from thrustmargin.gcs_plugin.wording.margin_verdict import Fact, estimate
+from thrustmargin.gcs_plugin.wording.margin_verdict import estimate
 from thrustmargin.gcs_plugin.wording.palette import MARGIN, css, thrust_left
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
@@ -114,7 +114,7 @@ def test_page_json_and_csv_say_the_same_numbers(report, page):
     rows = list(csv.DictReader(io.StringIO(csv_bytes(report).decode())))
 
     worst = one["verdict"]["worst"]
-    assert worst["capacity_use"] == of.verdict["worst"].capacity_use
+    assert worst["capacity_use"] == of.worst.utilisation
     row = next(
         r for r in rows if float(r["time_s [s]"]) == pytest.approx(worst["time_s"], abs=1e-3)
     )
@@ -196,10 +196,12 @@ def test_a_whole_flight_has_every_figure(report):
 
 def test_an_alarm_of_the_flight_and_what_to_do_both_stand_under_the_verdict(report, tmp_path):
     one = report.flights[0]
-    facts = (Fact("alarm", "rotor 1 makes 8% less thrust"), *one.verdict["facts"])
-    changed = replace(one, verdict={**one.verdict, "facts": facts})
+    alarm = {"label": "alarm", "text": "rotor 1 makes 8% less thrust"}
+    facts = [alarm, *one.json["verdict"]["facts"]]
+    shown = {**one.json["verdict"], "facts": facts}
+    changed = replace(one, json={**one.json, "verdict": shown})
     page = page_of(replace(report, flights=(changed,)), tmp_path)
-    (do,) = (fact.text for fact in facts if fact.label == "what to do")
+    (do,) = (fact["text"] for fact in facts if fact["label"] == "what to do")
     for said in ("rotor 1 makes 8% less thrust", f"{do[0].upper()}{do[1:]}."):
         assert plain(page.text).count(said) == 1
     assert [a for _, a in page.elements].count({"class": "do"}) == 1
@@ -217,8 +219,8 @@ def test_the_strip_has_the_colours_of_the_replay_and_the_worst_moment(report):
         "flying": np.ones(4),
         "known_utilisation": use[:, None],
     }
-    worst = replace(one.verdict["worst"], time_s=75.0)
-    made = strip_of(replace(one, rows=rows, verdict={**one.verdict, "worst": worst}))
+    worst = replace(one.peaks[0], time_s=75.0)
+    made = strip_of(replace(one, rows=rows, peaks=(worst,)))
     assert made is not None
     assert made.worst_at == 75.0
     colours = [colour for _, colour in made.parts]
@@ -253,7 +255,7 @@ def test_figures_hold_the_worst_value_after_thinning(report):
     figure = figures(of)["use"]
     (trace,) = (one for one in figure.data if one.get("name") == "worst rotor")
     drawn = trace["y"]
-    least = 100 * (1 - of.verdict["worst"].capacity_use)
+    least = 100 * (1 - of.worst.utilisation)
     assert np.nanmin(drawn) == pytest.approx(least, rel=1 / 16000)
     assert drawn.size < 1700
 
@@ -361,8 +363,8 @@ def test_a_page_without_channels_is_whole_and_says_what_is_missing(missing, tmp_
     report = build_report([without(*missing)])
     page = page_of(report, tmp_path)
     text = plain(page.text)
-    assert report.flights[0].quality["missing"]
-    for said in report.flights[0].quality["missing"]:
+    assert report.flights[0].json["quality"]["missing"]
+    for said in report.flights[0].json["quality"]["missing"]:
         assert said in text
     assert " nan" not in text.lower()
     assert "None" not in text
@@ -392,7 +394,7 @@ def test_an_octocopter_has_eight_rotors_in_page_and_csv(tmp_path):
     assert rows_of[-1]["flight_number"] == "2"
     assert rows_of[-1]["utilisation_8 [1]"] == ""
     page = page_of(report, tmp_path)
-    assert len(report.flights[0].rotors) == 8
+    assert len(report.flights[0].json["rotors"]) == 8
     assert airframe.rotor_names[7] in page.text
 
 
