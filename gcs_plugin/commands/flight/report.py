@@ -10,8 +10,11 @@ import tyro
 from rich.console import Console
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.analysed import flights_of, with_recorded
-from thrustmargin.gcs_plugin.commands.shared.engineer_notes import with_engineer_notes
+from thrustmargin.gcs_plugin.commands.shared.analysed import (
+    flights_of,
+    with_engineer_notes,
+    with_recorded,
+)
 from thrustmargin.gcs_plugin.commands.shared.inputs import (
     ANY_KNOWN,
     AS_HEARD,

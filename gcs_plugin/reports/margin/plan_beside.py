@@ -23,7 +23,7 @@ from thrustmargin.mission.plan_tracking.stretches import (
 )
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.flight_day import day_before_take_off
-from thrustmargin.models.model.flight_power import flight_power
+from thrustmargin.models.model.flight_lessons import flight_power
 from thrustmargin.models.physics.electric_power import power_law
 
 
