@@ -11,6 +11,7 @@ import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -445,7 +446,8 @@ def test_a_part_of_the_area_is_said_to_be_one_on_page_and_paper():
     track = log().track
     gone = np.where((np.abs(track.time_s - 100.0) < 15.0)[:, None], np.nan, track.position_ned)
     files = Written(html=Path("r.html"), json=Path("r.json"), csv=Path("r.csv"))
-    for changes, part in (({}, False), ({"position_ned": gone}, True)):
+    whole: dict[str, Any] = {}
+    for changes, part in ((whole, False), ({"position_ned": gone}, True)):
         made = build_report([flight(None, **changes)], max_utilisation=0.5)
         found = json.loads(json_text(made, "r.csv"))["flights"][0]["flight"]
         assert (found["sprayed_area"] is None) == part
@@ -473,7 +475,8 @@ def test_a_part_of_the_way_is_said_to_be_one_on_page_and_paper():
     track = log().track
     gone = np.where((np.abs(track.time_s - 100.0) < 15.0)[:, None], np.nan, track.velocity_ned)
     files = Written(html=Path("r.html"), json=Path("r.json"), csv=Path("r.csv"))
-    for changes, part in (({}, False), ({"velocity_ned": gone}, True)):
+    whole: dict[str, Any] = {}
+    for changes, part in ((whole, False), ({"velocity_ned": gone}, True)):
         made = build_report([flight(None, **changes)], max_utilisation=0.5)
         paper = pypdf.PdfReader(io.BytesIO(pdf_bytes(made, files))).pages
         printed = " ".join("".join(page.extract_text() for page in paper).split())
