@@ -44,14 +44,14 @@ PLAN = (
 ).replace(" ", "\t")
 PLAN = PLAN.replace("QGC\tWPL\t110", "QGC WPL 110")
 #: Types that a datum passes through, by way: those of docs/architecture.md and of their steps.
-ROWS = "Stream Signal Signals Recording Boot FlightLog FlightRows FlightTrack"
+ROWS = "Stream Signal Signals Recording FlightLog FlightRows FlightTrack"
 MODEL = "Prediction FlightAnalysis Advice Advised"
 #: Way -> the command line, the function at its end ("": the command's), types, and the aim.
 WAYS: dict[str, tuple[tuple[str, ...], str, str, int]] = {
     "plan -> forecast": (
         ("forecast", "{plan}", "--fill", "8"),
         "",
-        "MissionPlan MissionSteps Course TimedLeg WayLeg PlanConditions PlanFlight PlanForecast "
+        "MissionPlan PlanSteps Course TimedLeg WayLeg PlanConditions PlanFlight PlanForecast "
         f"{MODEL}",
         25,
     ),
@@ -70,8 +70,8 @@ WAYS: dict[str, tuple[tuple[str, ...], str, str, int]] = {
     "six logs -> effect": (
         ("identify", *map(str, SIX)),
         "",
-        "FlightTrack Problem ReducedProblem Search Posterior EffectSet Accepted Identification "
-        "ReportedEffect IdentifyResult",
+        "FlightTrack Problem Reduced Search Posterior EffectSet AcceptedEffects Identification "
+        "ReportedEffect Result",
         20,
     ),
 }
