@@ -446,8 +446,8 @@ def test_a_part_of_the_area_is_said_to_be_one_on_page_and_paper():
     track = log().track
     gone = np.where((np.abs(track.time_s - 100.0) < 15.0)[:, None], np.nan, track.position_ned)
     files = Written(html=Path("r.html"), json=Path("r.json"), csv=Path("r.csv"))
-    whole: dict[str, Any] = {}
-    for changes, part in ((whole, False), ({"position_ned": gone}, True)):
+    cases: list[tuple[dict[str, Any], bool]] = [({}, False), ({"position_ned": gone}, True)]
+    for changes, part in cases:
         made = build_report([flight(None, **changes)], max_utilisation=0.5)
         found = json.loads(json_text(made, "r.csv"))["flights"][0]["flight"]
         assert (found["sprayed_area"] is None) == part
@@ -475,8 +475,8 @@ def test_a_part_of_the_way_is_said_to_be_one_on_page_and_paper():
     track = log().track
     gone = np.where((np.abs(track.time_s - 100.0) < 15.0)[:, None], np.nan, track.velocity_ned)
     files = Written(html=Path("r.html"), json=Path("r.json"), csv=Path("r.csv"))
-    whole: dict[str, Any] = {}
-    for changes, part in ((whole, False), ({"velocity_ned": gone}, True)):
+    cases: list[tuple[dict[str, Any], bool]] = [({}, False), ({"velocity_ned": gone}, True)]
+    for changes, part in cases:
         made = build_report([flight(None, **changes)], max_utilisation=0.5)
         paper = pypdf.PdfReader(io.BytesIO(pdf_bytes(made, files))).pages
         printed = " ".join("".join(page.extract_text() for page in paper).split())
