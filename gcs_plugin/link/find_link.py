@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 
 from thrustmargin.gcs_plugin.link.listener import Link
-from thrustmargin.gcs_plugin.link.open_transport import open_transport
+from thrustmargin.gcs_plugin.link.transport import open_transport
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.who_sends import HEARTBEAT, NO_AUTOPILOT, NO_VEHICLES
 from thrustmargin.models.errors import LinkError

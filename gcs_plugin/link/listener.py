@@ -15,8 +15,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 
-from thrustmargin.gcs_plugin.link.open_transport import open_transport
-from thrustmargin.gcs_plugin.link.transport import Address, Chunk, Transport
+from thrustmargin.gcs_plugin.link.transport import Address, Chunk, Transport, open_transport
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.scan import FrameCounts, FrameSplitter
 

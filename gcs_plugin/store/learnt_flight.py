@@ -19,8 +19,7 @@ from thrustmargin.models.model.aircraft_change import (
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse, analysis_for_verdict
 from thrustmargin.models.model.flight_arms import flight_arm_figures
-from thrustmargin.models.model.flight_offsets import flight_offsets
-from thrustmargin.models.model.flight_power import power_coefficient
+from thrustmargin.models.model.flight_lessons import flight_offsets, power_coefficient
 from thrustmargin.models.model.mode_walk import FlightOffsets, WalkStep, walk
 from thrustmargin.models.model.model_misfit import Caveat
 from thrustmargin.models.model.offset_total import rotor_total

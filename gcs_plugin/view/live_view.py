@@ -29,9 +29,7 @@ from thrustmargin.gcs_plugin.view.figures.charts import LIVE_WINDOW_S, Speeds, c
 from thrustmargin.gcs_plugin.view.figures.screen import FillAdvice, PageState, field_state
 from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary
 from thrustmargin.gcs_plugin.view.page.guard import LOOPBACK, is_loopback
-from thrustmargin.gcs_plugin.view.page.phone_address import OPEN_TO_ALL
-from thrustmargin.gcs_plugin.view.page.tabs import BrowserTab, Tabs
-from thrustmargin.gcs_plugin.view.page.view_page import ViewPage
+from thrustmargin.gcs_plugin.view.page.view_page import OPEN_TO_ALL, BrowserTab, Tabs, ViewPage
 from thrustmargin.gcs_plugin.view.scene.overlays import Overlay, overlays_of
 from thrustmargin.gcs_plugin.view.scene.scene import Scene
 from thrustmargin.gcs_plugin.view.scene.shown_row import (

@@ -22,8 +22,7 @@ from thrustmargin.gcs_plugin.view.figures.charts import SPEEDS, ReplayClock
 from thrustmargin.gcs_plugin.view.figures.screen import Acts, PageState, field_state, finite
 from thrustmargin.gcs_plugin.view.figures.vehicle_summary import VehicleSummary
 from thrustmargin.gcs_plugin.view.page.guard import LOOPBACK
-from thrustmargin.gcs_plugin.view.page.tabs import BrowserTab, Tabs
-from thrustmargin.gcs_plugin.view.page.view_page import ViewPage
+from thrustmargin.gcs_plugin.view.page.view_page import BrowserTab, Tabs, ViewPage
 from thrustmargin.gcs_plugin.view.scene.overlays import (
     Overlay,
     overlays_of,

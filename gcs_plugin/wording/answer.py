@@ -55,7 +55,7 @@ class FlightAnswer:
         found = (
             report_words.contact_facts(contact) if whole else (report_words.contact_use(contact),)
         )
-        return tuple(f"{say(fact.label)}: {fact.text}" for fact in found)
+        return tuple(f"{say(label)}: {text}" for label, text in found)
 
     @property
     def urgency(self) -> actions.Urgency | None:

@@ -3,14 +3,15 @@ sorties of a log."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
-from math import degrees
+from math import degrees, isfinite
 
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.language import Verbatim, clock, duration, number, percent, say
 from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
 from thrustmargin.models.flight import FlightTrack, FlyingBy
+from thrustmargin.models.model.utilisation_peaks import Activity
 from thrustmargin.models.provenance import Reason
 
 #: Why no row of a log is in flight.
@@ -134,3 +135,15 @@ def several_words(sorties: int, *, load_stated: bool) -> str:
     """Return the line about several sorties in a log; a load stated by the user applies to each."""
     each = "; the load that you state is taken for each of them" if load_stated else ""
     return f"{sorties} sorties in the log, each a flight of its own{each}"
+
+
+def activity_words(activity: Activity) -> str:
+    """Return one thing that the aircraft was doing at a time, such as `braking`."""
+    if isfinite(activity.tilt_deg):
+        return say("tilted {angle}°", angle=f"{activity.tilt_deg:.0f}")
+    return say(activity.kind)
+
+
+def doing_words(activities: Iterable[Activity]) -> str:
+    """Return what the aircraft was doing at a time, `turning left, braking`; empty if unknown."""
+    return ", ".join(map(activity_words, activities))

@@ -1,13 +1,11 @@
-"""The verdict of a flight, its facts, its moments and what to do: the figures and their words.
+"""The verdict of a flight in words: its facts, its worst peaks of utilisation and what to do.
 
-What the report says first, and the replay with it. The fields of the classes are keys of the JSON
-(gcs_plugin/reports/margin/data.py states units and spelling).
+A fact is a pair (label, sentence). What the report says first, and the replay with it.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,6 +18,7 @@ from thrustmargin.gcs_plugin.wording.check_words import (
     source_words,
     withheld_words,
 )
+from thrustmargin.gcs_plugin.wording.flight_words import doing_words
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.thrust_left import left_words
 from thrustmargin.models.flight import FlightTrack
@@ -27,90 +26,64 @@ from thrustmargin.models.model.advice import Advice, FlightLevel, pauses_in_flig
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.inferred.speed_basis import SpeedBasis
+from thrustmargin.models.model.utilisation_peaks import UtilisationPeak
 from thrustmargin.models.provenance import Meaning, SourceKind
 from thrustmargin.models.scores import Estimate
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Moment:
-    """One row of the flight at which some rotor worked hardest."""
-
-    time_s: float
-    clock_utc: str | None
-    rotor: int
-    rotor_name: str
-    capacity_use: float
-    capacity_use_low: float  # ends of its 90 % interval: the same where nothing was inferred
-    capacity_use_high: float
-    margin: float
-    basis: str  # "measured", "from motor outputs" or "predicted"
-    doing: tuple[str, ...]  # what the vehicle was doing, in words
-    tank_kg: float
-    ground_speed: float
-    airspeed: float
-    climb_rate: float
-    height_agl: float
-    north: float
-    east: float
-    latitude_deg: float
-    longitude_deg: float
-    redundancy_yaw_free: float
-
-
-@dataclass(frozen=True, slots=True)
-class Fact:
-    """One thing to know, with the word that it is found by."""
-
-    label: str
-    text: str
+#: Sentences, each with the label that it is found by.
+Facts = tuple[tuple[str, str], ...]
 
 
 def verdict_facts(
-    worst: Moment | None, advice: Advice, claim: AirframeClaim, basis: str, not_flown: str = ""
-) -> tuple[Fact, ...]:
+    worst: UtilisationPeak | None,
+    advice: Advice,
+    claim: AirframeClaim,
+    basis: str,
+    not_flown: str = "",
+) -> Facts:
     """Return the facts that a pilot needs beside the first line, one a line.
 
     `not_flown` says why the log has no flight to check; empty where it has one, and `basis` what
     thrust utilisation rests on.
     """
-    airframe = Fact("airframe", grounds_words(claim))
-    found = tuple(Fact("alarm", fault_found(advice, one)) for one in advice.faults)
+    airframe = ("airframe", grounds_words(claim))
+    found = tuple(("alarm", fault_found(advice, one)) for one in advice.faults)
     if FlightLevel.LOST in advice.levels:
         # What was left before it went wrong explains nothing, and advises no fill.
-        until = () if worst is None else (Fact("worst before it", moment_words(worst)),)
-        return (*_to_do(advice), *found, *until, Fact("from", basis), airframe)
+        until = () if worst is None else (("worst before it", peak_words(worst)),)
+        return (*_to_do(advice), *found, *until, ("from", basis), airframe)
     if not_flown:
-        return (Fact("why", not_flown), airframe)
+        return (("why", not_flown), airframe)
     if claim.withheld:
-        why = (Fact("why", reason) for reason in withheld_words(claim))
+        why = (("why", reason) for reason in withheld_words(claim))
         of = () if claim.basis == "not known" else (airframe,)  # the reason says that already
-        return (*_to_do(advice), *found, *why, Fact("what helps", remedy_words(claim)), *of)
+        return (*_to_do(advice), *found, *why, ("what helps", remedy_words(claim)), *of)
     if worst is None:
         why = "neither rotor speeds nor what a prediction needs is in this log"
-        return (Fact("why", say(why)), airframe)
+        return (("why", say(why)), airframe)
     return (
-        *((Fact("why", why),) if (why := no_ground(advice)) else ()),
+        *((("why", why),) if (why := no_ground(advice)) else ()),
         *_to_do(advice),
-        *(Fact(label, text) for label, text in facts(advice)),
-        Fact("worst", moment_words(worst)),
+        *facts(advice),
+        ("worst", peak_words(worst)),
         *_beyond(worst),
-        Fact("from", basis),
+        ("from", basis),
         airframe,
     )
 
 
-def _to_do(advice: Advice) -> tuple[Fact, ...]:
-    return (Fact("what to do", do),) if (do := action(advice)) else ()
+def _to_do(advice: Advice) -> Facts:
+    return (("what to do", do),) if (do := action(advice)) else ()
 
 
-def _beyond(worst: Moment) -> tuple[Fact, ...]:
+def _beyond(worst: UtilisationPeak) -> Facts:
     """Return that a rotor made more thrust than the airframe allows, and what may be wrong.
 
     The poles of a motor turn eRPM into speeds, and have no part in speeds made from outputs.
     """
-    if not worst.capacity_use_low > 1.0:  # one reading of sensors that scatter shows nothing
+    if not worst.utilisation_low > 1.0:  # one reading of sensors that scatter shows nothing
         return ()
-    more = language.percent(worst.capacity_use - 1.0)
+    more = language.percent(worst.utilisation - 1.0)
     words = (
         "rotor {rotor} shows {more} more thrust than the airframe says it can make: check the "
         "battery voltage, max_rotor_speed_rpm and motor_poles (eRPM)"
@@ -120,10 +93,10 @@ def _beyond(worst: Moment) -> tuple[Fact, ...]:
             "rotor {rotor} shows {more} more thrust than the airframe says it can make: check "
             "the battery voltage and max_rotor_speed_rpm"
         )
-    return (Fact("beyond the ceiling", say(words, rotor=worst.rotor, more=more)),)
+    return (("beyond the ceiling", say(words, rotor=worst.rotor + 1, more=more)),)
 
 
-def load_facts(track: FlightTrack) -> tuple[Fact, ...]:
+def load_facts(track: FlightTrack) -> Facts:
     """Return the load on board and its source, where no gauge reports it."""
     source = track.source("tank_kg")
     known = track.tank_kg[track.flying & np.isfinite(track.tank_kg)]
@@ -133,10 +106,10 @@ def load_facts(track: FlightTrack) -> tuple[Fact, ...]:
     start, end = language.number(float(known[0]), "", 1), language.number(float(known[-1]), "kg", 1)
     falls = not end.startswith(f"{start} ")
     load = f"{start} {say('to')} {end}" if falls else end
-    return (Fact("load", f"{load}, {source_words(source)}"),)
+    return (("load", f"{load}, {source_words(source)}"),)
 
 
-def voltage_facts(analysis: FlightAnalysis) -> tuple[Fact, ...]:
+def voltage_facts(analysis: FlightAnalysis) -> Facts:
     """Return that the voltage is unknown for a part of the flight, and its replacement."""
     track, craft = analysis.track, analysis.model.airframe
     unknown_s = float(track.row_seconds[track.flying & ~(track.voltage > 0.0)].sum())
@@ -145,10 +118,10 @@ def voltage_facts(analysis: FlightAnalysis) -> tuple[Fact, ...]:
     words = "not known for {long} of {all}: the most thrust is taken at {volts}"
     long, whole = language.duration(unknown_s), language.duration(track.flying_s)
     volts = language.number(craft.nominal_voltage, "V")
-    return (Fact("battery voltage", say(words, long=long, all=whole, volts=volts)),)
+    return (("battery voltage", say(words, long=long, all=whole, volts=volts)),)
 
 
-def unseen_facts(track: FlightTrack) -> tuple[Fact, ...]:
+def unseen_facts(track: FlightTrack) -> Facts:
     """Return the parts of the flight that the log lacks: before it, in its pauses, after it."""
     words = [say("begins in flight: what was before is unseen")] if track.flying[:1].any() else []
     for begin_s, long_s in zip(*pauses_in_flight(track), strict=True):
@@ -157,43 +130,43 @@ def unseen_facts(track: FlightTrack) -> tuple[Fact, ...]:
     if track.flying[-1:].any():
         last = language.clock(float(track.time_s[-1]))
         words.append(say("ends in flight, at {clock}: the rest is unseen", clock=last))
-    return (Fact("log", "; ".join(words)),) if words else ()
+    return (("log", "; ".join(words)),) if words else ()
 
 
-def moment_left(moment: Moment) -> str:
-    """Return the thrust left of a moment with its interval: `34 % (29 to 39)`."""
-    low, high = moment.capacity_use_low, moment.capacity_use_high
-    return left_words(1.0 - moment.capacity_use, 1.0 - high, 1.0 - low)
+def peak_left(peak: UtilisationPeak) -> str:
+    """Return the thrust left at a peak with its interval: `34 % (29 to 39)`."""
+    low, high = peak.utilisation_low, peak.utilisation_high
+    return left_words(1.0 - peak.utilisation, 1.0 - high, 1.0 - low)
 
 
-def worst_words(moment: Moment) -> str:
-    """Return where the worst moment is, below its thrust left, and how sure that is: `Worst: rotor
+def worst_words(peak: UtilisationPeak) -> str:
+    """Return where the worst peak is, below its thrust left, and how sure that is: `Worst: rotor
     1, front right, at 2:58: 34 % (29 to 39), from motor outputs`; without the interval of what is
     measured."""
-    place = place_words(moment.rotor_name)
-    rotor = say("rotor {rotor}", rotor=moment.rotor) + (f", {place}" if place else "")
+    place = place_words(peak.rotor_name)
+    rotor = say("rotor {rotor}", rotor=peak.rotor + 1) + (f", {place}" if place else "")
     known = {
         "rotor": rotor,
-        "clock": language.clock(moment.time_s),
-        "basis": say(moment.basis),
+        "clock": language.clock(peak.time_s),
+        "basis": say(peak.basis),
     }
-    if moment.capacity_use_high - moment.capacity_use_low < 1e-9:
+    if peak.utilisation_high - peak.utilisation_low < 1e-9:
         return say("Worst: {rotor}, at {clock}, {basis}", **known)
-    return say("Worst: {rotor}, at {clock}: {left}, {basis}", left=moment_left(moment), **known)
+    return say("Worst: {rotor}, at {clock}: {left}, {basis}", left=peak_left(peak), **known)
 
 
-def moment_words(moment: Moment) -> str:
+def peak_words(peak: UtilisationPeak) -> str:
     """Return rotor, time and movement: `rotor 1, front right, at 0:52, turning left, 9.0 kg`."""
-    known = {"rotor": moment.rotor, "clock": language.clock(moment.time_s)}
-    words, place = "rotor {rotor}, {place}, at {clock}", place_words(moment.rotor_name)
+    known = {"rotor": peak.rotor + 1, "clock": language.clock(peak.time_s)}
+    words, place = "rotor {rotor}, {place}, at {clock}", place_words(peak.rotor_name)
     parts = [say(words if place else "rotor {rotor}, at {clock}", place=place, **known)]
-    if moment.capacity_use_high - moment.capacity_use_low > 1e-9:
-        parts.append(say("thrust left {left}", left=moment_left(moment)))
-        parts.append(say(moment.basis))
-    parts += [", ".join(moment.doing)] if moment.doing else []
-    if math.isfinite(moment.tank_kg):
-        parts.append(say("{kg} on board", kg=language.number(moment.tank_kg, "kg")))
-    where = language.place(moment.north, moment.east)
+    if peak.utilisation_high - peak.utilisation_low > 1e-9:
+        parts.append(say("thrust left {left}", left=peak_left(peak)))
+        parts.append(say(peak.basis))
+    parts += [doing_words(peak.activities)] if peak.activities else []
+    if math.isfinite(peak.tank_kg):
+        parts.append(say("{kg} on board", kg=language.number(peak.tank_kg, "kg")))
+    where = language.place(peak.north, peak.east)
     return ", ".join([*parts, where] if where else parts)
 
 

@@ -14,7 +14,7 @@ from typing import Literal
 from thrustmargin.gcs_plugin.wording.advice_words import headline
 from thrustmargin.gcs_plugin.wording.alarm_words import ONE_LOST, SPINS
 from thrustmargin.gcs_plugin.wording.language import clock, known, number, percent, say
-from thrustmargin.gcs_plugin.wording.margin_verdict import Fact
+from thrustmargin.gcs_plugin.wording.margin_verdict import Facts
 from thrustmargin.gcs_plugin.wording.thrust_left import least_words, left_words
 from thrustmargin.models.model.advice import Advice, FlightLevel
 from thrustmargin.models.model.model_misfit import MarginCheck
@@ -53,7 +53,6 @@ LEFT, OVER_WEIGHT, IN_THE_TANK = "thrust left", "thrust over weight", "on board"
 MEAN_ROTOR = "mean of the rotors"
 LOAD_INFERRED, TANK_SPRAYING = "load inferred, 90 % interval", "tank while spraying"
 MEASURED_MINUS_PREDICTED = "measured minus predicted"
-NOT_SPRAYING = "flying, not spraying"
 
 #: Reasons why the prediction is checked or not.
 TRAINED_ON = (
@@ -260,21 +259,21 @@ def first_line(advice: Advice, contact: FirstContact | None) -> str:
     return contact_headline(contact) if contact and unknown else headline(advice)
 
 
-def contact_use(contact: FirstContact) -> Fact:
+def contact_use(contact: FirstContact) -> tuple[str, str]:
     """Return the fact about how hard the motors worked."""
-    return Fact(contact.basis, _use_words(contact))
+    return contact.basis, _use_words(contact)
 
 
-def contact_facts(contact: FirstContact) -> tuple[Fact, ...]:
+def contact_facts(contact: FirstContact) -> Facts:
     """Return all facts of an unknown aircraft: its use, the log, the questions, and the commands to
     copy."""
     return (
         contact_use(contact),
-        Fact("in the log", found_words(contact)),
-        Fact("thrust", say("not known yet: only the owner can say these")),
-        *(Fact(option, words) for option, words in option_words(contact.asked)),
-        Fact(TO_COPY[0], command(contact)),
-        Fact(TO_COPY[1], f"thrustmargin airframe new --from {contact.log}"),
+        ("in the log", found_words(contact)),
+        ("thrust", say("not known yet: only the owner can say these")),
+        *option_words(contact.asked),
+        (TO_COPY[0], command(contact)),
+        (TO_COPY[1], f"thrustmargin airframe new --from {contact.log}"),
     )
 
 

@@ -84,7 +84,7 @@ def test_of_an_aircraft_that_is_not_known_live_says_what_the_report_says(sitl_lo
     other = chosen_model(None, "agras-t20")
     ((log, claim),) = claimed_flights(path, other, given=False)
     reported = report_flight(analyse(log.track, other, claim=claim), log, max_utilisation=0.5)
-    first = reported.verdict["headline"]
+    first = reported.json["verdict"]["headline"]
     assert first.startswith("Motors at ")
     vehicle = VehicleMonitor(1, other, WatchSettings(airframe_given=False, link="udpin:LINK"))
     frames = [frame for frame in log_frames(path) if frame.system == 1]
@@ -102,7 +102,7 @@ def test_of_an_aircraft_that_is_not_known_live_says_what_the_report_says(sitl_lo
     answer = last.answer
     assert answer is not None
     assert (answer.headline, answer.brief) == (first, first)
-    facts = {fact.label: fact.text for fact in reported.verdict["facts"]}
+    facts = {fact["label"]: fact["text"] for fact in reported.json["verdict"]["facts"]}
     said = dict(line.split(": ", 1) for line in answer.contact_lines)
     copied = {"to copy", "or be asked"}  # they name the link, and not the log
     assert said["or be asked"] == "thrustmargin airframe new --from udpin:LINK"

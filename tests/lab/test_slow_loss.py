@@ -7,7 +7,7 @@ import pytest
 
 from tests.lab.slow_loss import Season, flights_of
 from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
-from thrustmargin.models.model.flight_offsets import flight_offsets
+from thrustmargin.models.model.flight_lessons import flight_offsets
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.offset_total import rotor_total
 

@@ -44,34 +44,34 @@ PLAN = (
 ).replace(" ", "\t")
 PLAN = PLAN.replace("QGC\tWPL\t110", "QGC WPL 110")
 #: Types that a datum passes through, by way: those of docs/architecture.md and of their steps.
-ROWS = "Stream Signal Signals Recording Boot FlightLog FlightRows FlightTrack"
+ROWS = "Stream Signal Signals Recording FlightLog FlightRows FlightTrack"
 MODEL = "Prediction FlightAnalysis Advice Advised"
 #: Way -> the command line, the function at its end ("": the command's), types, and the aim.
 WAYS: dict[str, tuple[tuple[str, ...], str, str, int]] = {
     "plan -> forecast": (
         ("forecast", "{plan}", "--fill", "8"),
         "",
-        "MissionPlan MissionSteps Course TimedLeg WayLeg PlanConditions PlanFlight PlanForecast "
+        "MissionPlan PlanSteps Course TimedLeg WayLeg PlanConditions PlanFlight PlanForecast "
         f"{MODEL}",
         25,
     ),
     "frame -> colour": (
         ("monitor", str(LOGS / "campaign/v4_m16_q2.5.tlog"), "--port", "0", "--record", "{out}"),
-        "gcs_plugin.view.scene.aircraft:disc_colours",
+        "gcs_plugin.view.scene.aircraft:show",
         f"Frame Signal Signals FlightRows LiveRows FlightTrack {MODEL} Update ShownRow Colours",
         20,
     ),
     "log -> report": (
         ("report", str(LOGS / "campaign/v4_m16_q2.5.tlog"), "--out", "{out}/x.html"),
         "",
-        f"{ROWS} {MODEL} LogAnswer FlightReport",
+        f"{ROWS} {MODEL} LogAnswer ReportedFlight",
         22,
     ),
     "six logs -> effect": (
         ("identify", *map(str, SIX)),
         "",
-        "FlightTrack Problem ReducedProblem Search Posterior EffectSet Accepted Identification "
-        "ReportedEffect IdentifyResult",
+        "FlightTrack Problem Reduced Search Posterior EffectSet AcceptedEffects Identification "
+        "ReportedEffect Result",
         20,
     ),
 }

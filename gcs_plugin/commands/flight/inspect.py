@@ -15,8 +15,7 @@ from rich.table import Table
 from rich.text import Text
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.analysed import with_recorded
-from thrustmargin.gcs_plugin.commands.shared.engineer_notes import with_engineer_notes
+from thrustmargin.gcs_plugin.commands.shared.analysed import with_engineer_notes, with_recorded
 from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Inputs, Reading
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,

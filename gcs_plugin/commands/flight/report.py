@@ -10,8 +10,11 @@ import tyro
 from rich.console import Console
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.analysed import flights_of, with_recorded
-from thrustmargin.gcs_plugin.commands.shared.engineer_notes import with_engineer_notes
+from thrustmargin.gcs_plugin.commands.shared.analysed import (
+    flights_of,
+    with_engineer_notes,
+    with_recorded,
+)
 from thrustmargin.gcs_plugin.commands.shared.inputs import (
     ANY_KNOWN,
     AS_HEARD,
@@ -175,7 +178,7 @@ def print_verdicts(console: Console, made: Report) -> None:
     if len(made.flights) > 1:
         console.print(made.overview["headline"], style="bold", soft_wrap=True)
     for _, flight in worst_first(made.flights):
-        verdict = flight.verdict
+        verdict = flight.json["verdict"]
         console.print(f"{flight.name}: {verdict['headline']}", style="bold", soft_wrap=True)
         for fact in verdict["facts"]:
-            console.print(f"  {say(fact.label)}: {fact.text}", soft_wrap=True)
+            console.print(f"  {say(fact['label'])}: {fact['text']}", soft_wrap=True)

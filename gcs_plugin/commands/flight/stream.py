@@ -40,9 +40,8 @@ def stream(
         speed: How many times as fast as it was recorded.
         loop: Start again at the end, until stopped with Ctrl-C.
     """
-    from thrustmargin.gcs_plugin.link.open_transport import open_transport
     from thrustmargin.gcs_plugin.link.playback import Played, play
-    from thrustmargin.gcs_plugin.link.transport import parse_url
+    from thrustmargin.gcs_plugin.link.transport import open_transport, parse_url
     from thrustmargin.gcs_plugin.logs.read import formats
 
     check_speed(speed)

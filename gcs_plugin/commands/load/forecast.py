@@ -393,7 +393,7 @@ def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
     from thrustmargin.mission.plan_tracking.stretches import yaw_before
     from thrustmargin.models.model.analysis import analyse
     from thrustmargin.models.model.flight_day import day_before_take_off, flight_wind
-    from thrustmargin.models.model.flight_power import flight_power
+    from thrustmargin.models.model.flight_lessons import flight_power
 
     try:
         flown = read_flights(plan, model, given=given)

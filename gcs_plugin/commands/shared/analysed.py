@@ -2,7 +2,8 @@
 
 `monitor` writes its options into options.json beside the .tlog that it records. Commands that read
 the .tlog take from there the aircraft, the reading options and the limit that the user does not
-give. `TracksOnDisk` keeps the flights of a search on disk, of which one is in memory at a time.
+give. `with_engineer_notes` puts the notes of an engineer beside the logs. `TracksOnDisk` keeps the
+flights of a search on disk, of which one is in memory at a time.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from thrustmargin.gcs_plugin.commands.shared.inputs import (
 )
 from thrustmargin.gcs_plugin.commands.shared.known import known_flights
 from thrustmargin.gcs_plugin.commands.shared.options import UsageError, check_utilisation
-from thrustmargin.models.errors import DataError, ThrustMarginError
+from thrustmargin.models.errors import DataError, LogError, ThrustMarginError
 from thrustmargin.models.json_values import from_json_values
 from thrustmargin.models.whole_file import regular
 
@@ -77,6 +78,36 @@ def flights_of(
 
 
 OPTIONS = "options.json"
+
+
+def with_engineer_notes(
+    logs: Sequence[FlightLog], notes: Path | None, console: Console
+) -> list[FlightLog]:
+    """Return the logs, in their order, with the notes of `notes`, else of a notes.csv beside each.
+
+    A notes.csv that cannot be read is named and left out. Raises LogError for such a file that the
+    user named, UsageError where it is named for several logs.
+    """
+    from thrustmargin.gcs_plugin.logs.notes_file import notes_beside, with_notes
+
+    paths = list(dict.fromkeys(log.path for log in logs))
+    if notes is not None and len(paths) > 1:
+        raise UsageError("--notes are of one log; name one")
+    noted: dict[int, FlightLog] = {}
+    for path in paths:
+        numbers = [k for k, log in enumerate(logs) if log.path == path]
+        file = notes or notes_beside(path)
+        if file is None:
+            continue
+        try:
+            made = with_notes([logs[k] for k in numbers], file)
+        except LogError as error:
+            if notes is not None:
+                raise
+            console.print(f"not read: {error}", markup=False, soft_wrap=True)
+            continue
+        noted.update(zip(numbers, made, strict=True))
+    return [noted.get(k, log) for k, log in enumerate(logs)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

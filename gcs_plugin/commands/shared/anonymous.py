@@ -17,9 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs import FlightLog
-from thrustmargin.gcs_plugin.reports.margin.accuracy import trained_on
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.prediction_error import trained_on
 from thrustmargin.models.statement import Statement, Value
 from thrustmargin.models.whole_file import regular, whole_file
 

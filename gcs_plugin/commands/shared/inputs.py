@@ -406,8 +406,8 @@ def claimed(
             continue
         for one in left_out_findings(log.track):
             console.print(escape(f"{log.name}: {one.check}: {one.words}"), soft_wrap=True)
-        for part in unseen_facts(log.track):
-            console.print(escape(f"{log.name}: {part.label}: {part.text}"), soft_wrap=True)
+        for label, text in unseen_facts(log.track):
+            console.print(escape(f"{log.name}: {label}: {text}"), soft_wrap=True)
         if losses := loss_of_control(log.track):
             console.print(escape(f"{log.name}: {lost_rows(losses)}"), soft_wrap=True)
             log = replace(log, track=before_loss(log.track, losses))

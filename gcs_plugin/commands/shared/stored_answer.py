@@ -15,7 +15,6 @@ from typing import Any, get_type_hints
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.reports.margin.moments import Activity, activities
 from thrustmargin.gcs_plugin.wording.advice_words import action_steps, suspects
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.json_values import from_json_values, to_json_values
@@ -23,6 +22,7 @@ from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advice, FlightLevel
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import ThrustUse
 from thrustmargin.models.model.model_misfit import Caveat
+from thrustmargin.models.model.utilisation_peaks import Activity, activities
 from thrustmargin.models.provenance import Provenance
 
 #: Version of the rows of `flights`: 2 since words are made when they are read.

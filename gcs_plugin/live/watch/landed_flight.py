@@ -15,6 +15,9 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import OF_ITSELF, OF_MISSION
 from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightAdvice, FlightSoFar
 from thrustmargin.gcs_plugin.live.watch.update import Later, WatchSettings
@@ -22,6 +25,7 @@ from thrustmargin.gcs_plugin.logs.log_answer import answer_log, claimed_flights
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.layouts import message_ids
 from thrustmargin.models.errors import ThrustMarginError
+from thrustmargin.models.flight import Bools
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -46,6 +50,8 @@ class LandedFlights:
     ) -> None:
         self._system, self._model, self._settings, self._later = system, model, settings, later
         self._chunks: list[tuple[int, bytearray, bytearray]] = []  # first µs, all, what lasts
+        self.landed_us = 0  # ground's clock of the last landing; 0 while it flies
+        self._was_flying = False  # in the last row
 
     def take(self, frame: Frame) -> None:
         """Add one message."""
@@ -57,6 +63,14 @@ class LandedFlights:
         whole += stamped
         if frame.id in LASTING:
             lasting += stamped
+
+    def follow_landing(self, flying: Bools, stamp_us: NDArray[np.int64]) -> None:
+        """Take the time of the landing from new rows: `flying` (N,), and when each came, µs."""
+        up = np.flatnonzero(flying)
+        down = int(up[-1]) + 1 if up.size else 0
+        if up.size or self._was_flying:
+            self._was_flying = down == flying.size
+            self.landed_us = 0 if self._was_flying else int(stamp_us[down])
 
     def forget(self, before_us: float) -> None:
         """Drop messages of before a time, ground's clock in µs, except those that stay valid."""

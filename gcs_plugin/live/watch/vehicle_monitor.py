@@ -6,7 +6,7 @@ given, so that a recording gives live what it gives from its file.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
@@ -15,21 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent, LinkNow
-from thrustmargin.gcs_plugin.live.alarms.alarm_rules import OF_SETTLED_ROWS, OF_SOUGHT_ROWS
 from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState, fold_mission
 from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows, VehicleTelemetry
-from thrustmargin.gcs_plugin.live.watch.airframe_watch import AirframeWatch
 from thrustmargin.gcs_plugin.live.watch.flight_so_far import (
     FlightAdvice,
     FlightSoFar,
     SortieRows,
 )
-from thrustmargin.gcs_plugin.live.watch.frozen_watch import FrozenWatch
 from thrustmargin.gcs_plugin.live.watch.landed_flight import LandedFlights
 from thrustmargin.gcs_plugin.live.watch.link_watch import LinkWatch, RotorSilence
 from thrustmargin.gcs_plugin.live.watch.outlook import LookAhead
+from thrustmargin.gcs_plugin.live.watch.prepared_rows import RowPreparation
+from thrustmargin.gcs_plugin.live.watch.settled_rows import CARRIED, SettledRows, kept_rows
 from thrustmargin.gcs_plugin.live.watch.update import (
     GONE,
     LASTING,
@@ -43,13 +42,10 @@ from thrustmargin.gcs_plugin.live.watch.update import (
     with_rows,
 )
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
-from thrustmargin.gcs_plugin.wording.check_words import (
-    described_words,
-    remedy_words,
-)
+from thrustmargin.gcs_plugin.wording.check_words import described_words, remedy_words
 from thrustmargin.gcs_plugin.wording.live_words import NO_ROWS, stale_words, two_vehicles
 from thrustmargin.mission.plan import MissionPlan
-from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import (
     FlightAnalysis,
@@ -57,40 +53,7 @@ from thrustmargin.models.model.analysis import (
     analyse,
     with_load_beyond_gauge,
 )
-from thrustmargin.models.model.inferred.prepared import Inferred, fill_channels_so_far
-from thrustmargin.models.model.rotor_faults import fault_model
-from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe
-
-#: Rows of which screens show a mean, and in which a loss of control lasts: so many stay at least.
-SHOWN = 20
-#: s of rows that are analysed in one go, at most: what is decided from time to time is not late.
-PART = 5.0
-#: Arrays of an Update that the next one goes on with.
-CARRIED = ("clock_s", "stamp_us", "pumped_kg", "delivered_kg", "margin_ahead")
-
-
-class RowHorizon:
-    """The rows that become final when `look_s` s of later rows are known."""
-
-    def __init__(self, look_s: float) -> None:
-        self.look_s = look_s
-        self._waiting = 0  # of the known rows, the last so many
-
-    def restart(self) -> None:
-        """Forget the rows: others follow that do not go on from them."""
-        self._waiting = 0
-
-    def settled(self, time_s: Floats, first: int, *, at_once: bool) -> slice:
-        """Return the rows of `time_s` (T,), s, that become final with the rows from `first` on.
-
-        `at_once`: every row is final as soon as it is there.
-        """
-        begin, until = first - self._waiting, time_s.size
-        if self.look_s > 0.0 and not at_once:
-            known = np.searchsorted(time_s, time_s[-1] - self.look_s, side="right")
-            until = max(int(known), begin)
-        self._waiting = time_s.size - until
-        return slice(begin, until)
+from thrustmargin.models.model.rotor_model import RotorModel
 
 
 class VehicleMonitor:
@@ -121,19 +84,16 @@ class VehicleMonitor:
         self.last: Update | None = None
         self.rows = 0
         self._piloted = False  # a heartbeat of a vehicle's autopilot has come
-        self._inferred = Inferred()
-        self._predicted = RowHorizon(model.look_ahead_s)
-        self._sought = RowHorizon(fault_model(model).look_ahead_s)  # in which faults were sought
+        self._preparation = RowPreparation(
+            model, given=settings.airframe_given, source=settings.link
+        )
+        self._settled = SettledRows(model)
         self._ahead = LookAhead(model)
         self._landed = LandedFlights(system, model, settings, later)
         self._sortie = SortieRows(model, self.alarms, self._landed.answer)
-        self._frozen = FrozenWatch(identified_airframe(model))
-        self._airframe = AirframeWatch(model, given=settings.airframe_given, source=settings.link)
         self._rotor_silence = RotorSilence(model.airframe.rotor_count)
         #: The last flight of before a restart: a new battery does not take its answer away.
         self._flight_before: FlightSoFar | None = None
-        self._landed_us = 0  # ground's clock of the last landing; 0 while it flies
-        self._was_flying = False  # in the last row
 
     @property
     def state(self) -> VehicleState:
@@ -162,7 +122,7 @@ class VehicleMonitor:
     @property
     def claim(self) -> AirframeClaim:
         """The last decision whether it is of the airframe."""
-        return self._airframe.claim
+        return self._preparation.claim
 
     @property
     def waiting(self) -> bool:
@@ -201,31 +161,16 @@ class VehicleMonitor:
         There is one part for each start of the vehicle, and for each change of its own reports.
         `final`: no more will come, and the last predictions count as settled.
         """
-        made = [self._update(part) for rows in self.telemetry.rows() for part in self._parts(rows)]
+        made = [
+            self._update(part)
+            for rows in self.telemetry.rows()
+            for part in self._preparation.parts(rows)
+        ]
         self.notes += self.telemetry.events
         self.telemetry.events.clear()
         if final and self.last is not None:
             made.append(self._update(None))
         return made
-
-    def _parts(self, rows: LiveRows) -> Iterator[LiveRows]:
-        """Yield new rows in parts that begin where the airframe is compared again, at most PART s
-        long.
-
-        So a decision between two rows does not depend on how many rows came at once.
-        """
-        while True:
-            time_s, due_s = rows.track.time_s, self._airframe.due_s
-            cut = int(np.searchsorted(time_s, time_s[0] + PART))
-            if due_s > time_s[0]:
-                cut = min(cut, int(np.searchsorted(time_s, due_s)))
-            elif flying := np.flatnonzero(rows.track.flying[1:]).tolist():
-                cut = min(cut, 1 + flying[0])
-            if cut >= time_s.size:
-                yield rows
-                return
-            yield rows.rows(slice(0, cut))
-            rows = rows.rows(slice(cut, None))
 
     def _update(self, new: LiveRows | None) -> Update:
         """Make the next update: with new rows, or (None) with the last predictions settled."""
@@ -237,26 +182,25 @@ class VehicleMonitor:
             self._begin_anew()
         window, start, reported = slice(0, 0), None, None
         if last is not None:
-            window, start = self._window(last)
+            window, start = kept_rows(last, self._model.look_back_s)
         if new is not None:
-            reported = new.track
-            new, start = self._prepared(new, start)
+            reported, before = new.track, self.claim
+            new = self._preparation.prepare(new, self.telemetry.facts, self.state.parameters)
+            start = self._state_under_claim(before, new, start)
         analysis = self._analysed(with_rows(last, window, new), start)
         time_s = analysis.track.time_s
         first = time_s.size - (0 if new is None else new.clock_s.size)
-        final = new is None or not self._model.effects
-        settled = self._predicted.settled(time_s, first, at_once=final)
-        sought = self._sought.settled(time_s, first, at_once=final)
+        settled, sought = self._settled.settled(time_s, first, at_once=new is None)
         arrays = {
             name: np.zeros(0) if last is None else getattr(last, name)[window] for name in CARRIED
         }
         unheard = failures = None
         if new is not None:
             pause = self.alarms.settings.silence
-            known = self._inferred.outputs.heard.readings(analysis.track)
+            known = self._preparation.outputs.heard.readings(analysis.track)
             unheard = self._rotor_silence.add(known, time_s, first, pause)
             unheard = np.pad(unheard, ((first, 0), (0, 0)))
-            self._follow_landing(analysis.track.flying[first:], new)
+            self._landed.follow_landing(analysis.track.flying[first:], new.stamp_us)
             failures = np.pad(new.esc_failures, ((first, 0), (0, 0)), constant_values=np.nan)
             added = self._beyond_the_rows(analysis, first, new)
             arrays = {name: np.concatenate([arrays[name], added[name]]) for name in CARRIED}
@@ -272,7 +216,7 @@ class VehicleMonitor:
             virtual_kg=virtual,
             margin_ahead=arrays["margin_ahead"],
             unheard_s=unheard,
-            from_outputs=self._inferred.outputs.in_use,
+            from_outputs=self._preparation.outputs.in_use,
             esc_failures=failures,
         )
         if new is None or reported is None:
@@ -297,49 +241,35 @@ class VehicleMonitor:
             margin_ahead=arrays["margin_ahead"],
             outlook=self._ahead.now,
             alarms=tuple(self.alarms.listed.values()),
-            events=self._stamped(events, time_s, arrays, last=new is None),
+            events=self._settled.stamped(events, time_s, arrays, last=new is None),
             flight=self._sortie.now or self._flight_before,
             takeoff=self.alarms.takeoff,
-            landed_us=self._landed_us,
+            landed_us=self._landed.landed_us,
             notes=() if rows is None else rows.notes,
             asked=self._asked,
         )
         self.last = update_with_bad_part(made) if self._sortie.found_bad else made
         return self.last
 
-    def _follow_landing(self, flying: Bools, new: LiveRows) -> None:
-        """Take the time of the landing from new rows, of which `flying` (N,) is known."""
-        up = np.flatnonzero(flying)
-        down = int(up[-1]) + 1 if up.size else 0
-        if up.size or self._was_flying:
-            self._was_flying = down == flying.size
-            self._landed_us = 0 if self._was_flying else int(new.stamp_us[down])
-
     def _begin_anew(self) -> None:
         """Forget the rows so far: the vehicle has restarted, or has another number of rotors."""
         self._flight_before = self._sortie.now or self._flight_before
-        self._predicted.restart()
-        self._sought.restart()
-        self._inferred = Inferred()
+        self._settled.restart()
+        self._preparation.restart()
         self._ahead.restart()
         self._sortie = SortieRows(self._model, self.alarms, self._landed.answer)
 
-    def _prepared(
-        self, new: LiveRows, start: FlightState | None
-    ) -> tuple[LiveRows, FlightState | None]:
-        """Return new rows without frozen readings and with what is inferred; and the model's state
-        before them, None where the airframe was newly recognised or lost."""
-        parameters, reported = self.state.parameters, new.track
-        measured = self._frozen.without_frozen(reported, parameters)
-        found = measured.statements[len(reported.statements) :]
-        notes = (*new.notes, *found)
-        new = replace(new, track=measured, notes=notes)
-        start = self._decide_claim(new, start)
-        airframe = None if self.claim.withheld else identified_airframe(self._model)
-        track, self._inferred = fill_channels_so_far(
-            new.track, airframe, parameters, self._inferred
-        )
-        return replace(new, track=track), start
+    def _state_under_claim(
+        self, before: AirframeClaim, new: LiveRows, start: FlightState | None
+    ) -> FlightState | None:
+        """Note a decision on the airframe other than `before`; return the model's state before the
+        new rows, None where the airframe was newly recognised or lost."""
+        claim = self.claim
+        if replace(claim, outputs=before.outputs) == before and self.last is not None:
+            return start
+        helps = [remedy_words(claim)] if claim.withheld else []
+        self.notes.append((int(new.stamp_us[-1]), "; ".join([described_words(claim), *helps])))
+        return None if bool(before.withheld) != bool(claim.withheld) else start
 
     def _analysed(self, track: FlightTrack, start: FlightState | None) -> FlightAnalysis:
         """Analyse rows, with what the whole flight so far shows of claim and load."""
@@ -349,52 +279,6 @@ class VehicleMonitor:
         if flight is not None and not claim.withheld:
             analysis = with_load_beyond_gauge(analysis, flight.beyond_gauge_kg)
         return analysis
-
-    def _stamped(
-        self,
-        events: Sequence[AlarmEvent],
-        time_s: Floats,
-        arrays: Mapping[str, NDArray[Any]],
-        *,
-        last: bool,
-    ) -> tuple[AlarmEvent, ...]:
-        """Return events of rows with the ground's clock when the report came that gave them.
-
-        Where predictions are final only later, that is the report that made them so; `last`: the
-        end of what comes has. `time_s` (T,) is the track's, `arrays` are as `CARRIED`.
-        """
-        later = {rule.name for rule in OF_SETTLED_ROWS} if self._model.effects else set[str]()
-        if self._sought.look_s > 0.0:
-            later |= {rule.name for rule in OF_SOUGHT_ROWS}
-        made = []
-        for event in events:
-            row = int(np.searchsorted(arrays["clock_s"], event.time_s))
-            if event.alarm.name in later:
-                row = int(np.searchsorted(time_s, time_s[row] + self._predicted.look_s))
-            row = time_s.size - 1 if last else min(row, time_s.size - 1)
-            made.append(replace(event, unix_s=float(arrays["stamp_us"][row]) * 1e-6))
-        return tuple(sorted(made, key=lambda event: event.unix_s))
-
-    def _decide_claim(self, new: LiveRows, start: FlightState | None) -> FlightState | None:
-        """Decide the claim; return the model's state before the new rows, None after a change."""
-        before = self.claim
-        claim = self._airframe.look(new.track, self.telemetry.facts, self.state.parameters)
-        if replace(claim, outputs=before.outputs) == before and self.last is not None:
-            return start
-        helps = [remedy_words(claim)] if claim.withheld else []
-        self.notes.append((int(new.stamp_us[-1]), "; ".join([described_words(claim), *helps])))
-        return None if bool(before.withheld) != bool(claim.withheld) else start
-
-    def _window(self, last: Update) -> tuple[slice, FlightState | None]:
-        """Return the rows of the last update that the next one needs, and the model's state before
-        them.
-        """
-        time_s = last.analysis.track.time_s
-        needed = min(last.settled, time_s.size - 1)
-        back = np.searchsorted(time_s, time_s[needed] - self._model.look_back_s, side="right") - 1
-        begin = max(min(int(back), time_s.size - SHOWN), 0)
-        start = last.analysis.start if begin == 0 else last.analysis.state_at(begin)
-        return slice(begin, None), start
 
     def _beyond_the_rows(
         self, analysis: FlightAnalysis, first: int, new: LiveRows

@@ -268,7 +268,7 @@ def counted_once(
         left_out += [UnusedLog(name=log.path.name, reason=reason) for reason in reasons]
         # What the log does not show is not in the record either.
         grounded = not_flown(log.track)
-        unseen = (grounded,) if grounded else (one.text for one in unseen_facts(log.track))
+        unseen = (grounded,) if grounded else (text for _, text in unseen_facts(log.track))
         left_out += [UnusedLog(name=log.name, reason=reason) for reason in unseen]
     return kept, list(dict.fromkeys(left_out))
 

@@ -27,7 +27,7 @@ from thrustmargin.gcs_plugin.wording.advice_words import (
 )
 from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
 from thrustmargin.gcs_plugin.wording.check_words import in_english
-from thrustmargin.gcs_plugin.wording.flight_words import too_short
+from thrustmargin.gcs_plugin.wording.flight_words import doing_words, too_short
 from thrustmargin.gcs_plugin.wording.language import say, sentence
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.model_misfit import Caveat
@@ -54,11 +54,6 @@ def alarm_words(answer: StoredAnswer) -> list[str]:
     """Return the words of the live alarms of its bad rotors and motors, in order of time."""
     names = answer.advice.rotor_names
     return [fault_words(one.fault, names, Phase.RECORDED) for one in answer.advice.faults]
-
-
-def doing_words(answer: StoredAnswer) -> str:
-    """Return what the aircraft was doing at the worst moment; empty where unknown."""
-    return ", ".join(one.words for one in answer.doing)
 
 
 def _stored(flight: Mapping[str, Any]) -> StoredAnswer | None:
@@ -119,7 +114,7 @@ def flight_reason(flight: Mapping[str, Any]) -> str:
 def flight_doing(flight: Mapping[str, Any]) -> str:
     """Return what the aircraft was doing at the worst moment; empty where unknown."""
     answer = _stored(flight)
-    return doing_words(answer) if answer else mark_old_text(flight["worst_doing"] or "")
+    return doing_words(answer.doing) if answer else mark_old_text(flight["worst_doing"] or "")
 
 
 def _column(words: Callable[[StoredAnswer], Any]) -> Callable[[str], Any]:
@@ -146,6 +141,6 @@ SQL_WORDS: Mapping[str, Callable[[str], Any]] = {
     # Earlier versions kept one rotor of each fault in `suspects` of a known aircraft.
     "fault_rotors": _column(lambda a: fault_rotors(a.advice)),
     "suspects": _column(lambda a: list(suspects(a.advice))),
-    "worst_doing": _column(lambda a: doing_words(a) or None),
+    "worst_doing": _column(lambda a: doing_words(a.doing) or None),
     **{column: _source_column(channel) for channel, column in SOURCES.items()},
 }

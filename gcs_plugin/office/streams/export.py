@@ -91,7 +91,7 @@ def export(
     if mcap is not None:
         console.print(f"wrote {mcap}: {write_mcap(reports, mcap)} messages")
     if layout is not None:
-        names = max((report.model["rotor_names"] for report, _ in reports), key=len)
+        names = max((report.json["model"]["rotor_names"] for report, _ in reports), key=len)
         with whole_file(layout) as draft:
             draft.write_text(layout_text(names), encoding="utf-8")
         console.print(f"wrote {layout}; Foxglove takes it by Import from file")

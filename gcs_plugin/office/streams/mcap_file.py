@@ -18,7 +18,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.logs.findings import Severity
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import COLUMNS
-from thrustmargin.gcs_plugin.reports.margin.data import JSON_FIELDS, SCHEMA, FlightReport
+from thrustmargin.gcs_plugin.reports.margin.data import FLIGHT_KEYS, SCHEMA, ReportedFlight
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.models.errors import DataError, require
@@ -66,7 +66,7 @@ TOPICS: Mapping[str, tuple[str, dict[str, Any]]] = {
         "thrustmargin.FlightReport",
         _object(
             "a flight of the report's JSON, once at its start",
-            **{name: {} for name in JSON_FIELDS},
+            **{name: {} for name in FLIGHT_KEYS},
         ),
     ),
     "/margin": (
@@ -164,12 +164,11 @@ def sortie_clock(log: FlightLog) -> SortieClock:
     return SortieClock(start_s=log.clock_start_s if unix is None else unix, unix=unix is not None)
 
 
-def messages_of(report: FlightReport, log: FlightLog) -> Iterator[StreamMessage]:
+def messages_of(report: ReportedFlight, log: FlightLog) -> Iterator[StreamMessage]:
     """Yield all messages of a sortie, topic by topic."""
     sortie, clock, rows = log.sortie, sortie_clock(log), report.rows
     first = float(rows["time_s"][0])
-    whole = {name: to_json_values(getattr(report, name)) for name in JSON_FIELDS}
-    yield StreamMessage("/report", first, whole)
+    yield StreamMessage("/report", first, to_json_values(report.json))
     yield from _margin_messages(report, sortie)
     yield from _rotor_messages(report, sortie)
     scalars = {name: _nulls(rows[name]) for name in PLAIN}
@@ -177,7 +176,7 @@ def messages_of(report: FlightReport, log: FlightLog) -> Iterator[StreamMessage]
         of_row = {name: values[k] for name, values in scalars.items()}
         yield StreamMessage("/flight", time_s, {**of_row, "sortie": sortie})
     yield from _position_messages(log, clock)
-    for finding in report.findings:
+    for finding in report.answer.findings:
         time_s = first if finding.time_s is None else finding.time_s
         content = {**to_json_values(finding), "sortie": sortie}
         yield StreamMessage("/findings", time_s, content)
@@ -194,7 +193,7 @@ def _nulls(values: Floats) -> list[Any]:
     return nulls.tolist()
 
 
-def _margin_band(report: FlightReport) -> tuple[Floats, Floats, Floats]:
+def _margin_band(report: ReportedFlight) -> tuple[Floats, Floats, Floats]:
     """Return (T, R) margin by the known utilisation in flight, and the ends of its 90 %
     interval.
     """
@@ -205,7 +204,7 @@ def _margin_band(report: FlightReport) -> tuple[Floats, Floats, Floats]:
     return 1.0 - use, 1.0 - high, 1.0 - low
 
 
-def _margin_messages(report: FlightReport, sortie: int) -> Iterator[StreamMessage]:
+def _margin_messages(report: ReportedFlight, sortie: int) -> Iterator[StreamMessage]:
     """Yield the margin of the worst rotor at each time, None where no rotor has one."""
     rows = report.rows
     margin, low, high = _margin_band(report)
@@ -231,9 +230,9 @@ def _margin_messages(report: FlightReport, sortie: int) -> Iterator[StreamMessag
         yield StreamMessage("/margin", time_s, {"time_s": time_s, "sortie": sortie, **content})
 
 
-def _rotor_messages(report: FlightReport, sortie: int) -> Iterator[StreamMessage]:
+def _rotor_messages(report: ReportedFlight, sortie: int) -> Iterator[StreamMessage]:
     """Yield the values of every rotor at each time."""
-    rows, names = report.rows, report.model["rotor_names"]
+    rows, names = report.rows, report.json["model"]["rotor_names"]
     columns = {key: _nulls(rows[key]) for key in OF_ROTOR}
     bands = zip(("margin", "margin_low", "margin_high"), _margin_band(report), strict=True)
     columns |= {key: _nulls(values) for key, values in bands}
@@ -373,7 +372,7 @@ def _split(direction: str, first: Any, second: Any) -> dict[str, Any]:
     return {"direction": direction, "first": first, "second": second, "splitPercentage": 50}
 
 
-def write_mcap(flights: Sequence[tuple[FlightReport, FlightLog]], path: Path) -> int:
+def write_mcap(flights: Sequence[tuple[ReportedFlight, FlightLog]], path: Path) -> int:
     """Write the sorties of one log to `path` and return the number of messages.
 
     Each message is JSON, each topic has its JSON schema. Raises DataError when the sorties have

@@ -6,29 +6,29 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.reports.margin.data import FlightReport
+from thrustmargin.gcs_plugin.reports.margin.data import ReportedFlight
 from thrustmargin.gcs_plugin.reports.shared import plot_style as style
 from thrustmargin.gcs_plugin.reports.shared.route_map import add_surroundings, route_map
 from thrustmargin.gcs_plugin.wording import palette
 from thrustmargin.gcs_plugin.wording import report_words as words
 from thrustmargin.gcs_plugin.wording.alarm_words import HELD, MAXIMUM_FILL, SPINS
 from thrustmargin.gcs_plugin.wording.language import say
-from thrustmargin.gcs_plugin.wording.margin_verdict import Moment
 from thrustmargin.gcs_plugin.wording.thrust_left import left_words
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import SpeedBasis, worst_rotor
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
+from thrustmargin.models.model.utilisation_peaks import UtilisationPeak
 
 Rows = Mapping[str, Floats]
 
 
-def figures(report: FlightReport) -> Mapping[str, style.Figure]:
+def figures(report: ReportedFlight) -> Mapping[str, style.Figure]:
     """Name -> figure; those whose channels the flight lacks are left out."""
-    rows, limit, worst = airborne(report.rows), report.advice.limit, report.verdict["worst"]
+    rows, limit, worst = airborne(report.rows), report.advice.limit, report.worst
     if not rows["time_s"].size:
         return {}
-    names = report.model["rotor_names"]
+    names = report.json["model"]["rotor_names"]
     use = rows["known_utilisation"]
     knows_use = bool(np.any(np.isfinite(use)))
     knows_redundancy = bool(np.any(np.isfinite(rows["redundancy_yaw_uncontrolled"])))
@@ -39,7 +39,7 @@ def figures(report: FlightReport) -> Mapping[str, style.Figure]:
         made["rotors"] = rotors_figure(rows, limit, names)
     if knows_use and placed:
         made["map_use"] = use_map(rows, worst_rotor(use)[0], limit, worst)
-    if report.withheld and placed:
+    if report.json["withheld"] and placed:
         speed = rows["ground_speed"]
         made["map_speed"] = _map(rows, {"speed": (speed, speed)}, palette.GROUND_SPEED)
     if knows_redundancy and placed:
@@ -54,7 +54,7 @@ def figures(report: FlightReport) -> Mapping[str, style.Figure]:
         place = rows["position_north"], rows["position_east"]
         at = np.column_stack([*place, np.zeros(place[0].size)])
         field = sprayed_field(rows["time_s"], at, rows["spraying"])
-        wind = {key: report.flight[f"wind_{key}"] for key in ("speed_median", "from_deg")}
+        wind = {key: report.json["flight"][f"wind_{key}"] for key in ("speed_median", "from_deg")}
         for name in ("map_use", "map_speed", "map_redundancy"):
             if name in made:
                 add_surroundings(
@@ -67,7 +67,9 @@ def figures(report: FlightReport) -> Mapping[str, style.Figure]:
     return made
 
 
-def use_figure(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> style.Figure:
+def use_figure(
+    rows: Rows, use: Floats, limit: float, worst: UtilisationPeak | None
+) -> style.Figure:
     """Thrust left of the worst rotor and of the mean rotor over time, above the tank level.
 
     `use` (T, R) is the known utilisation and `limit` the largest that may last, both shares.
@@ -96,9 +98,9 @@ def use_figure(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> s
     made = style.over_time(panels, end_s=float(time_s[-1]))
     if worst is not None:
         made.note(
-            f"<b>{left_words(1.0 - worst.capacity_use)} {say('rotor')} {worst.rotor}</b>",
+            f"<b>{left_words(1.0 - worst.utilisation)} {say('rotor')} {worst.rotor + 1}</b>",
             x=style.milliseconds(np.array(worst.time_s)).item(),
-            y=100.0 * (1.0 - worst.capacity_use),
+            y=100.0 * (1.0 - worst.utilisation),
             ax=0,
             ay=36,
             showarrow=True,
@@ -181,7 +183,7 @@ def redundancy_figure(rows: Rows, limit: float) -> style.Figure:
     return style.over_time(panels, end_s=float(time_s[-1]))
 
 
-def use_map(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> style.Figure:
+def use_map(rows: Rows, use: Floats, limit: float, worst: UtilisationPeak | None) -> style.Figure:
     """The route coloured by the thrust left of the worst rotor, of which `use` (T,) is in use; the
     worst moment is ringed."""
     made = _map(rows, {"left": (1.0 - use, use)}, palette.thrust_left(1.0 - limit))

@@ -11,7 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import COLUMNS, csv_columns
-from thrustmargin.gcs_plugin.reports.margin.data import JSON_FIELDS, SCHEMA, FlightReport, Report
+from thrustmargin.gcs_plugin.reports.margin.data import SCHEMA, Report, ReportedFlight
 from thrustmargin.gcs_plugin.reports.margin.figures import airborne, figures
 from thrustmargin.gcs_plugin.reports.margin.summary import worst_first
 from thrustmargin.gcs_plugin.reports.shared import page_shell
@@ -21,11 +21,12 @@ from thrustmargin.gcs_plugin.wording import alarm_words as faults
 from thrustmargin.gcs_plugin.wording import palette
 from thrustmargin.gcs_plugin.wording.advice_words import SEVERAL
 from thrustmargin.gcs_plugin.wording.fill_words import amount
+from thrustmargin.gcs_plugin.wording.flight_words import doing_words
 from thrustmargin.gcs_plugin.wording.glance_words import glance
 from thrustmargin.gcs_plugin.wording.margin_verdict import (
     estimate,
-    moment_left,
-    moment_words,
+    peak_left,
+    peak_words,
     worst_words,
 )
 from thrustmargin.gcs_plugin.wording.report_words import CONDITIONS, SHOWN_AS_LEFT, TO_COPY
@@ -73,9 +74,7 @@ def json_text(report: Report, csv_name: str) -> str:
             "file": csv_name,
             "columns": ["flight_number", *(f"{name} [{unit}]" for name, unit, _ in COLUMNS)],
         },
-        "flights": [
-            {name: getattr(flight, name) for name in JSON_FIELDS} for flight in report.flights
-        ],
+        "flights": [flight.json for flight in report.flights],
         "unread": report.unread,
     }
     return page_shell.json_text(whole)
@@ -87,7 +86,7 @@ def csv_bytes(report: Report) -> bytes:
     The first column is the number of the flight in the JSON's list, from 1. No text of a log is in
     the file, so that no spreadsheet can take it for a formula.
     """
-    rotors = max((len(f.rotors) for f in report.flights), default=0)
+    rotors = max((len(f.json["rotors"]) for f in report.flights), default=0)
     heading, lines = "", []
     for k, flight in enumerate(report.flights):
         columns = dict(csv_columns(flight.rows, rotors))
@@ -138,7 +137,7 @@ class Strip:
     worst_at: float | None
 
 
-def strip_of(flight: FlightReport) -> Strip | None:
+def strip_of(flight: ReportedFlight) -> Strip | None:
     """Return a flight's strip: its thrust left over its time in the air, in the replay's
     colours.
 
@@ -160,7 +159,7 @@ def strip_of(flight: FlightReport) -> Strip | None:
     for colour in colours:
         share = 100.0 / BINS + (parts.pop()[0] if parts and parts[-1][1] == colour else 0.0)
         parts.append((share, colour))
-    worst = flight.verdict["worst"]
+    worst = flight.worst
     at = None if worst is None else 100.0 * (worst.time_s - float(time_s[0])) / whole_s
     return Strip(tuple(parts), None if at is None else min(max(at, 0.0), 100.0))
 
@@ -189,11 +188,12 @@ def _page(report: Report, written: Written | None, drawn: Mapping[str, Markup]) 
         "glance": glance,
         "left": left_of_use,
         "least_left": least_words,
-        "moment_left": moment_left,
+        "peak_left": peak_left,
         "shown_as_left": SHOWN_AS_LEFT,
         "several": SEVERAL,
         "estimate": estimate,
-        "moment_words": moment_words,
+        "doing": doing_words,
+        "peak_words": peak_words,
         "place_words": faults.place_words,
     }
     return page_text(__name__.rpartition(".")[0], context)

@@ -2,40 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs import FlightLog
+from thrustmargin.gcs_plugin.logs.findings import Finding, Spoils, report_findings
 from thrustmargin.gcs_plugin.logs.log_answer import LogAnswer, answer_log
 from thrustmargin.gcs_plugin.reports.margin import data, load
-from thrustmargin.gcs_plugin.reports.margin.accuracy import accuracy, model_use, trained_on
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import rows_of
-from thrustmargin.gcs_plugin.reports.margin.moments import (
-    airborne_use,
+from thrustmargin.gcs_plugin.reports.margin.events import (
     alarm_row,
-    look_facts,
     misread_row,
-    worst_moments,
+    said_rows,
+    takeoff_rows,
+    timeline_rows,
+    yaw_rows,
 )
-from thrustmargin.gcs_plugin.reports.margin.run_ups import takeoff_rows, yaw_rows
-from thrustmargin.gcs_plugin.reports.margin.timeline import said_rows, timeline_rows
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version, unix_text, utc_text
 from thrustmargin.gcs_plugin.telemetry.recording import channel_values
-from thrustmargin.gcs_plugin.wording import margin_verdict
+from thrustmargin.gcs_plugin.wording import margin_verdict, report_words
 from thrustmargin.gcs_plugin.wording.advice_words import action, several_headline
 from thrustmargin.gcs_plugin.wording.aircraft_words import change_words
 from thrustmargin.gcs_plugin.wording.check_words import (
+    claim_words,
     note_words,
     source_words,
     statement_words,
     withheld_words,
 )
+from thrustmargin.gcs_plugin.wording.effect_sentences import effect_things
 from thrustmargin.gcs_plugin.wording.fill_words import safe_kg
-from thrustmargin.gcs_plugin.wording.flight_words import loss_words, not_flown, too_short
+from thrustmargin.gcs_plugin.wording.flight_words import (
+    NAMES_WRONG,
+    activity_words,
+    loss_words,
+    not_flown,
+    too_short,
+)
+from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.report_words import (
     WITHOUT,
     contact_facts,
@@ -44,17 +52,26 @@ from thrustmargin.gcs_plugin.wording.report_words import (
 )
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.models.checks.arms.arm_json import answer_json
+from thrustmargin.models.effects.compose import EffectRecord
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.json_values import to_json_values
 from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advice, Advised, FlightLevel
 from thrustmargin.models.model.aircraft_change import AircraftChange
-from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.analysis import Basis, FlightAnalysis, SpeedBasis
+from thrustmargin.models.model.inferred.load_inference import LOAD_FROM_SPEEDS
 from thrustmargin.models.model.model_misfit import margin_check
-from thrustmargin.models.model.rotor_model import identified_airframe
+from thrustmargin.models.model.prediction_error import prediction_error, trained_on
+from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe
+from thrustmargin.models.model.utilisation_peaks import (
+    UtilisationPeak,
+    airborne_use,
+    utilisation_peaks,
+)
 from thrustmargin.models.physics.day import day_json
 from thrustmargin.models.physics.margin import ceiling
 from thrustmargin.models.physics.smoothing import known_least, known_median, known_most
+from thrustmargin.models.scores import FEWEST_BLOCKS
 
 if TYPE_CHECKING:
     from thrustmargin.mission.forecast.plan_flight import PlanConditions
@@ -69,8 +86,8 @@ def report_flight(
     plan: MissionPlan | None = None,
     assumed: PlanConditions | None = None,
     answer: LogAnswer | None = None,
-) -> data.FlightReport:
-    """Everything that the report says about one flight, beside the forecast of its `plan` with what
+) -> data.ReportedFlight:
+    """Return the report of one flight, beside the forecast of its `plan` with what
     was `assumed`. `answer` is that of the flight; without it, it is made here.
 
     `max_utilisation` is the largest share of a rotor's maximum thrust that may be in use. Raises
@@ -85,8 +102,8 @@ def report_flight(
         analysis, fill_limit_kg=made.fill_limit_kg, fill_one_rotor_out_kg=made.fill_one_rotor_out_kg
     )
     seconds = track.row_seconds
-    moments = worst_moments(analysis)
-    worst = moments[0] if moments else None
+    peaks = utilisation_peaks(analysis)
+    worst = peaks[0] if peaks else None
     basis, measured_share = _basis(made)
     flown_s = whole.track.flying_s
     no_flight = not_flown(whole.track) or (too_short(flown_s) if flown_s < LEAST_FLIGHT_S else "")
@@ -95,28 +112,29 @@ def report_flight(
     checked = prediction_checked(check, trained_on=trained_on(analysis)) if check else ""
     against = None
     if plan and not analysis.withheld:
-        from thrustmargin.gcs_plugin.reports.margin.moments import plan_beside
+        from thrustmargin.gcs_plugin.reports.margin.plan_beside import plan_beside
 
         against = plan_beside(analysis, log, plan, assumed)
     lines = (
-        *((margin_verdict.Fact("control", loss_words(advice.losses)),) if advice.losses else ()),
-        *((margin_verdict.Fact("changed", change_words(advice.change)),) if advice.change else ()),
+        *((("control", loss_words(advice.losses)),) if advice.losses else ()),
+        *((("changed", change_words(advice.change)),) if advice.change else ()),
         *look_facts(found),
         *(shown if contact is None or advice.level is not FlightLevel.UNKNOWN else ()),
         *(() if contact is None else contact_facts(contact)),
         *margin_verdict.voltage_facts(analysis),
         *(*margin_verdict.load_facts(track), *margin_verdict.unseen_facts(whole.track)),
-        *((margin_verdict.Fact("prediction", checked),) if checked else ()),
-        *((margin_verdict.Fact("plan", against["words"]),) if against else ()),
+        *((("prediction", checked),) if checked else ()),
+        *((("plan", against["words"]),) if against else ()),
     )
-    return data.FlightReport(
-        name=track.name,
-        advice=advice,
-        verdict={
+    starts = takeoff_rows(whole)
+    reported = said_rows(said.statements, advice)
+    json = {
+        "name": track.name,
+        "verdict": {
             "headline": first_line(advice, contact),
             "action": action(advice),
-            "facts": lines,
-            "worst": worst,
+            "facts": [{"label": label, "text": text} for label, text in lines],
+            "worst": worst and peak_row(worst, track.start_unix_s),
             "basis": basis,
             "speed_basis": analysis.speed_basis,
             "measured_share": measured_share,
@@ -124,29 +142,61 @@ def report_flight(
             "one_rotor_out_use": load.one_rotor_out_use(analysis.model.airframe),
             **advice_values(advice),
         },
-        flight=_flight(whole, rows["ground_speed"], seconds),
-        model=model_use(analysis),
-        load=load.load_rows(analysis, limits),
-        rotors=_rotors(analysis, seconds, max_utilisation),
-        moments=moments,
-        losses=advice.losses,
-        first_contact=contact,
-        findings=found,
-        alarms=tuple(alarm_row(one, advice.rotor_names) for one in advice.faults),
-        misread_speed=misread_row(advice.misread),
-        takeoff=(starts := takeoff_rows(whole)),
-        vehicle_said=(reported := said_rows(said.statements, advice)),
-        notes=log.engineer_notes,
-        timeline=timeline_rows(starts, reported, log.engineer_notes, advice),
-        redundancy={**load.redundancy_rows(analysis, rows, seconds), **yaw_rows(analysis)},
-        accuracy=accuracy(analysis, analysis.places),
-        margin_check=check,
-        quality=_quality(log),
-        airframe_basis=analysis.claim.basis,
-        withheld=tuple(withheld_words(analysis.claim)),
-        beside_plan=against,
-        rows=rows,
+        "flight": _flight(whole, rows["ground_speed"], seconds),
+        "model": model_use(analysis),
+        "load": load.load_rows(analysis, limits),
+        "rotors": _rotors(analysis, seconds, max_utilisation),
+        "moments": [peak_row(one, track.start_unix_s) for one in peaks],
+        "losses": advice.losses,  # of control, in order of time; no row after counts
+        "first_contact": contact,  # what a log of an aircraft that is not known shows
+        "findings": found,  # those of `inspect`, the gravest first
+        "alarms": [alarm_row(one, advice.rotor_names) for one in advice.faults],
+        "misread_speed": misread_row(advice.misread),
+        "takeoff": starts,  # the run-ups before it lifted
+        "vehicle_said": reported,  # reports of the vehicle, beside what the log shows
+        "notes": log.engineer_notes,
+        "timeline": timeline_rows(starts, reported, log.engineer_notes, advice),
+        "redundancy": {**load.redundancy_rows(analysis, rows, seconds), **yaw_rows(analysis)},
+        "accuracy": error_row(analysis),
+        "margin_check": check,  # thrust in use, predicted against measured
+        "quality": _quality(log),
+        "airframe_basis": analysis.claim.basis,
+        "withheld": withheld_words(analysis.claim),  # empty where the airframe is known
+        "beside_plan": against,  # the forecast of its plan beside it; None without a plan
+    }
+    return data.ReportedFlight(json=json, answer=said, peaks=peaks, rows=rows)
+
+
+def peak_row(peak: UtilisationPeak, start_unix_s: float | None) -> data.JsonObject:
+    """Return a peak of thrust utilisation; `start_unix_s` is the time of the flight's first row."""
+    row = {
+        "time_s": peak.time_s,
+        "clock_utc": None if start_unix_s is None else unix_text(start_unix_s + peak.time_s),
+        "rotor": peak.rotor + 1,
+        "rotor_name": peak.rotor_name,
+        "capacity_use": peak.utilisation,
+        "capacity_use_low": peak.utilisation_low,
+        "capacity_use_high": peak.utilisation_high,
+        "margin": peak.margin,
+        "basis": peak.basis,
+        "doing": [activity_words(one) for one in peak.activities],
+    }
+    as_named = (
+        *("tank_kg", "ground_speed", "airspeed", "climb_rate", "height_agl", "north", "east"),
+        *("latitude_deg", "longitude_deg"),
     )
+    row |= {name: getattr(peak, name) for name in as_named}
+    return row | {"redundancy_yaw_free": peak.redundancy_yaw_uncontrolled}
+
+
+def look_facts(findings: Iterable[Finding]) -> Iterator[tuple[str, str]]:
+    """Return the findings about the log to show beside its verdict, names of rotors first."""
+    order = sorted(report_findings(findings), key=lambda one: one.spoils is not Spoils.ROTOR_NAMES)
+    for one in order:
+        if one.spoils is Spoils.ROTOR_NAMES:
+            yield "rotor names", f"{NAMES_WRONG}{one.words}"
+        else:
+            yield one.check, one.words
 
 
 def _basis(made: Advised) -> tuple[str, float]:
@@ -285,6 +335,90 @@ def _rotors(analysis: FlightAnalysis, seconds: Floats, limit: float) -> tuple[da
     )
 
 
+def model_use(analysis: FlightAnalysis) -> data.JsonObject:
+    """Airframe and model, and the shares of the airborne rows that each basis predicted.
+
+    `inside_envelope` is None when the model has no network.
+    """
+    model, airframe = analysis.model, analysis.model.airframe
+    basis = analysis.prediction.basis[analysis.track.flying]
+    shares = {b: float(np.mean(basis == b)) if basis.size else np.nan for b in Basis}
+    inside = shares[Basis.NETWORK] == 1.0
+    return {
+        "airframe": airframe.name,
+        "airframe_title": airframe.title,
+        "airframe_words": claim_words(analysis.claim),
+        "rotor_count": airframe.rotor_count,
+        "rotor_names": analysis.places,
+        "empty_mass": airframe.empty_mass,
+        "tank_capacity_kg": airframe.tank_capacity_kg,
+        "model": "none" if analysis.withheld else model.description,
+        "model_words": (*model_words(model), *_kinds_of_speed(analysis)),
+        "network_share": shares[Basis.NETWORK],
+        "physics_share": shares[Basis.PHYSICS],
+        "none_share": shares[Basis.NONE],
+        "inside_envelope": None if model.network is None else inside,
+        "effects": tuple(_effect(e) for e in model.effects),
+        "effect_words": effect_things(model),
+    }
+
+
+def _kinds_of_speed(analysis: FlightAnalysis) -> tuple[str, ...]:
+    """A word where the model learnt from another kind of rotor speed than this flight has."""
+    training, here = analysis.model.training, analysis.speed_basis
+    if training is None or training.speed == here or not analysis.any_measured.any():
+        return ()
+    return (report_words.other_kind(training.speed, here),)
+
+
+def model_words(model: RotorModel) -> list[str]:
+    """Training domain and interval of a model, in words."""
+    text = []
+    if model.training_domain is not None:
+        covers = model.training_domain
+        text.append(report_words.trained_at(covers.airspeed, covers.tank_kg, covers.density))
+    if model.interval is not None:
+        text.append(report_words.interval_made(model.interval.coverage, model.interval.flights))
+    return text
+
+
+def _effect(effect: EffectRecord) -> str:
+    where = "" if effect.rotor is None else f" of rotor {effect.rotor}"
+    values = ", ".join(f"{name} {p.value:.4g} {p.unit}" for name, p in effect.parameters.items())
+    return f"{effect.name}{where} ({values})"
+
+
+def error_row(analysis: FlightAnalysis) -> data.JsonObject:
+    """Return the prediction error of a flight, with the sentence about its intervals or why there
+    is none."""
+    found = prediction_error(analysis, analysis.places)
+    if found.overall is None:
+        text = _without_error(analysis)
+    elif found.blocks >= FEWEST_BLOCKS:
+        text = report_words.in_brackets(found.confidence, found.blocks, found.block_s)
+    else:
+        text = report_words.no_intervals(found.blocks, FEWEST_BLOCKS, found.block_s)
+    if found.overall is not None and found.trained_on:
+        text = f"{say(report_words.TRAINED_ON)} {text}"
+    return {**{f.name: getattr(found, f.name) for f in fields(found)}, "words": text}
+
+
+def _without_error(analysis: FlightAnalysis) -> str:
+    """Return why the prediction is not checked."""
+    known = np.isfinite(analysis.track.rotor_speed_rpm)
+    measured = known & ~analysis.from_outputs
+    predicted = np.isfinite(analysis.prediction.rotor_speed_rpm)
+    if known.any() and not measured.any():
+        return report_words.not_measured(SpeedBasis.MOTOR_OUTPUTS)
+    if not known.any():
+        return report_words.NO_SPEEDS
+    if not predicted.any():
+        return report_words.NO_PREDICTION
+    if not np.isfinite(analysis.track.measured("tank_kg")).any():
+        return report_words.no_error(LOAD_FROM_SPEEDS)
+    return report_words.NO_ROW_OF_BOTH
+
+
 def _quality(log: FlightLog) -> data.JsonObject:
     """Return the gaps of the log and the assumptions of its reading; a silence is over 1 s long."""
     track, whole = log.track, log.quality
@@ -338,32 +472,30 @@ def build_report(
     )
 
 
-def overview_of(reports: Sequence[data.FlightReport], limit: float) -> data.JsonObject:
+def overview_of(reports: Sequence[data.ReportedFlight], limit: float) -> data.JsonObject:
     """Return the level and the headline of all flights, the number of the worst, from 1, and how
     many flights have each level."""
     levels = [report.advice.level for report in reports]
     first, report = worst_first(reports)[0]
-    level, words = report.advice.level, report.verdict["headline"]
+    level, words = report.advice.level, report.json["verdict"]["headline"]
     if len(levels) > 1:
         level, words = several_headline(levels, limit)
     return {
         "level": level,
         "headline": words,
-        "worst_flight": first + 1 if report.moments else None,
+        "worst_flight": first + 1 if report.peaks else None,
         **{one.value: levels.count(one) for one in FlightLevel},
     }
 
 
-def worst_first(reports: Sequence[data.FlightReport]) -> list[tuple[int, data.FlightReport]]:
+def worst_first(reports: Sequence[data.ReportedFlight]) -> list[tuple[int, data.ReportedFlight]]:
     """(index in the list, report), the worst verdict first, of equal ones the most thrust in use.
 
     Those without a verdict come last.
     """
 
-    def rank(item: tuple[int, data.FlightReport]) -> tuple[int, float]:
-        report = item[1]
-        return report.advice.level.gravity, -report.moments[
-            0
-        ].capacity_use if report.moments else 1.0
+    def rank(item: tuple[int, data.ReportedFlight]) -> tuple[int, float]:
+        level, worst = item[1].advice.level, item[1].worst
+        return level.gravity, 1.0 if worst is None else -worst.utilisation
 
     return sorted(enumerate(reports), key=rank)

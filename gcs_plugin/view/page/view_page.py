@@ -1,18 +1,27 @@
-"""The page of a view: a guarded server, the one thread that draws on it, and where to find it."""
+"""The page of a view: a guarded server, the one thread that draws on it, and where to find it.
+
+A pilot's phone and a laptop look at the same aircraft, but each has its own time in a replay, its
+own colour of the route and its own camera. A tab names itself in each request, and so keeps what it
+chose when its connection is lost or the page is loaded anew. A program that names no tab has the
+server's own scene.
+"""
 
 from __future__ import annotations
 
+import ipaddress
 import logging
 import os
 import queue
+import socket
 import sys
 import threading
 import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from thrustmargin.gcs_plugin.view.page.guard import (
     PageAddition,
@@ -22,13 +31,20 @@ from thrustmargin.gcs_plugin.view.page.guard import (
     is_loopback,
     stop_server,
 )
-from thrustmargin.gcs_plugin.view.page.phone_address import network_address, scan_code
+from thrustmargin.gcs_plugin.view.scene.scene import Scene
+from thrustmargin.gcs_plugin.view.scene.surroundings import Camera
 from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
     import viser
 
 FASTEST = 0.04  # s between two drawings
+MOST_TABS = 32  # that are remembered; of more the one that asked longest ago is forgotten
+#: The option that opens the page to other computers.
+OPEN_TO_ALL = "--host 0.0.0.0"
+#: An address for documentation (RFC 5737), to which no packet is sent: the system only decides
+#: from which of its own addresses it would send one.
+ELSEWHERE = ("192.0.2.1", 9)
 _log = logging.getLogger(__name__)
 
 
@@ -158,3 +174,94 @@ def _open_browser(url: str) -> None:
     import webbrowser
 
     webbrowser.open(url)
+
+
+def network_address(host: str) -> str | None:
+    """Return the address of this computer at which others reach a server that listens on `host`.
+
+    None where only this computer reaches it, and where it has no address in a network. `0.0.0.0`
+    and `::` listen on all addresses, of which the one of the default route is returned.
+    """
+    if is_loopback(host):
+        return None
+    if host not in ("0.0.0.0", "::"):
+        return host
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(ELSEWHERE)
+        except OSError:
+            return None
+        own = str(probe.getsockname()[0])
+    return None if ipaddress.ip_address(own).is_loopback else own
+
+
+def scan_code(text: str) -> str:
+    """Return the QR code of a text as an SVG of black on white, with its quiet zone."""
+    import segno
+
+    code = segno.make(text, error="m", micro=False)
+    return code.svg_inline(border=4, dark="#000", light="#fff", omitsize=True)
+
+
+@dataclass(slots=True, eq=False)
+class BrowserTab:
+    """One tab; `scene` is None until viser has connected it."""
+
+    name: str
+    scene: Scene | None = None
+    camera: Camera = Camera.FIELD
+    client: int | None = None  # viser's number of the connection that `scene` is of
+    wanted: int | None = None  # viser's number as its page last said it
+
+
+Of = TypeVar("Of", bound=BrowserTab)
+
+
+class Tabs(Generic[Of]):
+    """All tabs that asked, made by `new` from their names. `shared` is that of programs."""
+
+    def __init__(self, new: Callable[[str], Of]) -> None:
+        self._new, self._lock = new, threading.Lock()
+        self._tabs: dict[str, Of] = {}
+        self.shared = new("")
+
+    def of(self, name: str) -> Of:
+        """Return the tab of this name, a new one at its first request; callable from any thread."""
+        if not name:
+            return self.shared
+        with self._lock:
+            tab = self._tabs.pop(name, None) or self._new(name)
+            self._tabs[name] = tab  # the last to ask is the last to be forgotten
+            for oldest in list(self._tabs)[:-MOST_TABS]:
+                del self._tabs[oldest]
+        return tab
+
+    def of_client(self, number: int) -> Of:
+        """Return the tab of a connection, by viser's number; the shared one for none."""
+        return next((tab for tab in self.all if tab.client == number), self.shared)
+
+    @property
+    def all(self) -> list[Of]:
+        """All tabs with a name."""
+        with self._lock:
+            return list(self._tabs.values())
+
+    def drawn(self, server: viser.ViserServer, shared: Scene) -> tuple[list[Of], list[Of]]:
+        """Return the tabs to draw, the connected ones, else the shared one; and of them the new.
+
+        A tab whose connection is new gets a new scene, and one whose connection is gone has none.
+        """
+        clients, new = server.get_clients(), []
+        shared.keep_clients(clients)
+        for tab in self.all:
+            if tab.client not in clients:
+                tab.scene = tab.client = None
+            if tab.wanted is not None and tab.wanted != tab.client and tab.wanted in clients:
+                tab.client, tab.scene = tab.wanted, shared.for_client(clients[tab.wanted])
+                if tab.camera is not Camera.FIELD:
+                    tab.scene.set_camera(tab.camera)
+                new.append(tab)
+        if self.shared.scene is None:
+            self.shared.scene = shared
+            new.append(self.shared)
+        return [tab for tab in self.all if tab.scene is not None] or [self.shared], new

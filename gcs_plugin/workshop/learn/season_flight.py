@@ -23,7 +23,7 @@ from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.logs.findings import report_findings
 from thrustmargin.gcs_plugin.logs.log_answer import answer_log
 from thrustmargin.gcs_plugin.mavlink.text import clean
-from thrustmargin.gcs_plugin.reports.margin import FlightReport, report_flight
+from thrustmargin.gcs_plugin.reports.margin import ReportedFlight, report_flight
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
 from thrustmargin.gcs_plugin.store.aircraft_marks import marks_of
 from thrustmargin.gcs_plugin.store.hangar import AircraftFlight, Hangar, KnownAircraft
@@ -196,7 +196,7 @@ def stored_flight(
     report = report_flight(of_verdict, log, max_utilisation=settings.max_utilisation, answer=said)
     known = None if analysis.withheld else digest
     started = log.track.start_unix_s
-    advised, worst = said.made, report.verdict["worst"]
+    advised, worst = said.made, report.worst
     kept_answer = stored_answer(
         advised.advice, advised.analysis.claim, advised.analysis.track, worst and worst.time_s
     )
@@ -238,23 +238,23 @@ def _sums(analysis: FlightAnalysis) -> tuple[dict[str, np.ndarray] | None, str |
         return None, "no_evidence"
 
 
-def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> dict[str, Any]:
+def _summary(analysis: FlightAnalysis, log: FlightLog, report: ReportedFlight) -> dict[str, Any]:
     """Return the columns of `schema.FLIGHTS` that come from the report and the log.
 
     `analysis` is that of the whole flight, `report` that of its verdict.
     """
-    track, verdict, flight = log.track, report.verdict, report.flight
+    track, verdict, flight = log.track, report.json["verdict"], report.json["flight"]
     advice = report.advice
     # A good margin that only a prediction supports is not stored; a bad one is.
     no_ground = advice.predicted_alone and advice.level is FlightLevel.UNKNOWN
-    worst, quality = None if no_ground else verdict["worst"], report.quality
-    withheld, airframe = bool(report.withheld), analysis.model.airframe
+    worst, quality = None if no_ground else report.worst, report.json["quality"]
+    withheld, airframe = bool(report.json["withheld"]), analysis.model.airframe
     use = analysis.utilisation if no_ground else analysis.known_utilisation
     use = np.where(track.flying[:, None], use, np.nan)
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = track.rotor_speed_rpm / analysis.prediction.rotor_speed_rpm
     ratio[~track.flying] = np.nan
-    overall = report.accuracy.overall
+    overall = report.json["accuracy"]["overall"]
     started_kg, used_kg = flight["tank_start_kg"], flight["liquid_used_kg"]
     ohm, ohm_error = battery_resistance(track.time_s, track.voltage, track.current, track.flying)
     nan = float("nan")
@@ -266,7 +266,7 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         "system_id": log.vehicle if log.vehicle and log.vehicles else None,
         "autopilot": log.autopilot,
         "airframe": None if withheld else airframe.name,
-        "airframe_basis": report.airframe_basis,
+        "airframe_basis": report.json["airframe_basis"],
         "rotor_count": track.rotor_count or None,
         "duration_s": track.duration,
         "flying_s": flight["airborne_s"],
@@ -283,8 +283,8 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         "verdict": advice.level,
         "limit": advice.limit,
         "worst_margin": worst.margin if worst else nan,
-        "worst_margin_low": 1.0 - worst.capacity_use_high if worst else nan,
-        "worst_rotor": worst.rotor if worst else None,
+        "worst_margin_low": 1.0 - worst.utilisation_high if worst else nan,
+        "worst_rotor": worst.rotor + 1 if worst else None,
         "worst_time_s": worst.time_s if worst else nan,
         "mean_margin": 1.0 - known_mean(worst_rotor(use)[0]),
         "rows_above_limit_s": advice.use.above_limit_s if worst else nan,
@@ -357,10 +357,10 @@ def _notes(track: FlightTrack) -> list[str]:
         return note_words(track)
 
 
-def _findings_json(report: FlightReport) -> str:
+def _findings_json(report: ReportedFlight) -> str:
     """Return the report's findings as JSON, without their words."""
     kept = ("check", "level", "time_s", "values", "spoils")
-    found = report_findings(report.findings)
+    found = report_findings(report.answer.findings)
     return json.dumps([to_json_values({k: getattr(f, k) for k in kept}) for f in found])
 
 

@@ -1,37 +1,24 @@
 """An aircraft that is known: recognised by its log, predicted by its state, taught by landings."""
 
 import json
-from importlib import resources
 from pathlib import Path
 
 import pytest
 
 from tests.kinds_of_logs import KINDS
+from tests.known_aircraft import BOARD_LOG, hangar_with_north
 from thrustmargin.gcs_plugin.cli import run
-from thrustmargin.gcs_plugin.logs.read import read_log
-from thrustmargin.gcs_plugin.store.aircraft_marks import marks_of
 from thrustmargin.gcs_plugin.store.hangar import Event, Hangar
 
 LOGS = Path("sitl_logs")
 LOG = LOGS / "campaign/v4_m16_q2.5.tlog"
 WORN = LOGS / "onset/worn_prop_onset.tlog"
-BOARD_LOG = LOGS / "formats/v4_m10_q2.5.BIN"  # with the calibration of its sensors
 
 
 @pytest.fixture
 def hangar(tmp_path: Path) -> Hangar:
     """A hangar with the simulated F16 under the name north, as its shipped model predicts it."""
-    made = Hangar(tmp_path / "hangar")
-    folder = made.aircraft_folder("north")
-    folder.mkdir(parents=True)
-    for name, place, file in (
-        ("model.safetensors", "shipped", "default.safetensors"),
-        ("airframe.toml", "airframes", "topxgun-f16-sitl.toml"),
-    ):
-        content = resources.files(f"thrustmargin.models.{place}").joinpath(file).read_bytes()
-        (folder / name).write_bytes(content)
-    made.keep("north", [marks_of(read_log(BOARD_LOG))], made_unix_s=0.0, training=[])
-    return made
+    return hangar_with_north(tmp_path / "hangar")
 
 
 def reported(hangar: Hangar, *words: str) -> dict:

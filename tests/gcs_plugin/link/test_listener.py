@@ -11,11 +11,10 @@ import pytest
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle, log_frames
 from tests.waiting import PATIENCE, until
-from thrustmargin.gcs_plugin.link import sockets
+from thrustmargin.gcs_plugin.link import transport as transports
 from thrustmargin.gcs_plugin.link.bounded_queue import BoundedQueue
 from thrustmargin.gcs_plugin.link.listener import Link, Listener, SteadyClock
-from thrustmargin.gcs_plugin.link.open_transport import open_transport
-from thrustmargin.gcs_plugin.link.transport import Chunk, parse_url
+from thrustmargin.gcs_plugin.link.transport import Chunk, open_transport, parse_url
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.models.errors import LinkError
 
@@ -215,7 +214,7 @@ def test_answers_go_to_where_the_vehicle_was_heard():
 
 def test_a_peer_is_answered_for_a_minute_after_it_was_heard(monkeypatch):
     now = [1000.0]
-    monkeypatch.setattr(sockets, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr(transports, "time", SimpleNamespace(monotonic=lambda: now[0]))
     with closing(open_transport(f"udpin:{LOOPBACK}:0")) as ours, closing(udp()) as peer:
         peer.sendto(b"heard", ours.address)  # type: ignore[attr-defined]
         assert ours.receive(PATIENCE)

@@ -13,8 +13,8 @@ from tests.gcs_plugin.live.live_vehicle import ROOT, SECOND, Vehicle, command, l
 from tests.waiting import PATIENCE
 from thrustmargin.gcs_plugin.commands.flight.stream import stream
 from thrustmargin.gcs_plugin.link import playback
-from thrustmargin.gcs_plugin.link.open_transport import open_transport
 from thrustmargin.gcs_plugin.link.playback import Played, play
+from thrustmargin.gcs_plugin.link.transport import open_transport
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.models.errors import LogError
 

@@ -7,9 +7,9 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from thrustmargin.gcs_plugin.link.listener import Listener
-from thrustmargin.gcs_plugin.link.open_transport import open_transport
 from thrustmargin.gcs_plugin.link.sender import Sender
 from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter
+from thrustmargin.gcs_plugin.link.transport import open_transport
 
 KEY = bytes(range(32))
 

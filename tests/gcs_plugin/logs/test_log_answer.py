@@ -57,7 +57,7 @@ def test_outputs_are_said_as_outputs_and_rows_on_the_ground_do_not_count():
     contact = first_contact_of(log, UNKNOWN)
     assert contact_headline(contact) == "Motors at 60 %, worst 83 %"
     assert contact.worst_motor == 3
-    assert "an output is no thrust" in contact_facts(contact)[0].text
+    assert "an output is no thrust" in contact_facts(contact)[0][1]
 
 
 def test_without_outputs_speeds_are_a_share_of_the_highest_seen():
@@ -68,7 +68,7 @@ def test_without_outputs_speeds_are_a_share_of_the_highest_seen():
     )
     contact = first_contact_of(replace(LOG, track=track), UNKNOWN)
     assert contact_headline(contact) == "Rotors at 50 % of the highest speed seen"
-    assert "4 000 rpm" in contact_facts(contact)[0].text.replace("\u202f", " ").replace(",", " ")
+    assert "4 000 rpm" in contact_facts(contact)[0][1].replace("\u202f", " ").replace(",", " ")
 
 
 def test_of_a_known_aircraft_or_of_nothing_that_flies_there_is_no_first_contact():

@@ -7,9 +7,10 @@ from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.esc_frames import lost_frames
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap
 from thrustmargin.models.provenance import Provenance, SourceKind
+from thrustmargin.models.statement import state
 
 ESC = Provenance(kind=SourceKind.MESSAGE, name="ESC")
-MOTORS = MotorMap(2, (0, 1), None, "", (), escs=(1, 0))
+MOTORS = MotorMap(2, (0, 1), None, state("as written", text="by hand"), (), escs=(1, 0))
 TIME_S = np.arange(0.0, 100.0, 0.1)
 
 

@@ -181,7 +181,7 @@ def test_a_loss_of_control_stands_in_the_first_line_beside_the_rotor():
     assert headline(alone) == "LOST CONTROL AT 0:34"
     # Without a moment before it there is no line of it.
     facts = verdict_facts(None, alone, AirframeClaim(airframe="x"), "readings")
-    assert [fact.label for fact in facts] == ["what to do", "from", "airframe"]
+    assert [label for label, _ in facts] == ["what to do", "from", "airframe"]
 
 
 def test_what_to_do_follows_the_same_order():

@@ -57,7 +57,7 @@ def analysed(log: Path, airframe: Airframe) -> tuple[FlightAnalysis, FlightLog]:
 
 
 def level(flight: FlightAnalysis, log: FlightLog) -> str:
-    return report_flight(flight, log, max_utilisation=0.5).verdict["level"]
+    return report_flight(flight, log, max_utilisation=0.5).json["verdict"]["level"]
 
 
 def compared(log: Path, airframe: Airframe, missing: str, folder: Path) -> tuple[np.ndarray, str]:

@@ -7,7 +7,7 @@ import pytest
 
 from tests.models.made_flights import F16, made_flight
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
-from thrustmargin.models.model.flight_power import flight_power, power_coefficient
+from thrustmargin.models.model.flight_lessons import flight_power, power_coefficient
 from thrustmargin.models.model.rotor_model import physics_model
 
 

@@ -9,7 +9,7 @@ import pytest
 from tests.models.made_flights import F16, made_flight
 from thrustmargin.models.errors import DataError, ModelError
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.flight_offsets import flight_offsets
+from thrustmargin.models.model.flight_lessons import flight_offsets
 from thrustmargin.models.model.mode_walk import (
     FlightOffsets,
     ModeState,

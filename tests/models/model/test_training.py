@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.reports.margin.accuracy import model_use
+from thrustmargin.gcs_plugin.reports.margin.summary import model_use
 from thrustmargin.models.errors import AirframeError, DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.json_values import to_json_values

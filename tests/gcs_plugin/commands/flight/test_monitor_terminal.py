@@ -12,7 +12,7 @@ import pytest
 from tests.gcs_plugin.live.live_vehicle import Vehicle, command
 from tests.gcs_plugin.peers.ports import free_udp_port
 from tests.waiting import PATIENCE, until
-from thrustmargin.gcs_plugin.link.open_transport import open_transport
+from thrustmargin.gcs_plugin.link.transport import open_transport
 
 pty = pytest.importorskip("pty")  # no such thing on Windows
 STEERING = re.compile(rb"\x1b\[[0-9;?]*[A-Za-z]")

@@ -121,11 +121,12 @@ def test_a_log_that_ends_in_flight_is_learnt_from_and_its_end_is_named(tmp_path)
     printed = {}
     for name, track in (("cut", whole), ("landed", landed)):
         write_csv(track, tmp_path / f"{name}.csv")
-        console = Console(file=io.StringIO(), width=200)
+        said = io.StringIO()
+        console = Console(file=said, width=200)
         inputs = Inputs(logs=(tmp_path / f"{name}.csv",), airframe="topxgun-f16-sitl")
         read = read_logs(inputs, [], console, model=physics_model(F16))
         assert len(list(claimed(read, [], console))) == 1
-        printed[name] = console.file.getvalue()
+        printed[name] = said.getvalue()
     assert "ends in flight, at 1:29: the rest is unseen" in printed["cut"]
     assert "ends in flight" not in printed["landed"]
 

@@ -7,17 +7,17 @@ import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import log, model
 from thrustmargin.gcs_plugin.reports.margin import report_flight
-from thrustmargin.gcs_plugin.reports.margin.data import FlightReport, end_rows, share
+from thrustmargin.gcs_plugin.reports.margin.data import ReportedFlight, end_rows, share
 from thrustmargin.gcs_plugin.reports.margin.load import redundancy_rows
 from thrustmargin.gcs_plugin.wording.margin_verdict import (
-    Moment,
     estimate,
-    moment_words,
+    peak_words,
     voltage_facts,
 )
 from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse, with_bad_part
+from thrustmargin.models.model.utilisation_peaks import Activity, UtilisationPeak
 from thrustmargin.models.physics.smoothing import known_least, known_mean, known_median, known_most
 from thrustmargin.models.scores import Estimate
 
@@ -48,7 +48,7 @@ def used(use: np.ndarray, **channels: object) -> FlightAnalysis:
     return replace(analysis, utilisation=use, utilisation_predicted=np.full((ROWS, 4), 0.7))
 
 
-def report_of(analysis: FlightAnalysis, limit: float = 0.5) -> FlightReport:
+def report_of(analysis: FlightAnalysis, limit: float = 0.5) -> ReportedFlight:
     recorded = replace(log(), track=analysis.track)
     return report_flight(analysis, recorded, max_utilisation=limit)
 
@@ -68,26 +68,27 @@ def test_a_worst_moment_without_a_tank_has_no_kg_but_a_payload(tank, load, said)
     analysis = used(rising(), tank_kg=np.full(ROWS, load))
     craft = replace(model().airframe, tank_volume_l=tank)
     analysis = replace(analysis, model=replace(analysis.model, airframe=craft))
-    worst = report_of(analysis).verdict["worst"]
+    worst = report_of(analysis).worst
     assert worst is not None
-    assert [part for part in moment_words(worst).split(", ") if "kg" in part] == [said] * bool(said)
+    assert [part for part in peak_words(worst).split(", ") if "kg" in part] == [said] * bool(said)
 
 
 def test_time_above_the_limit_counts_airborne_rows_in_which_one_rotor_is_above():
-    verdict = report_of(used(rising()), limit=0.55).verdict
+    report = report_of(used(rising()), limit=0.55)
+    verdict, worst = report.json["verdict"], report.worst
     assert verdict["use"]["above_limit_s"] == pytest.approx(
         4.0
     )  # 0.6, 0.7, 0.8, 0.9; 1.0 is on the ground
     assert verdict["above_limit_share"] == pytest.approx(4 / 8)
     assert verdict["measured_share"] == pytest.approx(1.0)
-    assert verdict["worst"] is not None
-    assert (verdict["worst"].rotor, verdict["worst"].time_s) == (1, 8.0)
-    assert verdict["worst"].capacity_use == pytest.approx(0.9)
-    assert verdict["worst"].margin == pytest.approx(0.1)
+    assert worst is not None
+    assert (worst.rotor, worst.time_s) == (0, 8.0)
+    assert worst.utilisation == pytest.approx(0.9)
+    assert worst.margin == pytest.approx(0.1)
 
 
 def test_each_rotor_has_its_own_most_median_and_share_above():
-    first, second, *_ = report_of(used(rising()), limit=0.55).rotors
+    first, second, *_ = report_of(used(rising()), limit=0.55).json["rotors"]
     assert first["measured_max"] == pytest.approx(0.9)
     assert first["measured_median"] == pytest.approx(0.55)  # of 0.2 to 0.9
     assert first["over_limit_share"] == pytest.approx(4 / 8)
@@ -101,17 +102,17 @@ def test_a_silent_esc_neither_hides_the_others_nor_adds_its_prediction():
     use[:, 3] = NAN  # predicted at 0.7, above the limit, in every row
     analysis = used(use)
     report = report_of(analysis, limit=0.55)
-    assert report.verdict["use"]["above_limit_s"] == pytest.approx(4.0)
-    assert report.verdict["use"]["above_limit_s"] == np.sum(analysis.above_limit(0.55))
-    assert np.isnan(report.rotors[3]["over_limit_share"])
-    rows = {row["name"]: row for row in report.load}
+    assert report.json["verdict"]["use"]["above_limit_s"] == pytest.approx(4.0)
+    assert report.json["verdict"]["use"]["above_limit_s"] == np.sum(analysis.above_limit(0.55))
+    assert np.isnan(report.json["rotors"][3]["over_limit_share"])
+    rows = {row["name"]: row for row in report.json["load"]}
     assert np.isnan(rows["thrust in use in flight, mean of the rotors"]["flight_start"])
 
 
 def test_rows_without_any_measurement_are_judged_by_the_prediction():
     use = rising()
     use[2:4] = NAN
-    verdict = report_of(used(use), limit=0.55).verdict
+    verdict = report_of(used(use), limit=0.55).json["verdict"]
     assert verdict["use"]["above_limit_s"] == pytest.approx(6.0)
     assert verdict["measured_share"] == pytest.approx(6 / 8)
     assert (
@@ -121,7 +122,7 @@ def test_rows_without_any_measurement_are_judged_by_the_prediction():
 
 def test_the_flight_in_figures():
     wind = np.tile([0.0, -2.0, 0.0], (ROWS, 1))  # blows to the west, from the east
-    found = report_of(used(rising(), wind_ned=wind)).flight
+    found = report_of(used(rising(), wind_ned=wind)).json["flight"]
     assert found["airborne_s"] == pytest.approx(8.0)
     assert found["log_duration_s"] == pytest.approx(9.0)
     assert found["distance"] == pytest.approx(8 * 5.0)
@@ -135,7 +136,7 @@ def test_the_flight_in_figures():
 
 def test_loads_follow_eq_6_to_8():
     airframe = model().airframe
-    rows = {row["name"]: row for row in report_of(used(rising())).load}
+    rows = {row["name"]: row for row in report_of(used(rising())).json["load"]}
     # The first and last tenth of eight airborne rows are one row: 8 kg and 1 kg in the tank.
     load = rows["load a rotor"]
     assert load["flight_start"] == pytest.approx((airframe.empty_mass + 8.0) / 4)
@@ -154,12 +155,12 @@ def test_loads_follow_eq_6_to_8():
 def test_redundancy_below_one_is_counted_in_airborne_seconds():
     free = np.array([0.1, 0.9, 0.95, 1.0, 1.1, 1.2, 1.3, 1.4, NAN, 0.1])
     report = report_of(replace(used(rising()), redundancy_yaw_uncontrolled=free))
-    assert report.verdict["level"] == "critical"
-    assert report.verdict["rotor_lost"]["not_survivable_s"] == pytest.approx(2.0)
-    assert report.redundancy["below_one_share"] == pytest.approx(2 / 7)
-    assert report.redundancy["yaw_free_min"] == 0.9
-    assert report.redundancy["yaw_free_min_time_s"] == 1.0
-    assert report.redundancy["yaw_free_median"] == 1.1
+    assert report.json["verdict"]["level"] == "critical"
+    assert report.json["verdict"]["rotor_lost"]["not_survivable_s"] == pytest.approx(2.0)
+    assert report.json["redundancy"]["below_one_share"] == pytest.approx(2 / 7)
+    assert report.json["redundancy"]["yaw_free_min"] == 0.9
+    assert report.json["redundancy"]["yaw_free_min_time_s"] == 1.0
+    assert report.json["redundancy"]["yaw_free_median"] == 1.1
 
 
 def test_with_a_bad_rotor_only_what_is_surely_bad_of_the_loss_of_one_more_is_counted():
@@ -180,7 +181,7 @@ def test_the_largest_fill_counts_mass_that_the_model_knows_to_be_hidden():
     hidden = EffectRecord(name="extra_mass", rotor=None, parameters={"mass": mass})
     heavier = replace(model(), effects=(hidden,))
     known, unknown = (
-        report_of(analyse(flown(), chosen)).redundancy for chosen in (heavier, model())
+        report_of(analyse(flown(), chosen)).json["redundancy"] for chosen in (heavier, model())
     )
     for name in ("fill_limit_start_kg", "fill_one_rotor_out_min_kg"):
         assert known[name] == pytest.approx(unknown[name] - 3.0)
@@ -210,17 +211,15 @@ def test_a_row_stands_for_its_step_and_a_pause_for_two_and_a_half():
     assert np.flatnonzero(last).tolist() == [27, 28, 29]
 
 
-MOMENT = Moment(
+PEAK = UtilisationPeak(
     time_s=53.7,
-    clock_utc=None,
-    rotor=2,
+    rotor=1,
     rotor_name="rear left",
-    capacity_use=0.731,
-    capacity_use_low=0.731,
-    capacity_use_high=0.731,
-    margin=0.269,
+    utilisation=0.731,
+    utilisation_low=0.731,
+    utilisation_high=0.731,
     basis="measured",
-    doing=("turning right", "spraying"),
+    activities=(Activity("turning right"), Activity("spraying")),
     tank_kg=14.56,
     ground_speed=1.9,
     airspeed=2.2,
@@ -230,19 +229,19 @@ MOMENT = Moment(
     east=-5.0,
     latitude_deg=NAN,
     longitude_deg=NAN,
-    redundancy_yaw_free=0.94,
+    redundancy_yaw_uncontrolled=0.94,
 )
 
 
-def test_a_moment_is_named_by_rotor_time_movement_and_place():
-    assert moment_words(MOMENT) == (
+def test_a_peak_is_named_by_rotor_time_movement_and_place():
+    assert peak_words(PEAK) == (
         "rotor 2, rear left, at 0:53, turning right, spraying, 14.6 kg on board, "
         "158 m north, 5 m west of the start"
     )
-    bare = replace(MOMENT, doing=(), tank_kg=NAN, north=NAN)
-    assert moment_words(bare) == "rotor 2, rear left, at 0:53"
-    inferred = replace(bare, capacity_use=0.48, capacity_use_low=0.43, capacity_use_high=0.53)
-    assert moment_words(replace(inferred, basis="from motor outputs")) == (
+    bare = replace(PEAK, activities=(), tank_kg=NAN, north=NAN)
+    assert peak_words(bare) == "rotor 2, rear left, at 0:53"
+    inferred = replace(bare, utilisation=0.48, utilisation_low=0.43, utilisation_high=0.53)
+    assert peak_words(replace(inferred, basis="from motor outputs")) == (
         "rotor 2, rear left, at 0:53, thrust left 52 % (47 to 57), from motor outputs"
     )
 
@@ -251,7 +250,7 @@ def test_more_than_all_thrust_is_said_as_beyond_the_ceiling():
     for most_used, told in ((1.24, True), (0.98, False)):
         use = np.full((ROWS, 4), 0.3)
         use[4, 1] = most_used
-        facts = {f.label: f.text for f in report_of(used(use)).verdict["facts"]}
+        facts = {f["label"]: f["text"] for f in report_of(used(use)).json["verdict"]["facts"]}
         assert ("beyond the ceiling" in facts) == told
         if told:
             said = facts["beyond the ceiling"]
@@ -279,7 +278,8 @@ def test_a_voltage_that_is_missing_for_a_part_is_said_with_what_stands_in(lost: 
     track = replace(track, flying=np.ones(100, dtype=np.bool_))
     analysis = analyse(track, model())
     facts = voltage_facts(analysis)
-    assert set(facts) <= set(report_of(analysis).verdict["facts"])
-    assert [f.text for f in facts] == (
+    shown = [(f["label"], f["text"]) for f in report_of(analysis).json["verdict"]["facts"]]
+    assert set(facts) <= set(shown)
+    assert [text for _, text in facts] == (
         [f"{said}: the most thrust is taken at 51.8 V"] if said else []
     )

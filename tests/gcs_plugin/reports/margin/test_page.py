@@ -11,6 +11,7 @@ import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -36,7 +37,7 @@ from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, with_heads
 from thrustmargin.gcs_plugin.reports.shared.plot_style import keep_extremes, keep_worst, single
 from thrustmargin.gcs_plugin.reports.shared.route_map import plotly_scale
-from thrustmargin.gcs_plugin.wording.margin_verdict import Fact, estimate
+from thrustmargin.gcs_plugin.wording.margin_verdict import estimate
 from thrustmargin.gcs_plugin.wording.palette import MARGIN, css, thrust_left
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
@@ -115,7 +116,7 @@ def test_page_json_and_csv_say_the_same_numbers(report, page):
     rows = list(csv.DictReader(io.StringIO(csv_bytes(report).decode())))
 
     worst = one["verdict"]["worst"]
-    assert worst["capacity_use"] == of.verdict["worst"].capacity_use
+    assert worst["capacity_use"] == of.worst.utilisation
     row = next(
         r for r in rows if float(r["time_s [s]"]) == pytest.approx(worst["time_s"], abs=1e-3)
     )
@@ -197,10 +198,12 @@ def test_a_whole_flight_has_every_figure(report):
 
 def test_an_alarm_of_the_flight_and_what_to_do_both_stand_under_the_verdict(report, tmp_path):
     one = report.flights[0]
-    facts = (Fact("alarm", "rotor 1 makes 8% less thrust"), *one.verdict["facts"])
-    changed = replace(one, verdict={**one.verdict, "facts": facts})
+    alarm = {"label": "alarm", "text": "rotor 1 makes 8% less thrust"}
+    facts = [alarm, *one.json["verdict"]["facts"]]
+    shown = {**one.json["verdict"], "facts": facts}
+    changed = replace(one, json={**one.json, "verdict": shown})
     page = page_of(replace(report, flights=(changed,)), tmp_path)
-    (do,) = (fact.text for fact in facts if fact.label == "what to do")
+    (do,) = (fact["text"] for fact in facts if fact["label"] == "what to do")
     for said in ("rotor 1 makes 8% less thrust", f"{do[0].upper()}{do[1:]}."):
         assert plain(page.text).count(said) == 1
     assert [a for _, a in page.elements].count({"class": "do"}) == 1
@@ -218,8 +221,8 @@ def test_the_strip_has_the_colours_of_the_replay_and_the_worst_moment(report):
         "flying": np.ones(4),
         "known_utilisation": use[:, None],
     }
-    worst = replace(one.verdict["worst"], time_s=75.0)
-    made = strip_of(replace(one, rows=rows, verdict={**one.verdict, "worst": worst}))
+    worst = replace(one.peaks[0], time_s=75.0)
+    made = strip_of(replace(one, rows=rows, peaks=(worst,)))
     assert made is not None
     assert made.worst_at == 75.0
     colours = [colour for _, colour in made.parts]
@@ -254,7 +257,7 @@ def test_figures_hold_the_worst_value_after_thinning(report):
     figure = figures(of)["use"]
     (trace,) = (one for one in figure.data if one.get("name") == "worst rotor")
     drawn = trace["y"]
-    least = 100 * (1 - of.verdict["worst"].capacity_use)
+    least = 100 * (1 - of.worst.utilisation)
     assert np.nanmin(drawn) == pytest.approx(least, rel=1 / 16000)
     assert drawn.size < 1700
 
@@ -363,8 +366,8 @@ def test_a_page_without_channels_is_whole_and_says_what_is_missing(missing, tmp_
     report = build_report([without(*missing)])
     page = page_of(report, tmp_path)
     text = plain(page.text)
-    assert report.flights[0].quality["missing"]
-    for said in report.flights[0].quality["missing"]:
+    assert report.flights[0].json["quality"]["missing"]
+    for said in report.flights[0].json["quality"]["missing"]:
         assert said in text
     assert " nan" not in text.lower()
     assert "None" not in text
@@ -394,7 +397,7 @@ def test_an_octocopter_has_eight_rotors_in_page_and_csv(tmp_path):
     assert rows_of[-1]["flight_number"] == "2"
     assert rows_of[-1]["utilisation_8 [1]"] == ""
     page = page_of(report, tmp_path)
-    assert len(report.flights[0].rotors) == 8
+    assert len(report.flights[0].json["rotors"]) == 8
     assert airframe.rotor_names[7] in page.text
 
 
@@ -445,7 +448,8 @@ def test_a_part_of_the_area_is_said_to_be_one_on_page_and_paper():
     track = log().track
     gone = np.where((np.abs(track.time_s - 100.0) < 15.0)[:, None], np.nan, track.position_ned)
     files = Written(html=Path("r.html"), json=Path("r.json"), csv=Path("r.csv"))
-    for changes, part in (({}, False), ({"position_ned": gone}, True)):
+    cases: list[tuple[dict[str, Any], bool]] = [({}, False), ({"position_ned": gone}, True)]
+    for changes, part in cases:
         made = build_report([flight(None, **changes)], max_utilisation=0.5)
         found = json.loads(json_text(made, "r.csv"))["flights"][0]["flight"]
         assert (found["sprayed_area"] is None) == part
@@ -473,7 +477,8 @@ def test_a_part_of_the_way_is_said_to_be_one_on_page_and_paper():
     track = log().track
     gone = np.where((np.abs(track.time_s - 100.0) < 15.0)[:, None], np.nan, track.velocity_ned)
     files = Written(html=Path("r.html"), json=Path("r.json"), csv=Path("r.csv"))
-    for changes, part in (({}, False), ({"velocity_ned": gone}, True)):
+    cases: list[tuple[dict[str, Any], bool]] = [({}, False), ({"velocity_ned": gone}, True)]
+    for changes, part in cases:
         made = build_report([flight(None, **changes)], max_utilisation=0.5)
         paper = pypdf.PdfReader(io.BytesIO(pdf_bytes(made, files))).pages
         printed = " ".join("".join(page.extract_text() for page in paper).split())

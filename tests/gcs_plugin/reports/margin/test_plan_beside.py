@@ -11,7 +11,7 @@ from tests.gcs_plugin.reports.margin.report_flight import LOG, flight
 from thrustmargin.gcs_plugin.commands.shared.plan_source import read_assumed, read_plan
 from thrustmargin.gcs_plugin.reports.forecast.forecast_page import json_text
 from thrustmargin.gcs_plugin.reports.margin import build_report
-from thrustmargin.gcs_plugin.reports.margin.moments import plan_beside
+from thrustmargin.gcs_plugin.reports.margin.plan_beside import plan_beside
 from thrustmargin.gcs_plugin.reports.margin.render import html_text
 from thrustmargin.mission.forecast.battery import FlightBattery, stated_capacity
 from thrustmargin.mission.forecast.plan_flight import TakeOff
@@ -51,14 +51,14 @@ def test_a_pump_that_the_file_has_too_large_is_named_as_what_was_off():
 
 def test_the_page_and_the_verdict_say_it(made):
     report = build_report([flight()], plan=read_plan(LOG))
-    facts = {fact.label: fact.text for fact in report.flights[0].verdict["facts"]}
+    facts = {fact["label"]: fact["text"] for fact in report.flights[0].json["verdict"]["facts"]}
     assert facts["plan"] == made["words"]
     assert "Beside the plan" in html_text(report, None)
 
 
 def test_without_a_plan_nothing_is_said_of_one():
     report = build_report([flight()])
-    assert report.flights[0].beside_plan is None
+    assert report.flights[0].json["beside_plan"] is None
     assert "Beside the plan" not in html_text(report, None)
 
 

@@ -10,8 +10,8 @@ import pytest
 from tests.gcs_plugin.reports.margin.report_flight import flight, log, model, without
 from thrustmargin.gcs_plugin.logs.findings import Severity, takeoff_findings
 from thrustmargin.gcs_plugin.reports.margin import build_report
+from thrustmargin.gcs_plugin.reports.margin.events import takeoff_rows, yaw_rows
 from thrustmargin.gcs_plugin.reports.margin.render import Written, html_text, json_text
-from thrustmargin.gcs_plugin.reports.margin.run_ups import takeoff_rows, yaw_rows
 from thrustmargin.models.flight import FlightTrack
 
 
@@ -54,7 +54,7 @@ def test_a_late_motor_is_in_the_findings_and_on_the_page(tmp_path):
     words = "motor 3 front left turned 1.3 s after the others: check its ESC, leads and bearing"
     assert found["words"] == words
     report = build_report([flown])
-    (finding,) = [f for f in report.flights[0].findings if f.check == "take-off"]
+    (finding,) = [f for f in report.flights[0].answer.findings if f.check == "take-off"]
     assert (finding.level, finding.words) == (Severity.GRAVE, words)
     page = html_text(report, written(tmp_path))
     assert "Before take-off" in page

@@ -8,18 +8,25 @@ import pytest
 from tests.gcs_plugin.reports.margin.report_flight import flight, log, model, without
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.reports.margin import build_report, report_flight
-from thrustmargin.gcs_plugin.reports.margin.data import end_rows
-from thrustmargin.gcs_plugin.reports.margin.moments import doing, worst_moments
+from thrustmargin.gcs_plugin.reports.margin.data import FLIGHT_KEYS, end_rows
+from thrustmargin.gcs_plugin.reports.margin.summary import peak_row
 from thrustmargin.gcs_plugin.wording.check_words import source_words
+from thrustmargin.gcs_plugin.wording.flight_words import activity_words
 from thrustmargin.gcs_plugin.wording.language import clock
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.utilisation_peaks import activities, utilisation_peaks
 from thrustmargin.models.physics.airframe import load_airframe
 
 G0 = 9.80665  # m/s²
 
 
-APART_S = 6.0  # s between moments that are shown
+APART_S = 6.0  # s between peaks that are shown
+
+
+def doing(track: FlightTrack, row: int) -> tuple[str, ...]:
+    """What the vehicle was doing around a row, in words."""
+    return tuple(map(activity_words, activities(track, row)))
 
 
 @pytest.fixture(scope="module")
@@ -39,66 +46,78 @@ def airborne_use(analysis):
 def test_the_worst_moment_is_the_greatest_measured_use_in_the_air(analysis, report):
     use = airborne_use(analysis)
     row, rotor = np.unravel_index(np.nanargmax(use), use.shape)
-    worst = report.verdict["worst"]
-    assert worst.capacity_use == use[row, rotor]
+    worst = report.worst
+    assert worst.utilisation == use[row, rotor]
     assert worst.margin == 1 - use[row, rotor]
-    assert (worst.rotor, worst.rotor_name) == (rotor + 1, model().airframe.rotor_names[rotor])
+    assert (worst.rotor, worst.rotor_name) == (rotor, model().airframe.rotor_names[rotor])
     assert worst.time_s == analysis.track.time_s[row]
     assert (worst.north, worst.east) == tuple(analysis.track.position_ned[row, :2])
     assert worst.basis == "measured"
-    assert report.verdict["measured_share"] == pytest.approx(1.0)
+    assert report.json["verdict"]["measured_share"] == pytest.approx(1.0)
+
+
+def test_a_peak_has_its_row_in_the_json_with_rotors_from_1_and_the_clock(report):
+    (first, *_), (row, *_) = report.peaks, report.json["moments"]
+    assert report.json["verdict"]["worst"] == row == peak_row(first, flight()[0].track.start_unix_s)
+    assert (row["rotor"], row["capacity_use"]) == (first.rotor + 1, first.utilisation)
+    assert row["redundancy_yaw_free"] == first.redundancy_yaw_uncontrolled
+    assert peak_row(first, 0.0)["clock_utc"].startswith("1970-01-01")
+    assert peak_row(first, None)["clock_utc"] is None
+
+
+def test_the_json_of_a_flight_has_the_keys_that_are_published(report):
+    assert tuple(report.json) == FLIGHT_KEYS
 
 
 def test_the_interval_of_a_moment_reaches_to_more_in_use_where_more_is_shown(analysis):
     shape = analysis.utilisation.shape
     nothing = np.zeros(shape)
     plain = replace(analysis, utilisation_error=nothing, utilisation_beyond=nothing)
-    (moment, *_) = worst_moments(plain)
-    assert moment.capacity_use_low == moment.capacity_use == moment.capacity_use_high
+    (moment, *_) = utilisation_peaks(plain)
+    assert moment.utilisation_low == moment.utilisation == moment.utilisation_high
     shown = replace(
         analysis,
         utilisation_error=np.full(shape, 0.03),
         utilisation_beyond=np.full(shape, 0.02),
     )
-    (moment, *_) = worst_moments(shown)
-    assert moment.capacity_use_high == pytest.approx(moment.capacity_use + 1.645 * 0.03)
-    assert moment.capacity_use_low == pytest.approx(moment.capacity_use - 1.645 * 0.01)
+    (moment, *_) = utilisation_peaks(shown)
+    assert moment.utilisation_high == pytest.approx(moment.utilisation + 1.645 * 0.03)
+    assert moment.utilisation_low == pytest.approx(moment.utilisation - 1.645 * 0.01)
 
 
 def test_time_above_the_limit_is_the_share_of_airborne_rows(analysis, report):
     worst = np.nanmax(airborne_use(analysis)[analysis.track.flying], axis=1)
-    assert report.verdict["above_limit_share"] == pytest.approx(np.mean(worst > 0.5), abs=0.002)
-    assert report.verdict["use"]["above_limit_s"] == pytest.approx(
-        0.1 * np.sum(worst > 0.5), rel=0.02
-    )
-    assert report.verdict["level"] == "under"  # in turns alone
-    assert report.verdict["headline"] == "THRUST LEFT ABOVE THE 50 % LIMIT"
-    facts = {fact.label: fact.text for fact in report.verdict["facts"]}
+    verdict = report.json["verdict"]
+    assert verdict["above_limit_share"] == pytest.approx(np.mean(worst > 0.5), abs=0.002)
+    assert verdict["use"]["above_limit_s"] == pytest.approx(0.1 * np.sum(worst > 0.5), rel=0.02)
+    assert report.json["verdict"]["level"] == "under"  # in turns alone
+    assert report.json["verdict"]["headline"] == "THRUST LEFT ABOVE THE 50 % LIMIT"
+    facts = {fact["label"]: fact["text"] for fact in report.json["verdict"]["facts"]}
     assert facts["turns and gusts"].startswith(
         "thrust left down to 35 %, below 50 % 13 times for 3."
     )
 
 
 def test_a_rotor_weak_from_the_start_does_not_show_before_flights_have_shown_sound_ones(report):
-    said = report_flight(*flight(taught=False), max_utilisation=0.5).verdict
+    said = report_flight(*flight(taught=False), max_utilisation=0.5).json["verdict"]
     assert said["headline"].endswith("THE 50 % LIMIT (A WORN ROTOR WOULD NOT HAVE SHOWN)")
     assert said["action"].startswith("with the battery off, inspect every propeller")
-    (rotors,) = (fact.text for fact in said["facts"] if fact.label == "weak rotors")
+    (rotors,) = (fact["text"] for fact in said["facts"] if fact["label"] == "weak rotors")
     assert "a rotor weak from the start is not" in rotors
-    assert "weak rotors" not in {fact.label for fact in report.verdict["facts"]}
+    assert "weak rotors" not in {fact["label"] for fact in report.json["verdict"]["facts"]}
 
 
 def test_a_log_that_ends_in_flight_says_so_and_one_that_ends_on_the_ground_does_not(report):
     analysis, _ = flight()
-    assert "log" not in {fact.label for fact in report.verdict["facts"]}
+    assert "log" not in {fact["label"] for fact in report.json["verdict"]["facts"]}
     rows = int(np.flatnonzero(analysis.track.flying)[-1]) - 200
     short = flight(log().track.rows(slice(rows)))
-    said = report_flight(*short, max_utilisation=0.5).verdict
+    said = report_flight(*short, max_utilisation=0.5).json["verdict"]
     last = clock(float(short[1].track.time_s[-1]))
     assert said["headline"] == f"THRUST LEFT ABOVE THE 50 % LIMIT UP TO {last} (LOG ENDS IN FLIGHT)"
     assert said["action"].startswith("see how the flight ended; then you may fill up to ")
-    assert not any("all flight" in fact.text for fact in said["facts"])
-    (ending,) = (fact.text for fact in said["facts"] if fact.label == "log")
+    assert not any("all flight" in fact["text"] for fact in said["facts"])
+    (ending,) = (fact["text"] for fact in said["facts"] if fact["label"] == "log")
     assert ending.startswith(f"ends in flight, at {last}")
 
 
@@ -106,34 +125,37 @@ def test_a_log_that_begins_in_flight_or_pauses_in_it_says_so():
     analysis, _ = flight()
     since = int(np.flatnonzero(analysis.track.flying)[0]) + 200
     begun = report_flight(*flight(log().track.rows(slice(since, None))), max_utilisation=0.5)
-    assert begun.verdict["headline"] == "THRUST LEFT ABOVE THE 50 % LIMIT (LOG BEGINS IN FLIGHT)"
+    verdict = begun.json["verdict"]
+    assert verdict["headline"] == "THRUST LEFT ABOVE THE 50 % LIMIT (LOG BEGINS IN FLIGHT)"
     first = "record the whole flight next time; then you may fill up to "
-    assert begun.verdict["action"].startswith(first)
+    assert verdict["action"].startswith(first)
     rows = np.delete(np.arange(analysis.track.time_s.size), slice(since, since + 301))  # 30 s
-    paused = report_flight(*flight(log().track.rows(rows)), max_utilisation=0.5).verdict
+    paused = report_flight(*flight(log().track.rows(rows)), max_utilisation=0.5).json["verdict"]
     assert (
         paused["headline"] == "THRUST LEFT ABOVE THE 50 % LIMIT (NOTHING IN THE LOG FOR 30 S OF IT)"
     )
-    facts = {fact.label: fact.text for fact in paused["facts"]}
+    facts = {fact["label"]: fact["text"] for fact in paused["facts"]}
     assert facts["log"].startswith("has nothing of 30 s of the flight from ")
     assert not any("all flight" in text for text in facts.values())
 
 
 def test_the_level_follows_the_limit_and_the_redundancy():
     analysis, recorded = flight()
-    assert report_flight(analysis, recorded, max_utilisation=0.9).verdict["level"] == "under"
+    assert (
+        report_flight(analysis, recorded, max_utilisation=0.9).json["verdict"]["level"] == "under"
+    )
     heavy = replace(
         analysis, redundancy_yaw_uncontrolled=analysis.redundancy_yaw_uncontrolled * 0.7
     )
-    verdict = report_flight(heavy, recorded, max_utilisation=0.9).verdict
+    verdict = report_flight(heavy, recorded, max_utilisation=0.9).json["verdict"]
     assert verdict["level"] == "critical"
     lost = analysis.track.flying & (heavy.redundancy_yaw_uncontrolled < 1)
     assert verdict["rotor_lost"]["not_survivable_s"] == pytest.approx(0.1 * np.sum(lost), rel=0.02)
 
 
 def test_on_a_quad_one_lost_rotor_is_just_survived_at_half_of_capacity(report):
-    assert report.verdict["one_rotor_out_use"] == pytest.approx(0.5)
-    fills = report.redundancy
+    assert report.json["verdict"]["one_rotor_out_use"] == pytest.approx(0.5)
+    fills = report.json["redundancy"]
     assert fills["fill_limit_start_kg"] == pytest.approx(fills["fill_one_rotor_out_start_kg"])
 
 
@@ -147,17 +169,17 @@ def test_the_largest_fill_is_the_tank_at_which_redundancy_is_one(analysis, repor
     track, airframe = analysis.track, model().airframe
     # Redundancy goes with 1/weight, so weight times redundancy is what one lost rotor would allow.
     allowed = analysis.redundancy_yaw_uncontrolled * analysis.weight / G0 - airframe.empty_mass
-    assert report.redundancy["fill_one_rotor_out_min_kg"] == pytest.approx(
+    assert report.json["redundancy"]["fill_one_rotor_out_min_kg"] == pytest.approx(
         np.nanmin(allowed[track.flying])
     )
-    assert report.redundancy["fill_one_rotor_out_start_kg"] == pytest.approx(
+    assert report.json["redundancy"]["fill_one_rotor_out_start_kg"] == pytest.approx(
         np.nanmedian(allowed[end_rows(track)[0]])
     )
 
 
 def test_redundancy_figures_are_the_least_of_the_airborne_rows(analysis, report):
     flying = analysis.track.flying
-    found = report.redundancy
+    found = report.json["redundancy"]
     assert found["yaw_free_min"] == np.nanmin(analysis.redundancy_yaw_uncontrolled[flying])
     assert found["yaw_kept_min"] == np.nanmin(analysis.redundancy_yaw_kept[flying])
     assert found["trimmable_loss_min"] == np.nanmin(analysis.trimmable_loss[flying])
@@ -166,7 +188,7 @@ def test_redundancy_figures_are_the_least_of_the_airborne_rows(analysis, report)
 
 
 def test_the_papers_figures_stand_beside_the_flights(analysis, report):
-    rows = {row["name"]: row for row in report.load}
+    rows = {row["name"]: row for row in report.json["load"]}
     load = rows["load a rotor"]
     assert (load["paper_full"], load["paper_empty"]) == pytest.approx((9.275, 5.275))
     assert rows["load with a full tank over that with an empty one; at the start over at the end"][
@@ -195,7 +217,7 @@ def test_the_papers_figures_stand_beside_the_flights(analysis, report):
 
 def test_each_rotor_has_its_own_greatest_and_median_use(analysis, report):
     use = airborne_use(analysis)
-    for k, rotor in enumerate(report.rotors):
+    for k, rotor in enumerate(report.json["rotors"]):
         assert rotor["rotor"] == k + 1
         assert rotor["measured_max"] == np.nanmax(use[:, k])
         assert rotor["measured_median"] == np.nanmedian(use[:, k])
@@ -206,7 +228,7 @@ def test_each_rotor_has_its_own_greatest_and_median_use(analysis, report):
 
 def test_the_flight_summary_is_that_of_the_recording(report):
     # The manifest: 10 kg down to 3.845 kg at 4 m/s, wind 1.4 m/s from 142 deg, 209 s.
-    found = report.flight
+    found = report.json["flight"]
     assert found["tank_start_kg"] == pytest.approx(10.0)
     assert found["tank_end_kg"] == pytest.approx(3.845, abs=0.01)
     assert found["liquid_used_kg"] == pytest.approx(6.155, abs=0.01)
@@ -223,15 +245,15 @@ def test_the_flight_summary_is_that_of_the_recording(report):
 
 def test_a_way_of_which_a_part_is_lost_says_of_how_long():
     track = log().track
-    whole = report_flight(*flight(), max_utilisation=0.5).flight
+    whole = report_flight(*flight(), max_utilisation=0.5).json["flight"]
     middle = np.abs(track.time_s - 100.0) < 15.0  # in the air, with the pump on
     unknown = np.where(middle[:, None], np.nan, track.velocity_ned)
-    found = report_flight(*flight(velocity_ned=unknown), max_utilisation=0.5).flight
+    found = report_flight(*flight(velocity_ned=unknown), max_utilisation=0.5).json["flight"]
     assert whole["distance_lost_s"] == whole["sprayed_distance_lost_s"] == 0.0
     assert found["distance_lost_s"] == pytest.approx(30.0, abs=0.3)
     assert 0.0 < found["sprayed_distance_lost_s"] <= found["distance_lost_s"]
     down = np.where(track.flying[:, None], track.velocity_ned, np.nan)
-    assert report_flight(*flight(velocity_ned=down), max_utilisation=0.5).flight[
+    assert report_flight(*flight(velocity_ned=down), max_utilisation=0.5).json["flight"][
         "distance_lost_s"
     ] == pytest.approx(0.0)
     # At 4 m/s, less in turns.
@@ -249,30 +271,30 @@ def test_an_area_of_which_a_part_is_lost_stands_as_at_least(report, lost):
         "pump": {"spraying": np.where(middle, np.nan, track.spraying)},
         "pause": {"time_s": later},
     }[lost]
-    found = report_flight(*flight(**changed), max_utilisation=0.5).flight
+    found = report_flight(*flight(**changed), max_utilisation=0.5).json["flight"]
     assert np.isnan(found["sprayed_area"])
     # In 30 s at 4 m/s a swath of 5 m is 600 m², with turns less; in a pause none is flown.
-    missing = report.flight["sprayed_area"] - found["sprayed_area_at_least"]
+    missing = report.json["flight"]["sprayed_area"] - found["sprayed_area_at_least"]
     assert missing == pytest.approx(0.0 if lost == "pause" else 500.0, abs=110.0)
     assert found["sprayed_lost_s"] == pytest.approx(30.0, abs=8.0)
-    assert np.isnan(report.flight["sprayed_area_at_least"])
+    assert np.isnan(report.json["flight"]["sprayed_area_at_least"])
 
 
 def test_moments_are_apart_worst_first_and_of_one_rotor_each(analysis, report):
-    moments = report.moments
-    use = [m.capacity_use for m in moments]
+    moments = report.peaks
+    use = [m.utilisation for m in moments]
     assert use == sorted(use, reverse=True)
     times = np.sort([m.time_s for m in moments])
     assert np.all(np.diff(times) >= APART_S)
     assert len(moments) > 4
     for m in moments:
         row = np.flatnonzero(analysis.track.time_s == m.time_s)[0]
-        assert m.capacity_use == np.nanmax(analysis.utilisation[row])
+        assert m.utilisation == np.nanmax(analysis.utilisation[row])
 
 
 def test_what_was_happening_is_named_from_the_channels(report):
     # Every line end of this flight has a fast yaw turn; the first seconds are the take-off.
-    words = {m.time_s: m.doing for m in report.moments}
+    words = {m.time_s: tuple(map(activity_words, m.activities)) for m in report.peaks}
     turning = [w for w in words.values() if {"turning left", "turning right"} & set(w)]
     assert len(turning) >= 5
     first = words[min(words)]
@@ -293,7 +315,7 @@ def test_a_movement_has_its_name_and_direction(channel, column, value, word):
     still = {name: np.zeros((200, 3)) for name in ("angular_rate_frd", "velocity_ned", "attitude")}
     still[channel][:, column] = value
     track = FlightTrack.of(name="x", time_s=np.arange(200.0) / 10, rotor_count=4, **still)
-    words = doing(flight(track=track)[0], 100)
+    words = doing(track, 100)
     assert word in words
     assert set(words) <= {word, "hovering"}
 
@@ -304,22 +326,25 @@ def test_speeding_up_and_braking_follow_the_slope_of_ground_speed():
         velocity = np.zeros((200, 3))
         velocity[:, 1] = 30.0 + slope * time_s
         track = FlightTrack.of(name="x", time_s=time_s, rotor_count=4, velocity_ned=velocity)
-        assert doing(flight(track=track)[0], 100) == (word,)
+        assert doing(track, 100) == (word,)
 
 
 def test_without_rotor_speeds_everything_is_predicted_and_said_so():
     analysis, recorded = without("rotor_speed_rpm")
     report = report_flight(analysis, recorded, max_utilisation=0.5)
-    worst = report.verdict["worst"]
+    worst = report.worst
     assert worst is not None
     assert worst.basis == "predicted"
     flying = analysis.track.flying
-    assert worst.capacity_use == np.nanmax(analysis.utilisation_predicted[flying])
-    assert report.verdict["measured_share"] == 0.0
-    assert report.verdict["basis"] == "predicted; no rotor speeds in this log"
-    assert "no rotor speeds in this log: all figures are predicted" in report.quality["missing"]
-    assert report.accuracy.overall is None
-    assert "No rotor speeds" in report.accuracy.words
+    assert worst.utilisation == np.nanmax(analysis.utilisation_predicted[flying])
+    assert report.json["verdict"]["measured_share"] == 0.0
+    assert report.json["verdict"]["basis"] == "predicted; no rotor speeds in this log"
+    assert (
+        "no rotor speeds in this log: all figures are predicted"
+        in report.json["quality"]["missing"]
+    )
+    assert report.json["accuracy"]["overall"] is None
+    assert "No rotor speeds" in report.json["accuracy"]["words"]
 
 
 def test_with_rotor_speeds_in_half_of_the_flight_the_rest_is_predicted():
@@ -327,26 +352,26 @@ def test_with_rotor_speeds_in_half_of_the_flight_the_rest_is_predicted():
     rpm = track.rotor_speed_rpm.copy()
     rpm[track.time_s > 110] = np.nan
     analysis, recorded = flight(rotor_speed_rpm=rpm)
-    verdict = report_flight(analysis, recorded, max_utilisation=0.5).verdict
+    verdict = report_flight(analysis, recorded, max_utilisation=0.5).json["verdict"]
     assert 0.4 < verdict["measured_share"] < 0.6
     assert "predicted for the rest" in verdict["basis"]
 
 
 def test_without_tank_and_rotor_speeds_there_is_no_verdict():
     report = report_flight(*without("rotor_speed_rpm", "tank_kg"), max_utilisation=0.5)
-    assert report.verdict["level"] == "unknown"
-    assert report.verdict["worst"] is None
-    assert report.moments == ()
-    assert np.isnan(report.redundancy["yaw_free_min"])
-    assert report.verdict["headline"] == "NO VERDICT"
+    assert report.json["verdict"]["level"] == "unknown"
+    assert report.worst is None
+    assert report.peaks == ()
+    assert np.isnan(report.json["redundancy"]["yaw_free_min"])
+    assert report.json["verdict"]["headline"] == "NO VERDICT"
 
 
 def test_without_a_tank_level_measured_use_stands_and_redundancy_is_unknown():
     report = report_flight(*without("tank_kg"), max_utilisation=0.5)
-    assert report.verdict["worst"] is not None
-    assert report.verdict["worst"].basis == "measured"
-    assert np.isnan(report.flight["liquid_used_kg"])
-    said = {fact.label: fact.text for fact in report.verdict["facts"]}
+    assert report.worst is not None
+    assert report.worst.basis == "measured"
+    assert np.isnan(report.json["flight"]["liquid_used_kg"])
+    said = {fact["label"]: fact["text"] for fact in report.json["verdict"]["facts"]}
     assert "tank level is unknown" in said["one rotor lost"]
 
 
@@ -356,13 +381,20 @@ def test_without_a_tank_level_measured_use_stands_and_redundancy_is_unknown():
 )
 def test_a_missing_channel_is_said_and_never_made_up(channel):
     report = report_flight(*without(channel), max_utilisation=0.5)
-    assert len(report.quality["missing"]) == 1
+    assert len(report.json["quality"]["missing"]) == 1
+    of_flight = report.json["flight"]
     unknown = {
-        "position_ned": [report.moments[0].north, report.flight["sprayed_area"]],
-        "velocity_ned": [report.flight["distance"], report.moments[0].ground_speed],
-        "wind_ned": [report.flight["wind_speed_median"], report.flight["wind_from_deg"]],
-        "spraying": [report.flight["spraying_s"], report.flight["sprayed_distance"]],
-        "voltage": [report.flight["voltage_start"], report.flight["voltage_min"]],
+        "position_ned": [report.peaks[0].north, of_flight["sprayed_area"]],
+        "velocity_ned": [of_flight["distance"], report.peaks[0].ground_speed],
+        "wind_ned": [
+            of_flight["wind_speed_median"],
+            of_flight["wind_from_deg"],
+        ],
+        "spraying": [
+            of_flight["spraying_s"],
+            of_flight["sprayed_distance"],
+        ],
+        "voltage": [of_flight["voltage_start"], of_flight["voltage_min"]],
         "angular_rate_frd": [],
     }[channel]
     assert all(np.isnan(value) for value in unknown)
@@ -371,19 +403,19 @@ def test_a_missing_channel_is_said_and_never_made_up(channel):
 def test_a_log_that_never_left_the_ground_has_no_verdict():
     track = log().track
     report = report_flight(*flight(flying=np.zeros_like(track.flying)), max_utilisation=0.5)
-    assert report.verdict["level"] == "unknown"
-    found = report.verdict["facts"][0].text
+    assert report.json["verdict"]["level"] == "unknown"
+    found = report.json["verdict"]["facts"][0]["text"]
     assert found == "by this log it never left the ground: by its own landed state"
-    assert report.flight["airborne_s"] == 0.0
-    assert np.isnan(report.flight["tank_start_kg"])
+    assert report.json["flight"]["airborne_s"] == 0.0
+    assert np.isnan(report.json["flight"]["tank_start_kg"])
 
 
 def test_a_flight_of_one_row_is_reported():
     track = log().track
     analysis, recorded = flight(track=track.rows(slice(900, 901)))
     report = report_flight(analysis, recorded, max_utilisation=0.5)
-    assert report.verdict["worst"] is not None
-    assert report.verdict["worst"].capacity_use == np.nanmax(analysis.utilisation)
+    assert report.worst is not None
+    assert report.worst.utilisation == np.nanmax(analysis.utilisation)
 
 
 def test_a_pause_of_the_log_is_not_counted_as_time_above_the_limit():
@@ -391,25 +423,25 @@ def test_a_pause_of_the_log_is_not_counted_as_time_above_the_limit():
     rows = np.r_[0:900, 1300 : track.time_s.size]
     cut = track.rows(rows)
     report = report_flight(*flight(track=cut), max_utilisation=0.01)
-    assert report.verdict["use"]["above_limit_s"] == pytest.approx(
+    assert report.json["verdict"]["use"]["above_limit_s"] == pytest.approx(
         0.1 * np.sum(cut.flying), rel=0.02
     )
 
 
 def test_shares_by_basis_add_up_to_one(report):
-    use = report.model
+    use = report.json["model"]
     assert use["network_share"] + use["physics_share"] + use["none_share"] == pytest.approx(1.0)
     assert use["inside_envelope"] is None  # this model has no network
 
 
 def test_the_data_quality_is_what_the_reader_says(report):
     whole = log().quality
-    assert report.quality["frames"] == whole.frames
-    assert report.quality["bytes"] == whole.bytes
-    assert [c["source"] for c in report.quality["channels"]] == [
+    assert report.json["quality"]["frames"] == whole.frames
+    assert report.json["quality"]["bytes"] == whole.bytes
+    assert [c["source"] for c in report.json["quality"]["channels"]] == [
         source_words(c.source) for c in log().channels
     ]
-    assert report.quality["messages"] == log().messages
+    assert report.json["quality"]["messages"] == log().messages
 
 
 @pytest.mark.parametrize("limit", [0.0, 1.0, -0.5, 50.0, float("nan")])
@@ -427,7 +459,7 @@ def test_several_flights_are_counted_by_verdict_and_the_worst_is_named():
         redundancy_yaw_uncontrolled=analysis.redundancy_yaw_uncontrolled / 1.2,
     )
     report = build_report([(analysis, recorded), (heavier, recorded)])
-    assert report.flights[0].verdict == light.verdict
+    assert report.flights[0].json["verdict"] == light.json["verdict"]
     assert (report.overview["critical"], report.overview["under"]) == (1, 1)
     assert report.overview["worst_flight"] == 2
     assert report.overview["headline"] == "1 OF 2 FLIGHTS: TOO HEAVY TO LOSE A ROTOR"
@@ -441,12 +473,12 @@ def test_a_report_without_flights_is_refused():
 def test_a_track_without_any_channel_is_reported_as_unknown():
     bare = FlightTrack.of(name="bare", time_s=np.arange(5.0), rotor_count=4)
     report = report_flight(*flight(track=bare), max_utilisation=0.5)
-    assert report.verdict["level"] == "unknown"
-    assert len(report.quality["missing"]) > 5
+    assert report.json["verdict"]["level"] == "unknown"
+    assert len(report.json["quality"]["missing"]) > 5
 
 
 def test_the_fill_advised_is_the_least_of_the_flight_and_that_of_its_start(analysis, report):
-    verdict, rows = report.verdict, report.rows
+    verdict, rows = report.json["verdict"], report.rows
     both = np.minimum(rows["fill_limit_kg"], rows["fill_one_rotor_out_kg"])
     flying = analysis.track.flying
     assert verdict["fill"]["limit_kg"] == pytest.approx(both[flying].min())
@@ -462,11 +494,11 @@ def test_the_fill_advised_is_the_least_of_the_flight_and_that_of_its_start(analy
 def test_a_gauge_that_stands_at_nothing_reassures_nobody(report):
     rows = log().track.time_s.size
     stuck = report_flight(*flight(tank_kg=np.zeros(rows)), max_utilisation=0.5)
-    held, sound = stuck.verdict, report.verdict
+    held, sound = stuck.json["verdict"], report.json["verdict"]
     assert held["rotor_lost"]["redundancy_min"] == pytest.approx(
         sound["rotor_lost"]["redundancy_min"], rel=0.05
     )
-    said = {fact.label: fact.text for fact in held["facts"]}
+    said = {fact["label"]: fact["text"] for fact in held["facts"]}
     assert "0.0 kg by NAMED_VALUE_FLOAT TANK are too little for these rotor speeds" in said["load"]
     do = said["what to do"]
     assert do.startswith(
@@ -488,7 +520,7 @@ def test_report_and_inspection_count_the_same_pauses():
     start = recorded.clock_start_s
     gaps = ((start - 30.0, 10.3), (start + 5.0, 1.5))
     recorded = replace(recorded, quality=replace(recorded.quality, gaps=gaps))
-    quality = report_flight(analysis, recorded, max_utilisation=0.5).quality
+    quality = report_flight(analysis, recorded, max_utilisation=0.5).json["quality"]
     assert (quality["silences"], quality["longest_silence_s"]) == (1, 1.5)
     found = {f.check: f.words for f in inspect_log(recorded, model().airframe).findings}
     assert found["time"].startswith("1 pause(s) over 1 s without any message, 1.5 s in all")

@@ -21,12 +21,12 @@ def test_a_worn_rotor_is_named_only_where_names_can_be_trusted(order, known, sit
     track = track.rows(slice(0, 1500))
     analysis = analyse(track, shipped_model())
     report = report_flight(analysis, replace(log, track=track), max_utilisation=0.5)
-    facts = {fact.label: fact.text for fact in report.verdict["facts"]}
+    facts = {fact["label"]: fact["text"] for fact in report.json["verdict"]["facts"]}
     assert ("rotor names" in facts) is not known
     assert ("which rotor that is, is not known" in facts["alarm"]) is not known
     assert ("rotor 1 were" in facts["what to do"]) is known
     assert ("rotors 1, 2, 3 and 4" in facts["what to do"]) is not known
-    assert ("ROTOR NAMES ARE WRONG" in report.verdict["headline"]) is not known
+    assert ("ROTOR NAMES ARE WRONG" in report.json["verdict"]["headline"]) is not known
     overview = overview_of([report], 0.5)
     made = Report(
         made_utc="",

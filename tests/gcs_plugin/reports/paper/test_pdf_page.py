@@ -10,7 +10,6 @@ from tests.gcs_plugin.reports.margin.report_flight import flight
 from thrustmargin.gcs_plugin.reports.margin import build_report
 from thrustmargin.gcs_plugin.reports.margin.data import Report
 from thrustmargin.gcs_plugin.reports.margin.render import pdf_bytes
-from thrustmargin.gcs_plugin.wording.margin_verdict import Fact
 
 
 @pytest.fixture(scope="module")
@@ -40,15 +39,15 @@ def test_a_flight_takes_three_to_five_pages_of_a4(pdf):
 
 def test_verdict_facts_and_moments_are_those_of_the_report(report, pdf):
     said = words(" ".join(page.extract_text() for page in pdf.pages))
-    verdict = report.flights[0].verdict
+    verdict = report.flights[0].json["verdict"]
     first = words(pdf.pages[0].extract_text())
     assert words(verdict["headline"]).lower() in first.lower()
     assert words(f"OK, {verdict['fill']['kg']:.1f} L next") in first
     assert len(pdf.pages) <= 4
     for fact in verdict["facts"]:
-        assert words(fact.text[1:]) in said, fact
-    for moment in report.flights[0].moments:
-        assert words(f"{moment.rotor} {moment.rotor_name}") in said
+        assert words(fact["text"][1:]) in said, fact
+    for moment in report.flights[0].peaks:
+        assert words(f"{moment.rotor + 1} {moment.rotor_name}") in said
     assert "unknown" not in words(pdf.pages[0].extract_text())
 
 
@@ -81,9 +80,11 @@ def test_of_several_flights_paper_has_what_was_decided_and_one_figure_each():
 
 
 def test_text_of_a_log_stays_text(report):
-    evil = Fact("airframe", "<b>bold</b> <script>alert(1)</script> $x^2$ \u202e %d {}")
+    evil = "<b>bold</b> <script>alert(1)</script> $x^2$ \u202e %d {}"
+    facts = [{"label": "airframe", "text": evil}]
     one = report.flights[0]
-    changed = replace(one, name="<i>a", verdict={**one.verdict, "facts": (evil,)})
+    shown = {"name": "<i>a", "verdict": {**one.json["verdict"], "facts": facts}}
+    changed = replace(one, json={**one.json, **shown})
     pages = read(replace(report, flights=(changed,))).pages
     text = words(" ".join(page.extract_text() for page in pages))
     assert words("<b>bold</b> <script>alert(1)</script> $x^2$") in text

@@ -4,8 +4,8 @@ import socket
 
 import pytest
 
-from thrustmargin.gcs_plugin.view.page import phone_address
-from thrustmargin.gcs_plugin.view.page.phone_address import network_address, scan_code
+from thrustmargin.gcs_plugin.view.page import view_page
+from thrustmargin.gcs_plugin.view.page.view_page import network_address, scan_code
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.5", "::1", "localhost"])
@@ -43,7 +43,7 @@ class Probe:
 @pytest.mark.parametrize("host", ["0.0.0.0", "::"])
 def test_of_all_addresses_it_is_that_of_the_way_out(monkeypatch, host: str, own: str, found):
     monkeypatch.setattr(socket, "socket", lambda *_: Probe(own))
-    assert phone_address.network_address(host) == found
+    assert view_page.network_address(host) == found
 
 
 def test_the_code_is_a_drawing_of_black_on_white_that_grows_with_the_text():

@@ -3,7 +3,7 @@
 from types import SimpleNamespace
 from typing import Any
 
-from thrustmargin.gcs_plugin.view.page.tabs import BrowserTab, Tabs
+from thrustmargin.gcs_plugin.view.page.view_page import BrowserTab, Tabs
 from thrustmargin.gcs_plugin.view.scene.surroundings import Camera
 
 MOST_TABS = 32

@@ -40,15 +40,12 @@ def test_over_the_whole_field_only_bad_rotors_have_their_numbers():
         server.stop()
 
 
-def test_discs_have_the_colours_of_the_page_and_promise_nothing_that_is_only_predicted():
-    rpm = np.full((ROWS, 4), 1200.0)
-    rpm[:, 2] = np.nan
-    analysis = flight(rotor_speed_rpm=rpm, tank_kg=np.zeros(ROWS))
-    row = ShownRow(analysis, 200)
-    assert row.margin[2] > 0.5  # enough, by the prediction alone
+def colours_of(row: ShownRow) -> tuple[np.ndarray, np.ndarray]:
+    """The colours (R, 3), 0 to 255, that the discs of a row's rotors have on the screen and on the
+    page."""
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
-        node = VehicleNode(server.scene, "/world", "1", analysis.model.airframe)
+        node = VehicleNode(server.scene, "/world", "1", row.analysis.model.airframe)
         node.show(row)
         discs: Any = server.scene.get_handle_by_name("/world/vehicle_1/discs")
         drawn = seen_for(discs.batched_colors).astype(int)
@@ -56,6 +53,16 @@ def test_discs_have_the_colours_of_the_page_and_promise_nothing_that_is_only_pre
         server.stop()
     papers = [one["paper"] for one in aircraft_figures(row, np.nan)["rotors"]]
     page = np.array([[int(p[k : k + 2], 16) for k in (1, 3, 5)] for p in papers])
+    return drawn, page
+
+
+def test_discs_have_the_colours_of_the_page_and_promise_nothing_that_is_only_predicted():
+    rpm = np.full((ROWS, 4), 1200.0)
+    rpm[:, 2] = np.nan
+    analysis = flight(rotor_speed_rpm=rpm, tank_kg=np.zeros(ROWS))
+    row = ShownRow(analysis, 200)
+    assert row.margin[2] > 0.5  # enough, by the prediction alone
+    drawn, page = colours_of(row)
     assert np.abs(drawn - page).max() <= 4
     assert tuple(page[2]) == GREY
     assert tuple(page[0]) != GREY
@@ -71,16 +78,7 @@ def test_discs_and_page_turn_at_the_limit_and_keep_the_colour_of_too_little(leas
     analysis = replace(analysis, utilisation=use, utilisation_error=np.zeros_like(use))
     before = np.full(4, low)
     row = ShownRow(analysis, 200, least=least, low=too_little(1.0 - use, least, before)[-1])
-    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    try:
-        node = VehicleNode(server.scene, "/world", "1", analysis.model.airframe)
-        node.show(row)
-        discs: Any = server.scene.get_handle_by_name("/world/vehicle_1/discs")
-        drawn = seen_for(discs.batched_colors).astype(int)
-    finally:
-        server.stop()
-    papers = [one["paper"] for one in aircraft_figures(row, np.nan)["rotors"]]
-    page = np.array([[int(p[k : k + 2], 16) for k in (1, 3, 5)] for p in papers])
+    drawn, page = colours_of(row)
     assert np.abs(drawn - page).max() <= 4
     assert (page[:, 2] > page[:, 0]).all() == blue
     assert row.calm == blue

@@ -102,7 +102,9 @@ def test_with_one_esc_silent_view_and_report_count_the_same_rows_above_the_limit
     shown = analysis.track.flying & (left.values < 0.5)
     assert shown.sum() == 1760
     np.testing.assert_array_equal(shown, analysis.above_limit(0.5))
-    seconds = report_flight(analysis, log, max_utilisation=0.5).verdict["use"]["above_limit_s"]
+    seconds = report_flight(analysis, log, max_utilisation=0.5).json["verdict"]["use"][
+        "above_limit_s"
+    ]
     assert seconds == pytest.approx(0.1 * shown.sum(), rel=0.01)
     assert left.rotor is not None
     assert 1 not in left.rotor[analysis.any_measured]

@@ -1,14 +1,12 @@
 """A folder of logs that do not say whose they are: one question for all, a verdict for each."""
 
 import sys
-from importlib import resources
 from pathlib import Path
 
 import pytest
 
+from tests.known_aircraft import hangar_with_north
 from thrustmargin.gcs_plugin.cli import run
-from thrustmargin.gcs_plugin.logs.read import read_log
-from thrustmargin.gcs_plugin.store.aircraft_marks import marks_of
 from thrustmargin.gcs_plugin.store.hangar import Hangar
 
 LOGS = [f"sitl_logs/campaign/{name}.tlog" for name in ("v2_m10_q2.5", "v4_m10_q2.5")]
@@ -17,18 +15,7 @@ LOGS = [f"sitl_logs/campaign/{name}.tlog" for name in ("v2_m10_q2.5", "v4_m10_q2
 @pytest.fixture
 def hangar(tmp_path: Path) -> Hangar:
     """A hangar whose aircraft may have flown LOGS, by their few parameters."""
-    made = Hangar(tmp_path / "hangar")
-    folder = made.aircraft_folder("north")
-    folder.mkdir(parents=True)
-    for name, place, file in (
-        ("model.safetensors", "shipped", "default.safetensors"),
-        ("airframe.toml", "airframes", "topxgun-f16-sitl.toml"),
-    ):
-        content = resources.files(f"thrustmargin.models.{place}").joinpath(file).read_bytes()
-        (folder / name).write_bytes(content)
-    marks = marks_of(read_log(Path("sitl_logs/formats/v4_m10_q2.5.BIN")))
-    made.keep("north", [marks], made_unix_s=0.0, training=[])
-    return made
+    return hangar_with_north(tmp_path / "hangar")
 
 
 def learn(hangar: Hangar, monkeypatch, *answers: str) -> tuple[int, list[str]]:

@@ -5,36 +5,24 @@ import os
 import subprocess
 import sys
 from dataclasses import fields
-from importlib import resources
 from pathlib import Path
 
 import pytest
 
+from tests.known_aircraft import BOARD_LOG, hangar_with_north
 from thrustmargin.gcs_plugin.cli import run
-from thrustmargin.gcs_plugin.logs.read import read_log
-from thrustmargin.gcs_plugin.store.aircraft_marks import marks_of
 from thrustmargin.gcs_plugin.store.hangar import AircraftFlight, Hangar
 from thrustmargin.gcs_plugin.store.schema import FLIGHTS
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, read_sums
 
 LOGS = Path("sitl_logs")
 LOG, OTHER = LOGS / "campaign/v4_m10_q2.5.tlog", LOGS / "campaign/v2_m4_q2.5.tlog"
-BOARD_LOG = LOGS / "formats/v4_m10_q2.5.BIN"  # with the calibration of its sensors
 
 
 @pytest.fixture
 def hangar(tmp_path: Path, monkeypatch) -> Hangar:
     """A hangar with the simulated F16 under the name north, which commands take by default."""
-    made = Hangar(tmp_path / "hangar")
-    folder = made.aircraft_folder("north")
-    folder.mkdir(parents=True)
-    for name, place, file in (
-        ("model.safetensors", "shipped", "default.safetensors"),
-        ("airframe.toml", "airframes", "topxgun-f16-sitl.toml"),
-    ):
-        content = resources.files(f"thrustmargin.models.{place}").joinpath(file).read_bytes()
-        (folder / name).write_bytes(content)
-    made.keep("north", [marks_of(read_log(BOARD_LOG))], made_unix_s=0.0, training=[])
+    made = hangar_with_north(tmp_path / "hangar")
     monkeypatch.setenv("THRUSTMARGIN_HANGAR", str(made.folder))
     return made
 

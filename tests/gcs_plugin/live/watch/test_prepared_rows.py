@@ -9,7 +9,7 @@ from tests.gcs_plugin.live.live_vehicle import Vehicle
 from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL
 from tests.made_sources import sent
 from tests.models.checks.test_output_evidence import SQUARE, hover
-from thrustmargin.gcs_plugin.live.watch.frozen_watch import FrozenWatch
+from thrustmargin.gcs_plugin.live.watch.prepared_rows import FrozenWatch
 from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.wording.check_words import statement_words

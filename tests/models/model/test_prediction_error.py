@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import flight, log, model
-from thrustmargin.gcs_plugin.reports.margin import report_flight
-from thrustmargin.gcs_plugin.reports.margin.accuracy import accuracy
+from thrustmargin.gcs_plugin.reports.margin.summary import error_row
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import FlightAnalysis, Prediction, analyse
 from thrustmargin.models.model.model_file import shipped_model
+from thrustmargin.models.model.prediction_error import prediction_error
 
 BLOCK_S, FEWEST_BLOCKS = 20.0, 5  # s of a block; of them, for an interval
 NAMES = ("a", "b", "c", "d")
@@ -54,8 +54,8 @@ def made(error_rpm: np.ndarray, step: float, half_width_rpm: float = 50.0) -> Fl
 
 
 def test_rmse_bias_r2_and_coverage_are_those_of_the_airborne_rows():
-    analysis, recorded = flight()
-    found = report_flight(analysis, recorded, max_utilisation=0.5).accuracy
+    analysis, _ = flight()
+    found = prediction_error(analysis, analysis.places)
     flying = analysis.track.flying
     measured = analysis.track.rotor_speed_rpm[flying]
     predicted = analysis.prediction.rotor_speed_rpm[flying]
@@ -77,7 +77,7 @@ def test_rmse_bias_r2_and_coverage_are_those_of_the_airborne_rows():
 
 def test_coverage_is_the_share_inside_the_interval():
     error = np.linspace(-100.0, 100.0, 2001)[:, None] * np.ones(4)
-    found = accuracy(made(error, 0.1, half_width_rpm=50.0), NAMES)
+    found = prediction_error(made(error, 0.1, half_width_rpm=50.0), NAMES)
     assert found.overall is not None
     assert found.overall.coverage.value == pytest.approx(0.5, abs=0.001)
     assert found.promised_coverage == 0.9
@@ -89,7 +89,7 @@ def test_more_samples_a_second_do_not_make_a_figure_surer():
     fast = np.repeat(slow, 10, axis=0)
     widths = []
     for error, step in ((slow, 0.5), (fast, 0.05)):
-        overall = accuracy(made(error, step), NAMES).overall
+        overall = prediction_error(made(error, step), NAMES).overall
         assert overall is not None
         widths.append(overall.rmse_rpm.high - overall.rmse_rpm.low)
     assert widths[1] == pytest.approx(widths[0], rel=0.15)
@@ -101,7 +101,7 @@ def test_intervals_hold_the_truth_about_as_often_as_they_say():
     trials = 60
     for _ in range(trials):
         error = correlated(1000, 0.2, 2.0, rng) * 20
-        for rotor in accuracy(made(error, 0.2), NAMES).rotors:
+        for rotor in prediction_error(made(error, 0.2), NAMES).rotors:
             held["bias"] += rotor.bias_rpm.low <= 0.0 <= rotor.bias_rpm.high
             held["rmse"] += rotor.rmse_rpm.low <= 20.0 <= rotor.rmse_rpm.high
     for name, count in held.items():
@@ -111,17 +111,18 @@ def test_intervals_hold_the_truth_about_as_often_as_they_say():
 
 def test_a_flight_too_short_for_blocks_has_figures_but_no_intervals():
     rows = int(BLOCK_S * (FEWEST_BLOCKS - 0.5) / 0.1)
-    found = accuracy(made(np.full((rows, 4), 7.0), 0.1), NAMES)
+    short = made(np.full((rows, 4), 7.0), 0.1)
+    found = prediction_error(short, NAMES)
     assert found.overall is not None
     assert found.overall.bias_rpm.value == pytest.approx(7.0)
     assert np.isnan(found.overall.bias_rpm.low)
-    assert found.words.startswith("No intervals")
+    assert error_row(short)["words"].startswith("No intervals")
 
 
 def test_rows_without_prediction_do_not_count():
     analysis = made(np.full((2001, 4), 5.0), 0.1)
     analysis.prediction.rotor_speed_rpm[1000:] = np.nan
-    found = accuracy(analysis, NAMES)
+    found = prediction_error(analysis, NAMES)
     assert found.rotors[0].rows == 1000
     assert found.rotors[0].bias_rpm.value == pytest.approx(5.0)
 
@@ -129,7 +130,7 @@ def test_rows_without_prediction_do_not_count():
 def test_a_silent_rotor_is_left_out_and_the_others_stand():
     analysis = made(np.full((2001, 4), 5.0), 0.1)
     analysis.track.rotor_speed_rpm[:, 2] = np.nan
-    found = accuracy(analysis, NAMES)
+    found = prediction_error(analysis, NAMES)
     assert [r.name for r in found.rotors] == ["a", "b", "d"]
     assert found.overall is not None
     assert np.isfinite(found.overall.r2.value)
@@ -140,10 +141,10 @@ def test_a_silent_rotor_is_left_out_and_the_others_stand():
 )
 def test_a_flight_that_trained_the_network_is_said_to_have(name, trained):
     analysis = analyse(replace(log().track, name=name), shipped_model())
-    found = accuracy(analysis, NAMES)
+    found = prediction_error(analysis, NAMES)
     assert found.trained_on is trained
-    assert ("learnt from a flight of this name" in found.words) is trained
+    assert ("learnt from a flight of this name" in error_row(analysis)["words"]) is trained
 
 
 def test_without_a_network_no_flight_has_trained_it():
-    assert accuracy(flight()[0], NAMES).trained_on is False
+    assert prediction_error(flight()[0], NAMES).trained_on is False

@@ -1,4 +1,4 @@
-"""Measure how far the rotor speeds of a flight are from their model, in each mode of the layout."""
+"""Measure what one flight teaches the model of its aircraft: offsets of its modes, and power."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ import numpy as np
 
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.model.mode_walk import FlightOffsets, mode_columns
+from thrustmargin.models.model.mode_walk import FlightOffsets, local_day, mode_columns
 from thrustmargin.models.model.rotor_model import predict, without_state
+from thrustmargin.models.physics.electric_power import FlightPower
 
-FEWEST_ROWS = 100  # of a flight that may update the walk
+FEWEST_ROWS = 100  # in flight, of a flight that may update the walk, or whose power counts
 BLOCK_S = 5.0  # of the blocks from whose scatter the standard error of a flight's mean follows
 FEWEST_BLOCKS = 4
 MEDIAN_ABSOLUTE = 1.4826  # standard deviation over median absolute deviation, of a normal variable
@@ -60,3 +61,33 @@ def flight_offsets(
         error=tuple(error.tolist()),
         rows=int(np.count_nonzero(rows)),
     )
+
+
+def power_coefficient(analysis: FlightAnalysis) -> float:
+    """Return k, W/rpm³, of electric power = k rho / rho_ref sum of N³ over the rotors.
+
+    By least squares over rows in flight with all rotor speeds measured; rho_ref is the model's
+    reference density. NaN with fewer than FEWEST_ROWS rows. `models.physics.electric_power` has the
+    source of the law.
+    """
+    track, model = analysis.track, analysis.model
+    cubes = np.sum(track.measured("rotor_speed_rpm") ** 3, axis=1)
+    cubes = cubes * analysis.density / model.reference_density
+    power = track.voltage * track.current
+    rows = track.flying & np.isfinite(cubes) & np.isfinite(power) & (power > 0.0)
+    if np.count_nonzero(rows) < FEWEST_ROWS:
+        return math.nan
+    return float(cubes[rows] @ power[rows] / (cubes[rows] @ cubes[rows]))
+
+
+def flight_power(analysis: FlightAnalysis, flight: str) -> FlightPower | None:
+    """Return the power coefficient of a flight with its day; None where it cannot be measured.
+
+    `flight` is the digest of the log. A flight without a date counts as of the first day of all.
+    """
+    coefficient, track = power_coefficient(analysis), analysis.track
+    if not coefficient > 0.0:
+        return None
+    start = 0.0 if track.start_unix_s is None else track.start_unix_s
+    longitude = track.origin.longitude_deg if track.origin else math.nan
+    return FlightPower(flight=flight, day=local_day(start, longitude), coefficient=coefficient)
