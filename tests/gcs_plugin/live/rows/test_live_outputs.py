@@ -68,7 +68,7 @@ def test_it_is_marked_and_no_rotor_is_accused():
     assert {e.alarm.name for e in events if e.raised} <= {"margin"}
     texts = {e.alarm.text for e in events if e.raised and e.alarm.name == "margin"}
     assert texts
-    assert all(re.search(r"margin \d+% \(\d+-\d+\)", t) and len(t) <= 50 for t in texts)
+    assert all(re.search(r"thrust left \d+% \(\d+-\d+\)", t) and len(t) <= 50 for t in texts)
     assert not np.isfinite(rows(updates, "residual_rpm")).all()
 
 
@@ -81,4 +81,4 @@ def test_the_cuts_between_rounds_do_not_matter():
 def test_lost_outputs_are_not_called_lost_escs():
     _, events, _ = watched(200, 0.5, 0.4)
     texts = [e.alarm.text for e in events if e.alarm.name == "rotor speeds"]
-    assert texts == ["No motor outputs: margin unknown"]
+    assert texts == ["No motor outputs: thrust left unknown"]
