@@ -84,8 +84,9 @@ class Announcer(Output):
     name = "--announce"
 
     def __init__(self, sender: Sender, *, limit: float = 0.5, battery: bool = False) -> None:
-        """Take the smallest thrust margin that may last as `limit`; `battery` as the module
-        says.
+        """Set the sender and `limit`, the smallest thrust margin that may last.
+
+        `battery`: margins are also sent as a battery (see the module).
         """
         self._sender = sender
         self._limit = limit
@@ -146,12 +147,12 @@ class Announcer(Output):
                 self._sender.send(number, message, forwards=True)
 
     def _landed(self, state: _Vehicle, update: Update) -> None:
-        """Queue what to do before the next flight, once the flight has landed."""
+        """Queue the advice for the next flight once a flight has ended and its report is final."""
         flight = update.flight
         if flight is not None and state.flying and flight.settled and flight.answer.brief:
             grave = flight.advice.level in LAND_FIRST
             self._queue(state, WARNING if grave else INFO, flight.answer.brief)
-        # What it said so far is not yet the last word on a flight that has just landed.
+        # The verdict so far is not yet the final one of a flight that has just landed.
         state.flying = flight is not None and not flight.settled
 
     def _queue(self, state: _Vehicle, severity: int, text: str) -> None:

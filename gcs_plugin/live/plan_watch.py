@@ -116,9 +116,7 @@ class PlanWatch(Output):
         self._new.set()
 
     def close(self) -> None:
-        """Report the stretches that are over, with every flight taken as ended, and end the
-        thread.
-        """
+        """Report the finished stretches, with every flight counted as ended, and end the thread."""
         with self._lock:
             for flight in self._flights.values():
                 flight.ended = True
@@ -188,7 +186,8 @@ class PlanWatch(Output):
 
 
 def _rows(update: Update, home: tuple[float, float, float]) -> Floats:
-    """Return (T, columns) of the new rows in flight."""
+    """Return the new rows in flight (T, columns): clock, s; place (3), m NED about `home`;
+    speed, m/s; tank, kg; voltage; wind (3); density; utilisation (R). NaN where unknown."""
     analysis, track = update.analysis, update.analysis.track
     new = np.flatnonzero(track.flying[update.first :]) + update.first
     known_air = track.reports("pressure") or track.reports("altitude")

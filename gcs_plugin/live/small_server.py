@@ -57,7 +57,7 @@ class SmallServer:
 
     @property
     def port(self) -> int:
-        """Port on which it serves."""
+        """Return the TCP port of the server."""
         return self._server.server_port
 
     def close(self) -> None:

@@ -97,7 +97,8 @@ def _outputs(instances: Sequence[Topic], parameters: Mapping[str, float]) -> Ulo
 def _of_instance(
     topic: Topic, number: int, parameters: Mapping[str, float]
 ) -> tuple[list[Signal], Statement]:
-    """Return the throttle by motor of one instance, and in words the order of its outputs."""
+    """Return the output of each motor in one topic instance, and in words the order of its
+    outputs."""
     bank = "MAIN" if number == 0 else "AUX"
     names = [name for k in range(_MOST_OUTPUTS) if (name := f"output[{k}]") in topic]
     values = [in_si(topic, name, "1") for name in names]

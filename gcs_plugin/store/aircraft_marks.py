@@ -44,7 +44,7 @@ class Marks:
 
     @property
     def any(self) -> bool:
-        """Return whether the log shows anything but a system id and a layout."""
+        """Return True if the log shows anything but a system id and a layout."""
         return bool(self.board or self.sensors or self.accelerometer or self.compass)
 
 
@@ -106,7 +106,12 @@ def serial_of_texts(log: FlightLog) -> str:
 
 
 def match(log: Marks, known: Marks) -> MarksMatch:
-    """Compare the marks of a log with those of a known aircraft."""
+    """Compare the marks of a log (serial number, device ids, calibration) with those of a known
+    aircraft.
+
+    SAME: equal serial number, or calibration. COPIED, RECALIBRATED, OTHER_LAYOUT, UNMARKED: the
+    user must choose. OTHER: another aircraft.
+    """
     boards = log.board and known.board
     layouts = log.layout and known.layout and log.layout != known.layout
     calibrated = [
@@ -131,7 +136,7 @@ def match(log: Marks, known: Marks) -> MarksMatch:
 def _equal(
     one: Mapping[str, float], other: Mapping[str, float], *, fewest: int = FEWEST_VALUES
 ) -> bool | None:
-    """Return whether the values that two logs share are equal; None with fewer than `fewest`."""
+    """Return True if the values that two logs share are equal; None with fewer than `fewest`."""
     shared = one.keys() & other.keys()
     if len(shared) < fewest:
         return None
@@ -139,10 +144,11 @@ def _equal(
 
 
 def recognise(log: Marks, known: Iterable[tuple[str, tuple[Marks, ...]]]) -> Recognition:
-    """Return which of the known aircraft, each a name with the marks it had, a log is of.
+    """Return which known aircraft a log belongs to; `known` gives each name and the marks of its
+    earlier logs.
 
-    Without a name and without open ones the log is of a new aircraft. The best of an aircraft's
-    marks counts; two aircraft that match alike are both open.
+    The best match of an aircraft's marks counts. If exactly one aircraft is the SAME, its name is
+    returned; else all that match are `open`. With neither, the log is of a new aircraft.
     """
     found: dict[str, MarksMatch] = {}
     for name, marks in known:

@@ -84,7 +84,7 @@ UNTRUSTED = (NotTaught.FAULT, NotTaught.LOST, NotTaught.NO_VERDICT, NotTaught.RE
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AircraftFlight:
-    """One flight of an aircraft: its conditions, its figures, and what it taught; NaN unknown.
+    """A flight of an aircraft: its conditions, figures and effect on the state; NaN unknown.
 
     Each field is a column of `schema.FLIGHTS` by the same name.
     """
@@ -107,7 +107,7 @@ class AircraftFlight:
     battery_ohm: float = NAN  # of the whole pack
     battery_ohm_error: float = NAN  # standard error
     charge_used_ah: float = NAN  # in flight
-    mission: FlownMission | None = None  # beside its forecast by the state before the flight
+    mission: FlownMission | None = None  # compared with its forecast by the state before the flight
     coverage: float = NAN  # share of speeds inside the interval of the state before the flight
     bias: float = NAN  # mean of ln measured over predicted speed
     fault_kinds: tuple[str, ...] = ()  # of each bad rotor or motor, as "propeller"
@@ -129,7 +129,8 @@ class AircraftFlight:
 
     @property
     def trusted(self) -> bool:
-        """Return whether its readings say something of the sound aircraft's power and missions."""
+        """Return True if the flight may be used to learn the power and the missions of the sound
+        aircraft."""
         return self.not_taught not in UNTRUSTED
 
 
@@ -154,7 +155,7 @@ class _Record:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KnownAircraft:
-    """One aircraft of the hangar with its flights and events, as its files say them."""
+    """An aircraft of the hangar with its flights and events, as stored in its files."""
 
     folder: Path
     name: str
@@ -193,7 +194,7 @@ class KnownAircraft:
 
     @property
     def sound_flights(self) -> tuple[AircraftFlight, ...]:
-        """Return the flights on which what is known of it rests: those that taught."""
+        """Return the fault-free flights, which the aircraft's state and models are based on."""
         return tuple(row for row in self.flights if row.not_taught is None)
 
     @property
@@ -203,20 +204,20 @@ class KnownAircraft:
         return len({local_day(row.started_unix_s, row.longitude_deg) for row in rows})
 
     def flights_before(self, start_unix_s: float) -> tuple[AircraftFlight, ...]:
-        """Return the last RECENT flights before a Unix time whose readings are trusted.
+        """Return the last RECENT flights before a Unix time, s, whose readings are trusted.
 
-        Those are the flights without a bad part, lost control or rotor speeds that are not trusted.
-        Power and battery do not depend on the load, so a flight of another load counts.
+        A flight with a bad part, lost control or wrong rotor speeds is not trusted. Power and
+        battery do not depend on the load, so a flight of another load counts.
         """
         rows = [row for row in self.flights if row.started_unix_s < start_unix_s and row.trusted]
         return tuple(rows[-RECENT:])
 
     def clearance(self) -> Clearance:
-        """Return what the last RECENT flights mean for the next take-off.
+        """Return the consequence of the last RECENT flights for the next take-off.
 
-        A flight that grounds the aircraft does so until a repair is noted after it. Then, and where
-        a later flight taught, so that its rotors were seen sound, it is a condition; with both it
-        is over. The conditions besides are those of the last flight.
+        A flight that grounds the aircraft does so until a repair is noted or a later flight is
+        found sound; after lost control only a repair counts. With one of both, the fault is still a
+        condition; with both it is settled. The other conditions are those of the last flight.
         """
         rows = self.flights[-RECENT:]
         conditions: list[Condition] = []
@@ -243,7 +244,8 @@ class KnownAircraft:
         return Clearance(conditions=tuple(conditions))
 
     def power_before(self, start_unix_s: float = math.inf) -> PowerLaw | None:
-        """Return the power law by the flights before a Unix time; None where none has a current."""
+        """Return the power law by the flights before a Unix time, s; None if none of them has a
+        current."""
         return power_law(
             [
                 FlightPower(
@@ -256,10 +258,11 @@ class KnownAircraft:
         )
 
     def arms_before(self, start_unix_s: float = math.inf) -> ArmLaw | None:
-        """Return the figures of each arm in the flights before a Unix time, since the last repair.
+        """Return the figures of each arm in the flights before a Unix time, s, since the last
+        repair.
 
         Flights in which a part of an arm may have been bad are left out: a fault must not become
-        what is expected. None without such a flight.
+        the reference. None without such a flight.
         """
         since = max((one for one in self.repairs if one < start_unix_s), default=-math.inf)
         figures = [
@@ -299,7 +302,7 @@ class KnownAircraft:
     def state_before(
         self, start_unix_s: float, rotors: int, longitude_deg: float = NAN
     ) -> ModeState:
-        """Return the mode state in which a flight that starts at a Unix time is predicted."""
+        """Return the mode state with which to predict a flight that starts at a Unix time, s."""
         return state_before(
             self.lessons,
             self.steps(start_unix_s),
@@ -315,8 +318,10 @@ class KnownAircraft:
         return load_model(self.model_file)
 
     def model_before(self, start_unix_s: float, longitude_deg: float = NAN) -> RotorModel:
-        """Load the model with the state and the power law by which a flight that starts at a Unix
-        time is predicted; without a state where the model has no interval to widen.
+        """Load the model with the state and power law that apply to a flight starting at a Unix
+        time, s.
+
+        Without a state if the model has no interval that it could widen.
         """
         made = self.model()
         model = replace(
@@ -402,12 +407,12 @@ class Hangar:
         _write(self.aircraft_folder(name) / "aircraft.json", to_json_values(record))
 
     def add_flight(self, name: str, row: AircraftFlight) -> None:
-        """Write one flight of an aircraft, replacing what was known of that flight."""
+        """Write one flight of an aircraft, replacing an older record of the flight."""
         path = self.aircraft_folder(name) / "flights" / f"{row.flight}.json"
         _write(path, {"schema": FLIGHT_SCHEMA, **to_json_values(row)})
 
     def forget(self, name: str, flight: str) -> bool:
-        """Remove one flight of an aircraft; return whether it was there."""
+        """Remove one flight of an aircraft; return True if it was stored."""
         path = self.aircraft_folder(name) / "flights" / f"{flight}.json"
         there = path.exists()
         path.unlink(missing_ok=True)

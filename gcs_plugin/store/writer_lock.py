@@ -47,7 +47,10 @@ def _refusal(store: SeasonStore, holder: str) -> DataError:
 
 @contextmanager
 def _disk_lock(store: SeasonStore, wait_s: float) -> Iterator[Callable[[], None]]:
-    """Lock a store on a disk; a file beside the lock has the holder's name."""
+    """Lock a store on a disk; a file next to the lock contains the holder's name.
+
+    Raises the refusal if it is still locked after `wait_s` s.
+    """
     from filelock import FileLock, Timeout
 
     path = Path(store.path(LOCK))

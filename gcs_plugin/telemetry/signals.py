@@ -51,8 +51,8 @@ def signals_by_channel(signals: Iterable[Signal]) -> Signals:
 
 
 def best(signals: Signals, channel: str) -> Signal | None:
-    """Return the first source of a channel that covers at least 90 % of the time of the
-    best-covering one.
+    """Return a channel's first source that covers at least 90 % of the time of the best-covering
+    one.
 
     None if no source has a finite value.
     """
@@ -69,7 +69,7 @@ def best(signals: Signals, channel: str) -> Signal | None:
 
 
 def rejected_sources(there: Iterable[Signal], used: Signal) -> tuple[Rejected, ...]:
-    """List the sources of a channel other than `used`, each with the reason."""
+    """List the sources of a channel other than `used`, each with the reason why it is not used."""
     rejected, before = [], True
     for signal in there:
         if signal is used:
@@ -112,10 +112,10 @@ def _together(first: Signal, second: Signal) -> Signal:
 
 
 def mavlink_signals(streams: dict[str, Stream], airspeed: Provenance) -> Signals:
-    """Return the signals of every MAVLink message in `streams`; `airspeed` is the source of
-    VFR_HUD's.
+    """Return the signals of every MAVLink message in `streams`, by channel.
 
-    `streams` is emptied in the process to limit memory.
+    `airspeed` is the source of VFR_HUD's airspeed. `streams` is emptied in the process to limit
+    memory.
     """
     signals = sorted(decoded(streams, airspeed), key=lambda item: item[0])
     return signals_by_channel(
@@ -124,8 +124,9 @@ def mavlink_signals(streams: dict[str, Stream], airspeed: Provenance) -> Signals
 
 
 def decoded(streams: dict[str, Stream], airspeed: Provenance) -> Iterator[tuple[int, Signal]]:
-    """Yield each signal of the messages in `streams` with the rank of its source; `streams` is
-    emptied.
+    """Yield each signal of the messages in `streams` with the rank of its source, 0 the best.
+
+    `streams` is emptied in the process.
     """
     while streams:
         message, stream = streams.popitem()
@@ -182,7 +183,8 @@ class _Times:
         return self._made[key][0]
 
     def shortened(self, time_s: Floats, values: Floats) -> tuple[Floats, Floats]:
-        """Drop the rows before `since`, except the last known one."""
+        """Return times (n,), s, and values (n, ...) without rows before `since`, except the last
+        known one before it."""
         first = int(time_s.searchsorted(self.since))
         known = np.flatnonzero(known_rows(values[:first]))
         last = int(known[-1]) if known.size else first
@@ -207,7 +209,8 @@ class SignalBuffer:
         self.heard: set[str] = set()
 
     def add(self, streams: dict[str, Stream], airspeed: Provenance, after_s: float) -> None:
-        """Append the reports in `streams` later than `after_s`; `streams` is emptied."""
+        """Append the reports later than `after_s`, s of the vehicle's clock, to the signals;
+        `streams` is emptied. `airspeed` is the source of the airspeed."""
         self.heard |= set(streams)
         times = _Times(after_s, after_s - self._seconds)
         for rank, new in decoded(streams, airspeed):
@@ -273,8 +276,7 @@ def ordered_signal(
 
 
 def airspeed_sources(signals: Signals, sampling: Sampling) -> Iterator[Signal]:
-    """Yield the reported airspeeds; then, if they cover less, the speed through the air from
-    velocity and wind.
+    """Yield the reported airspeeds; then, if they cover less, the speed by velocity minus wind.
 
     Without a wind that is the speed over ground. An airspeed of 0 is no airspeed, as PX4 sends it
     without a sensor: in a recorded flight if it is 0 throughout, for a listener in each report. A
@@ -305,9 +307,8 @@ def airspeed_sources(signals: Signals, sampling: Sampling) -> Iterator[Signal]:
 
 
 def pitot_present(streams: Mapping[str, Stream], parameters: Mapping[str, float]) -> bool | None:
-    """Return whether the vehicle has an airspeed sensor by its own reports; None if they do not
-    show it.
-    """
+    """Return True or False as the vehicle reports an airspeed sensor or none; None if it reports
+    neither."""
     kind = parameter(parameters, "ARSPD_TYPE")
     if np.isfinite(kind):
         return kind > 0

@@ -30,7 +30,7 @@ LEAST_SAMPLES = 2.5
 #: Variance of a coefficient over that of a well separated rotor, above which two rotors are too
 #: close in speed to be separated.
 SEPARATED = 4.0
-SLOWEST_RPM = 300.0  # below which a rotor stands or idles
+SLOWEST_RPM = 300.0  # below which a rotor is at rest or idles
 
 
 def vibration_per_rev(signals: Signals, speeds: Sequence[Signal | None]) -> list[Signal | None]:

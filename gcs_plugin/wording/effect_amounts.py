@@ -37,7 +37,7 @@ def rotor_words(rotor: int, names: tuple[str, ...]) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DescribedEffect:
-    """One effect, with the identification that found it."""
+    """An effect, with the identification that found it."""
 
     found: ReportedEffect
     whole: Identification
@@ -56,8 +56,10 @@ class DescribedEffect:
     def size(
         self, name: str, unit: str = "", *, factor: float = 1.0, most: int = 2
     ) -> tuple[str, str]:
-        """Return the absolute amount of a parameter, and its interval with the same change of
-        sign."""
+        """Return the absolute amount of a parameter and its interval, in words.
+
+        A negative value and its interval change sign together.
+        """
         sign = -1.0 if self.ends(name)[0] < 0.0 else 1.0
         return within(*self.ends(name), unit, factor=sign * factor, most=most)
 
@@ -67,7 +69,7 @@ class DescribedEffect:
 
     @property
     def known(self) -> bool:
-        """Return whether the model has this effect already, so that the amount is a change."""
+        """Return True if the model has this effect already, so that the amount is a change."""
         return self.found.term.effect.name in {e.name for e in self.whole.model.effects}
 
     @property
@@ -213,7 +215,8 @@ hidden_mass = Amount(
 
 
 def air_density(it: DescribedEffect) -> str:
-    """Return the sentence about air density as a difference of temperature."""
+    """Return the sentence on an error of air density, as the temperature difference, K, that
+    causes it."""
     offset = it.size("temperature_offset", "K", most=1)
     if it.known:
         warmer = "The air is {amount} warmer than the model has it"
@@ -229,7 +232,10 @@ def air_density(it: DescribedEffect) -> str:
 
 
 def wrong_gain(little: str, much: str, it: DescribedEffect) -> str:
-    """Return the sentence about an instrument whose true value is `gain` times the shown one."""
+    """Return the sentence about an instrument whose true value is `gain` times the displayed one.
+
+    `little` and `much` are the sentences for a reading too low and too high.
+    """
     value, *ends = (1.0 - 1.0 / gain for gain in it.ends("gain"))
     sign, words = (-1.0, much) if value < 0.0 else (1.0, little)
     shown = within(value, ends[0], ends[1], "%", factor=100.0 * sign, most=1)

@@ -42,7 +42,8 @@ HOME = "Home"
 
 @cache
 def page_words(language: str) -> dict[str, dict[str, str]]:
-    """Return the words of the live page in a language: "words" by key, "names" by the label sent.
+    """Return the words of the live page: "words" by key, "names" by the label that the page
+    receives.
 
     Words keep their {placeholders}. Raises FileNotFoundError for a language that is none of
     LANGUAGES.
@@ -109,7 +110,7 @@ class WhyUnknown:
     option: str = ""
 
     def text(self, asked: Collection[str] = ()) -> str:
-        """Return the reason for people; options in `asked` are on already and are not advised."""
+        """Return the reason for people; an option in `asked` is in use already, and not advised."""
         words = say(self.words)
         if not self.option:
             return words
@@ -137,7 +138,7 @@ NO_ROWS = WhyUnknown(
     "heard, but neither rotor speeds, motor outputs, attitude nor position with its clock", RATES
 )
 
-#: Figures that can be unknown, by the name beside the reason.
+#: Figures that can be unknown, by the name printed with the reason.
 MEASURED_MARGIN, PREDICTED_MARGIN = "measured thrust left", "predicted thrust left"
 TANK, TANK_BY_THRUST, TIME_TO_EMPTY = "tank", "tank by thrust", "time to empty"
 ROUTE_AHEAD, FULL_MARGIN = "route ahead", "thrust left with a full tank"
@@ -217,7 +218,7 @@ def not_heard_on(urls: Iterable[str]) -> str:
 
 
 def last_heard(number: int, unix_s: float) -> str:
-    """Return when a vehicle that has left was last heard, by this computer's time of day."""
+    """Return the line on when a vehicle was last heard, by this computer's local time."""
     at = time.strftime("%H:%M", time.localtime(unix_s))
     return f"vehicle {number} was last heard at {at}"
 

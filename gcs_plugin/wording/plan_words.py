@@ -141,7 +141,7 @@ _OFF: Mapping[str, tuple[str, str, int]] = {
 
 
 def off_sentence(off: Off) -> str:
-    """Return one difference between plan and flight: `took off with 16.0 kg, 13.0 kg assumed`."""
+    """Return a difference between plan and flight: `took off with 16.0 kg, 13.0 kg assumed`."""
     sentence, unit, digits = _OFF[off.what]
     flown, forecast = off.amount.flown, off.amount.forecast
     words = say(

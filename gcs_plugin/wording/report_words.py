@@ -64,8 +64,10 @@ NO_ROW_OF_BOTH = "No airborne row has both a measured and a predicted rotor spee
 
 
 def prediction_checked(check: MarginCheck, *, trained_on: bool) -> str:
-    """Return thrust left as predicted and measured, the interval's coverage, and whether the model
-    was trained on this flight."""
+    """Return thrust left as predicted and measured, and the interval's coverage, in words.
+
+    `trained_on`: the model was trained on this flight, which is added.
+    """
     steps = ", ".join(
         say(
             "{when} {predicted} and {measured}",
@@ -102,8 +104,7 @@ NO_MAKERS_LIMIT = (
 
 
 def other_kind(learnt: str, here: str) -> str:
-    """Return the words about a model trained on another kind of rotor speeds than this flight
-    has."""
+    """Return the words on a model trained on another kind of rotor speeds than this flight has."""
     return say(
         "it learnt from rotor speeds {learnt} and this flight's are {here}: part of the "
         "difference from the prediction is that of the two kinds",
@@ -115,8 +116,7 @@ def other_kind(learnt: str, here: str) -> str:
 def trained_at(
     airspeed: Sequence[float], tank_kg: Sequence[float], density: Sequence[float]
 ) -> str:
-    """Return the training domain: airspeed, m/s, tank level, kg, and air density, kg/m³, as (low,
-    high)."""
+    """Return the training domain in words, from (low, high) of m/s, kg and kg/m³."""
     return say(
         "trained at {airspeed} m/s airspeed, {load} kg on board, {density} kg/m³",
         airspeed=f"{airspeed[0]:.1f} to {airspeed[1]:.1f}",
@@ -236,7 +236,7 @@ class FirstContact:
     gauge: bool  # tank level is reported
     airspeed: bool  # measured by a sensor
     autopilot: str
-    asked: tuple[str, ...]  # keys of QUESTIONS that the log does not answer
+    asked: tuple[str, ...]  # keys of QUESTIONS to the owner that the log leaves open
     log: str  # path, quoted for a shell
 
 
@@ -265,7 +265,7 @@ def contact_use(contact: FirstContact) -> tuple[str, str]:
 
 
 def contact_facts(contact: FirstContact) -> Facts:
-    """Return all facts of an unknown aircraft: its use, the log, the questions, and the commands to
+    """Return all facts of an unknown aircraft: its use, the log, the questions and commands to
     copy."""
     return (
         contact_use(contact),
@@ -279,7 +279,7 @@ def contact_facts(contact: FirstContact) -> Facts:
 
 #: Labels of commands to copy: one with capitals to replace, and one that asks questions.
 TO_COPY = ("to copy", "or be asked")
-#: Facts that stand open under the card: what limits its answer, and what was found at fault.
+#: Facts listed unfolded under the card: what limits its verdict, and what was found at fault.
 CONDITIONS = (
     *("alarm", "after the repair", "why", "what helps", "model", "ESC", "weak rotors", "thrust"),
     *("rotor speeds", "battery voltage", "beyond the ceiling", "log", "load", *TO_COPY),
@@ -309,7 +309,8 @@ def _use_words(contact: FirstContact) -> str:
 
 
 def found_words(contact: FirstContact) -> str:
-    """List what the log shows of the aircraft: motors, layout, cells, hover, sensors, autopilot."""
+    """List what the log contains on the aircraft: motors, layout, cells, hover, sensors,
+    autopilot."""
     layout = contact.layout or say("layout not known")
     order = say("in its motor order" if contact.motor_order_known else "motor order not known")
     cells = say("{count} cells" if contact.cells != 1 else "{count} cell", count=contact.cells)

@@ -102,8 +102,10 @@ def _list(place: Hangar, console: Console) -> int:
 
 
 def _stored_alone(place: Hangar) -> dict[str, int]:
-    """Return the number of stored flights of each aircraft of which the hangar has flights alone,
-    by its name; empty where the season's libraries are not installed."""
+    """Return the number of stored flights by aircraft, for aircraft without a record in the hangar.
+
+    Empty where the season's libraries are not installed.
+    """
     if not (place.folder / "flights").is_dir() or find_spec("pyarrow") is None:
         return {}
     from collections import Counter
@@ -116,7 +118,7 @@ def _stored_alone(place: Hangar) -> dict[str, int]:
 
 
 def _show(known: KnownAircraft, console: Console) -> None:
-    """Print the timeline of one aircraft: its flights and what was noted, by time."""
+    """Print the timeline of one aircraft: its flights and noted changes, by time."""
     from thrustmargin.gcs_plugin.wording.aircraft_words import (
         counted_words,
         flight_line,

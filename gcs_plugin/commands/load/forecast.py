@@ -303,7 +303,8 @@ def forecast(
 def _write_sorties(
     made: PlanForecast, plan: Path, folder: Path, pump: PumpOutput | None
 ) -> list[Path]:
-    """Write one .plan for each sortie, none of which replaces the plan that was read."""
+    """Write one .plan for each sortie and return the paths. Raises DataError if one already
+    exists."""
     from thrustmargin.mission.forecast.plan_forecast import sortie_plans
     from thrustmargin.mission.plan import write_plan
 
@@ -382,7 +383,7 @@ class _FlightBefore:
 
 
 def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
-    """Return what the flights of a log mean for the next one; nothing of a plan file."""
+    """Return the consequences of a log's flights for the next one; empty for a plan file."""
     from thrustmargin.models.model.clearance import NO_FLIGHT, NOT_SEEN, clearance
 
     if plan.suffix.lower() in PLANS:

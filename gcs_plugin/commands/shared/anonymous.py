@@ -76,7 +76,7 @@ def without_name(text: str, name: str) -> str:
 
 
 def _without_name(one: Statement, name: str) -> Statement:
-    """Return a statement without the log's name in any of its values."""
+    """Replace the log's name by `name` in all values of a statement."""
 
     def cleaned(value: Value) -> Value:
         if isinstance(value, Statement):
@@ -89,7 +89,7 @@ def _without_name(one: Statement, name: str) -> Statement:
 
 
 def pseudonym(key: str, text: str) -> str:
-    """16 hexadecimal digits that stand for a text, and tell it to nobody without the key."""
+    """Return 16 hexadecimal digits that stand for a text; without the key they do not reveal it."""
     return hmac.new(bytes.fromhex(key), text.encode(), sha256).hexdigest()[:16]
 
 
@@ -100,9 +100,9 @@ def key_file() -> Path:
 
 
 def own_key() -> str:
-    """The key by which one aircraft has one pseudonym in every run; made when there is none.
+    """Return the user's key, with which an aircraft has one pseudonym in every run.
 
-    Raises DataError when the file holds another thing.
+    Write a random key if there is none. Raises DataError when the file contains no key.
     """
     path = key_file()
     if not path.exists():

@@ -34,7 +34,7 @@ OLD_LIMIT = {"report": "thrust in use", "monitor": "thrust margin"}
 
 
 def refuse_renamed(argv: Sequence[str]) -> None:
-    """Raise UsageError that says how an option of an older command line is written now."""
+    """Raise UsageError for an option of an older command line, with its present form."""
     if not argv or argv[0] not in OLD_LIMIT:
         return
     for place, word in enumerate(argv):
@@ -116,12 +116,12 @@ def check_port(port: int | None, option: str = "--port") -> None:
 
 @dataclass(frozen=True, slots=True)
 class OutputFile:
-    """A file that a command is asked to write, and the option that names it."""
+    """A file that a command is to write, and the option that names it."""
 
     option: str
     path: Path | None
     endings: tuple[str, ...] = ()  # that its name may have; () is any
-    keep: bool = False  # what stands there already is not replaced
+    keep: bool = False  # an existing file is not replaced
     content: str = ""  # outputs of one path may be one file if this is the same, and not empty
 
 
@@ -179,7 +179,7 @@ def _same_file(first: Path, second: Path) -> bool:
 def check_voltage(voltage: float, craft: Airframe) -> None:
     """Raise UsageError for a voltage that no battery of the airframe has in flight.
 
-    That is less than an empty one has, or more than a charger leaves in it.
+    It is below that of an empty battery, or above that of a fully charged one.
     """
     from thrustmargin.models.checks.voltage import POSSIBLE_VOLTAGE, TOLERANCE, full_voltage
 

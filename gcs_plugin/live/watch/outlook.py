@@ -40,7 +40,7 @@ LONGEST_FLIGHT = 3600.0  # s; no sprayer flies longer
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outlook:
-    """The forecast for the rest of the flight by the newest row."""
+    """The forecast for the rest of the flight, as of the newest row."""
 
     #: At the present flow, spraying on; inf where that is not within a flight.
     seconds_to_empty: float = math.nan
@@ -49,12 +49,14 @@ class Outlook:
 
     @cached_property
     def margin_full(self) -> float:
-        """Predicted worst-rotor margin with a full tank, worked out when a screen asks for it."""
+        """Return the predicted margin, a share of 1, of the worst rotor with a full tank;
+        computed when requested."""
         return self.full()
 
     @property
     def margin_ahead(self) -> float:
-        """Least predicted margin that lasts on the rest of the route; NaN without a mission."""
+        """Return the least predicted lasting margin on the rest of the route; NaN without a
+        mission."""
         return math.nan if self.route is None else self.route.lasting_margin
 
 
@@ -83,18 +85,18 @@ class LookAhead:
         self.plan, self._given_at = plan, state.mission_changes
 
     def restart(self) -> None:
-        """Begin anew with the clock of a vehicle that restarted."""
+        """Reset times and tank levels for the new clock of a vehicle that restarted."""
         self._done_s = -math.inf
         self._levels.clear()
 
     def rows(
         self, analysis: FlightAnalysis, first: int, new: LiveRows, state: VehicleState
     ) -> tuple[Floats, Floats]:
-        """Take the rows `new`, in order, which are those of the analysis from `first` on.
+        """Process the rows `new`, in order, which are those of the analysis from `first` on.
 
-        Returns at each (T,) kg delivered since the pump was first heard, by the delivery factor
-        that was known then, and the least predicted margin on the rest of the route, NaN without a
-        mission.
+        Return two arrays (N,), one value for each new row: kg delivered since the pump was first
+        heard, by the delivery factor then known; and the least predicted margin on the rest of the
+        route, NaN without a mission.
         """
         gauge = analysis.track.measured("tank_kg")
         delivered, ahead = np.full((2, new.clock_s.size), np.nan)
@@ -120,7 +122,7 @@ class LookAhead:
         mission_item: int,
         state: VehicleState,
     ) -> None:
-        """Forecast from one row; `mission_item` is the item flown to, -1 unknown."""
+        """Forecast from one row; `mission_item` is the number of the item flown to, -1 unknown."""
         track, airframe = analysis.track, self._model.airframe
         tank = float(track.tank_kg[row])
         inferred = math.isnan(track.measured("tank_kg")[row])
@@ -196,9 +198,8 @@ class LookAhead:
 
 
 def recorded_seconds_to_empty(track: FlightTrack, row: int) -> float:
-    """Return s until the tank of a recorded flight is empty, by its fall in the window before a
-    row.
-    """
+    """Return the s until a recorded flight's tank is empty, at its rate in the window before
+    `row`."""
     time_s = track.time_s
     first = int(np.searchsorted(time_s, time_s[row] - FLOW_WINDOW))
     levels = np.column_stack([time_s[first : row + 1], track.tank_kg[first : row + 1]])
@@ -211,9 +212,8 @@ def recorded_seconds_to_empty(track: FlightTrack, row: int) -> float:
 
 
 def _fall(levels: Floats, error: float) -> float:
-    """Return kg/s by which levels (N, 2), clock s and kg, fall on a line; NaN where a fall is not
-    significant.
-    """
+    """Return the rate, kg/s, by which levels (N, 2), clock s and kg, fall; NaN if not
+    significant."""
     time_s, kg = levels.T - levels.mean(axis=0)[:, None]
     square = float(time_s @ time_s)
     slope = float(time_s @ kg) / square
@@ -230,7 +230,7 @@ def _seconds_to_empty(tank: float, flow: float) -> float:
 
 
 def _plan(waypoints: Iterable[PlanItem], *, home_first: bool) -> MissionPlan | None:
-    """Return the mission that was overheard; None unless it is complete."""
+    """Return the mission whose transfer was received from the link; None unless it is complete."""
     ordered = sorted(waypoints, key=lambda w: w.number)
     if not ordered or [w.number for w in ordered] != list(range(len(ordered))):
         return None

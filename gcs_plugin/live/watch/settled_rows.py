@@ -41,7 +41,7 @@ class RowHorizon:
     def settled(self, time_s: Floats, first: int, *, at_once: bool) -> slice:
         """Return the rows of `time_s` (T,), s, that become final with the rows from `first` on.
 
-        `at_once`: every row is final as soon as it is there.
+        `at_once`: every row is final as soon as it arrives.
         """
         begin, until = first - self._waiting, time_s.size
         if self.look_s > 0.0 and not at_once:

@@ -63,8 +63,9 @@ class Messages(NamedTuple):
     place: Index  # offset in the file
 
     def slice(self, first: int, end: int) -> Messages:
-        """Return the messages from byte `first` up to `end`; of a type with a clock, those with
-        a time.
+        """Return the messages from byte `first` up to `end`, without those whose time is missing.
+
+        Types without a clock keep all messages.
         """
         rows = (self.place >= first) & (self.place < end)
         if own_clock(self.form.columns) is not None:
@@ -92,9 +93,9 @@ def boots_of(
 ) -> Iterator[Recording]:
     """Yield a recording for each run between restarts of a file of `size` bytes.
 
-    `messages` are the needed ones and the three of units, by name; `kept` is the number of all
-    messages, `skipped` the (offset, length) of damage. Raise LogError if `vehicle` is not the one
-    in the log.
+    `messages` are the needed ones and the three that define units, by name; `kept` is the number of
+    all messages, `skipped` the (offset, length) of damage. Raise LogError if `vehicle` is not the
+    one in the log.
     """
     in_text = format_name != "DataFlash"
     units = Units.from_tables(lambda name: messages[name].table if name in messages else None)

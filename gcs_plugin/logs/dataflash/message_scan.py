@@ -52,7 +52,7 @@ SCALED_LETTERS = frozenset("cCeEL")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Format:
-    """One message type as the log's own FMT describes it."""
+    """Format of one message type, as the log's own FMT message describes it."""
 
     type: int
     name: str
@@ -105,7 +105,8 @@ def make_format(number: int, length: int, name: str, letters: str, columns: str)
 
 
 def scan(data: Bytes, size: int) -> FoundMessages:
-    """Return all messages in the first `size` bytes of `data`, which ends with PADDING more."""
+    """Return all DataFlash messages in the first `size` bytes of `data`, which ends with PADDING
+    more."""
     heads = [_heads(data, size, low) for low in range(0, size, _CHUNK)]
     start = np.concatenate(heads) if heads else np.empty(0, np.int64)
     del heads

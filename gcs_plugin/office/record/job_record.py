@@ -27,7 +27,7 @@ from thrustmargin.models.provenance import Meaning, SourceKind
 
 @dataclass(frozen=True, slots=True)
 class RuleItem:
-    """One item that a rule requires: its words, the fields that answer it, and its condition."""
+    """An item that a rule requires: its words, the fields that answer it, and its condition."""
 
     asks: str
     fields: Sequence[str]
@@ -36,7 +36,8 @@ class RuleItem:
 
 @dataclass(frozen=True, slots=True)
 class JobRule:
-    """One country's rule: its title, items, how long the record is kept, and when it is due."""
+    """A country's rule: its title, items, how long the record must be stored, and when it is
+    due."""
 
     name: str
     title: str
@@ -101,7 +102,7 @@ class EntrySource(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """One known field of the record: its value, unit and source."""
+    """A known field of the record: its value, unit and source."""
 
     value: Any
     unit: str = ""
@@ -225,9 +226,9 @@ def _wind(logs: Sequence[FlightLog], done: Applied | None) -> Entry | None:
 
 
 def _temperature(logs: Sequence[FlightLog]) -> Entry | None:
-    """Return the median temperature of the outside air, °C; None without a sensor of it.
+    """Return the median temperature of the outside air, °C; None without an outside sensor.
 
-    The temperature of the autopilot's board is not that of the air.
+    The temperature of the autopilot's board does not count.
     """
     for log in logs:
         source = log.track.source("temperature")

@@ -156,7 +156,7 @@ def geojson(done: Applied) -> dict[str, Any]:
 
 
 def makes_shapefiles() -> bool:
-    """Return whether pyshp is installed; it is part of the extra `field`."""
+    """Return True if pyshp is installed; it is part of the extra `field`."""
     return find_spec("shapefile") is not None
 
 

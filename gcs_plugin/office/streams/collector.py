@@ -81,7 +81,7 @@ class MetricsServer(SmallServer):
 
     @property
     def url(self) -> str:
-        """Address of the metrics."""
+        """Return the URL of the metrics."""
         return f"http://{HOST}:{self.port}/metrics"
 
 
@@ -92,11 +92,11 @@ class MonitorCollector(Collector):
         self._monitor = monitor
 
     def describe(self) -> Iterable[Metric]:
-        """Return nothing: which metrics there are depends on what is heard."""
+        """Return nothing: the set of metrics depends on the vehicles heard."""
         return ()
 
     def collect(self) -> Iterator[Metric]:
-        """Yield the metrics of the present moment."""
+        """Yield the present values of all metrics."""
         fleet, now_us = self._monitor.fleet, self._monitor.now_us()
         watches = {str(n): w for n, w in fleet.vehicles.items() if not w.has_left(now_us)}
         yield _gauge("vehicles", "Vehicles that are heard or missed", [((), float(len(watches)))])
@@ -137,7 +137,11 @@ def _gauge(
 
 
 def _age_metrics(watches: Mapping[str, VehicleMonitor], now_us: int) -> Iterator[Metric]:
-    """Yield the age of everything, and the frames that were lost."""
+    """Yield, by vehicle, the s since its last message, row and stale field, and counts of bad
+    frames.
+
+    Bad frames are lost, repeated or late ones.
+    """
     silent = [((n,), w.link.silent(now_us)) for n, w in watches.items()]
     yield _gauge("silence_seconds", "Since anything was heard of it", silent, ("vehicle",))
     rows = [((n,), w.last.age_s(now_us)) for n, w in watches.items() if w.last is not None]
@@ -206,7 +210,8 @@ def _vehicle_figures(update: Update) -> dict[str, float]:
 
 
 def _rotor_figures(update: Update) -> Iterator[tuple[tuple[str, str, str], dict[str, float]]]:
-    """Yield (rotor, name, source of its speed) and figures of each rotor; nothing on the ground."""
+    """Yield (rotor, name, source of its speed) and the figures of each rotor; nothing on the
+    ground."""
     analysis = update.analysis
     names = analysis.places
     if analysis.withheld or not analysis.track.flying[-1]:

@@ -92,7 +92,7 @@ def vehicle_facts(
 ) -> VehicleFacts:
     """Return kind and rotors of a vehicle by its parameters, its MAV_TYPE and its status texts.
 
-    If not `whole`, more parameters may come, and motors are not counted from part of the outputs.
+    If not `whole`, more parameters may come, and motors are not counted from a part of them.
     """
     if not whole and any(f"SERVO{n}_FUNCTION" not in parameters for n in OUTPUTS):
         functions = {f"SERVO{n}_FUNCTION" for n in range(1, 33)}
@@ -129,7 +129,8 @@ def _kind(
 def _program(
     parameters: Mapping[str, float], mav_type: int | None, texts: tuple[str, ...]
 ) -> tuple[VehicleKind, Evidence]:
-    """Return the kind by the first evidence: boot text, vehicle type, airframe, parameters."""
+    """Return the kind and its evidence, by the first of boot text, vehicle type, airframe,
+    parameters."""
     for text in texts:
         boot = _BOOT.match(text)
         if boot:
@@ -183,7 +184,7 @@ def _counted(count: int, evidence: Evidence) -> Statement:
 def _by_frame(
     parameters: Mapping[str, float], texts: tuple[str, ...], *, winged: bool
 ) -> tuple[int, Evidence]:
-    """Return the motors of ArduPilot's frame and the evidence for it; 0 if unknown."""
+    """Return the number of motors of ArduPilot's frame and the evidence for it; 0 if unknown."""
     name = "Q_FRAME_CLASS" if winged else "FRAME_CLASS"
     frame = whole_number(parameters, name)
     if count := FRAME_ROTORS.get(-1 if frame is None else frame, 0):
