@@ -49,7 +49,8 @@ class Link:
         self._splitters: dict[Address | None, FrameSplitter] = {}
 
     def frames(self, chunk: Chunk, stamp_us: int) -> tuple[list[Frame], bytes]:
-        """Return the frames of a chunk, and the bytes to forward for it."""
+        """Return the frames of a chunk received at `stamp_us`, Unix µs, and the bytes to forward
+        for it."""
         splitter = self._splitters.get(chunk.peer)
         if splitter is None:
             if len(self._splitters) >= SENDERS:

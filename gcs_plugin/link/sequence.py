@@ -35,7 +35,8 @@ class BootClocks:
         self._returns: list[float] = []
 
     def add(self, stamp_s: float, clock_s: float) -> None:
-        """Add one message: the ground's clock, and the sender's since its boot, both s."""
+        """Add one message, received at `stamp_s` of the ground's clock, with the sender's clock
+        since boot, `clock_s`, both s."""
         booted = stamp_s - clock_s
         same = [
             n for n, (line_s, _) in enumerate(self._lines) if abs(booted - line_s) <= SAME_CLOCK
@@ -102,7 +103,8 @@ class SenderWatch:
         return len(recent) >= RETURNS
 
     def clocked(self, message: int, stamp_s: float, clock_s: float) -> None:
-        """Add the clock since boot, s, of a message with id `message`."""
+        """Record the clock since boot, s, of a message with id `message`, received at `stamp_s`,
+        s."""
         clocks = self._clocks.setdefault(message, BootClocks())
         clocks.add(stamp_s, clock_s)
         self._by_clocks = any(clock.shared(stamp_s) for clock in self._clocks.values())

@@ -133,9 +133,7 @@ class Transport(Protocol):
 
 
 class Udp(Transport):
-    """A UDP socket, listening or sending first; one that sends first receives from its target
-    alone.
-    """
+    """A UDP socket that listens, or that sends first and then receives only from its target."""
 
     datagrams = True
 

@@ -202,14 +202,15 @@ class Announcer(Output):
 
 
 def plain(text: str) -> str:
-    """Return the text in ASCII, as ground stations can show it."""
+    """Return the text in ASCII; letters without a replacement become question marks."""
     for letter, written in PLAIN:
         text = text.replace(letter, written)
     return text.encode("ascii", "replace").decode()
 
 
 def figures(update: Update) -> dict[str, float]:
-    """Return the known figures of the last row by their names in messages."""
+    """Return the last row's known figures by the names of their NAMED_VALUE_FLOAT; margins in %,
+    masses in kg."""
     analysis = update.analysis
     margins = analysis.margin[-1]
     placed = analysis.placed and np.isfinite(margins).all()
@@ -228,7 +229,8 @@ def figures(update: Update) -> dict[str, float]:
 
 
 def what_to_do(listed: Iterable[Alarm]) -> dict[str, float]:
-    """Return MARGIN_DO for the gravest active alarm that demands an action; 0 for none."""
+    """Return MARGIN_DO, the code of the action of the gravest active alarm that requests one; 0 for
+    none."""
     grave = [a for a in listed if a.severity <= WARNING and a.state is AlarmState.ACTIVE]
     first = min(grave, key=lambda alarm: alarm.order, default=None)
     return {"MARGIN_DO": 0.0 if first is None else float(asked(first.name))}

@@ -149,7 +149,7 @@ def vehicle_cells(
 
 
 def numbers(update: Update, limit: float) -> tuple[Text, *tuple[str, ...]]:
-    """Return all cells between the vehicle's number and the age of its last row."""
+    """Return the cells between the vehicle's number and the age of its last row."""
     from rich.text import Text
 
     analysis, outlook = update.analysis, update.outlook
@@ -235,7 +235,7 @@ def status_lines(status: MonitorStatus, *, page: bool = False) -> list[str]:
 
 
 def rowless_lines(fleet: Fleet) -> list[str]:
-    """Return why vehicles that are heard have no rows."""
+    """Return the reasons why vehicles that send have no rows."""
     return [
         words.of_vehicle(n, w.problem)
         for n, w in fleet.vehicles.items()
@@ -256,7 +256,7 @@ def kilograms(mass: float) -> str:
 
 
 def minutes(time_s: float) -> str:
-    """Return minutes and seconds; "-" for unknown, "not" for infinity."""
+    """Return seconds as `3:07`; "-" for NaN, "not" for infinity."""
     if math.isinf(time_s):
         return "not"
     return f"{int(time_s) // 60}:{int(time_s) % 60:02d}" if math.isfinite(time_s) else "-"
@@ -285,7 +285,7 @@ class Bell(Output):
 
 
 class PlanPrinter(Output):
-    """An output that prints how the plan is flown, a line for each sentence."""
+    """An output that prints the plan's comparison with the flight, one line per sentence."""
 
     name = "plan lines"
 
@@ -368,7 +368,8 @@ class EventPrinter(Output):
         self.print()
 
     def look(self, *, page: bool = False) -> None:
-        """Print whether the analysis is late; called from another thread, for it may be stuck."""
+        """Print whether the analysis is late; called from another thread, because the compute
+        thread may hang."""
         behind_s, now_s = self._monitor.status().behind_s, self._monitor.now_us() * 1e-6
         if self._lateness.changes(behind_s, now_s):
             late = words.behind_words(behind_s, page=page)

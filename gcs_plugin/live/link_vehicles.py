@@ -109,9 +109,8 @@ class Fleet:
                 watch.telemetry.pass_over()
 
     def unread_us(self) -> list[int]:
-        """Return, for each vehicle with a message that waits to be analysed, the ground's clock of
-        the oldest.
-        """
+        """Return the ground's clock, µs, of the oldest unanalysed message of each vehicle that has
+        one."""
         unread = (watch.telemetry.unread_us for watch in list(self._watches.values()))
         return [us for us in unread if us is not None]
 
@@ -120,7 +119,8 @@ class Fleet:
         return [update for watch in self.waiting() for update in watch.updates()]
 
     def finish(self) -> list[Update]:
-        """Return the updates of rows that are still buffered at the end of the stream."""
+        """Return the updates of rows still buffered at the end of the stream, with final
+        predictions."""
         return [u for w in self.vehicles.values() for u in w.updates(final=True)]
 
     def tick(self, now_us: int) -> list[tuple[int, AlarmEvent]]:

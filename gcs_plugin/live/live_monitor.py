@@ -109,9 +109,9 @@ class Lateness:
 
 
 class LiveMonitor:
-    """Watches every vehicle on a link from `start` to `close`; `settings` may be just its URL.
+    """A monitor of every vehicle on links, from `start` to `close`; `settings` may be just a URL.
 
-    Raises LinkError when a link or the recording cannot be opened.
+    Raises LinkError if a link or the recording cannot be opened.
 
         >>> with LiveMonitor(load_model(), "udpin:127.0.0.1:14550") as live:
         ...     newest = live.wait(0.1)
@@ -448,10 +448,10 @@ OutputFactory = Callable[[OutputContext, Any], Output]
 
 
 def spacing(round_s: float, vehicles: int) -> float:
-    """Return s from the begin of a round that took `round_s` to the next, for a number of vehicles.
+    """Return s from the start of an analysis round, which took `round_s`, to the start of the next.
 
-    Of several vehicles at most 1/EACH a second are analysed, however fast the computer is: no alarm
-    needs more, and the cost of an aircraft grows with how often it is analysed.
+    With several vehicles at most 1/EACH analyses a second are made, however fast the computer is:
+    no alarm needs more, and the cost of an aircraft grows with their rate.
     """
     longest = min(max(EACH * vehicles, LONGEST), RAREST)
     return min(max(round_s / DUTY, EACH * (vehicles - 1), SHORTEST), longest)

@@ -28,7 +28,7 @@ class Output:
     name = "an output"  # by which an error of this output is reported
 
     def start(self) -> None:
-        """Open ports, files and threads. Raises LinkError where that is not possible."""
+        """Open ports, files and threads. Raises LinkError if that fails."""
 
     def on_frames(self, frames: list[Frame]) -> None:
         """Process a batch of frames in the order of arrival; called on the link threads."""

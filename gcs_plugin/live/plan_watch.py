@@ -53,7 +53,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(slots=True)
 class _Flight:
-    """The rows of one vehicle since its take-off, and which stretches were reported."""
+    """The rows of one vehicle since take-off, and the legs already reported."""
 
     rows: list[Floats] = field(default_factory=list)  # each (T, columns)
     parameters: Mapping[str, float] = field(default_factory=dict)
@@ -66,10 +66,10 @@ class _Flight:
 
 
 class PlanWatch(Output):
-    """An output that compares each flown stretch of `plan` with its forecast.
+    """An output that compares each flown leg of `plan` with its forecast.
 
-    `say` gets the number of the vehicle and a sentence: how the stretch was flown, or which
-    assumption of the forecast was off so far.
+    `say` is called with the vehicle's number and a sentence: how the leg was flown, or which
+    assumption of the forecast was wrong so far.
     """
 
     name = "--plan"

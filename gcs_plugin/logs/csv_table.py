@@ -86,7 +86,8 @@ QUATERNION = tuple(f"quaternion_{part}" for part in "wxyz")
 
 @dataclass(frozen=True, slots=True)
 class TheirColumn:
-    """The rule of one column of ours: `factor` times `column`, plus `offset`, in our unit."""
+    """The rule for one column of ours: `factor` times the file's `column`, plus `offset`, in our
+    unit."""
 
     column: str  # heading in the table; empty where the offset alone is the value
     factor: float = 1.0
@@ -353,7 +354,10 @@ def read_csv(path: Path, *, rotor_count: int = 0) -> FlightTrack:
 
 
 def _read_first(path: Path, rotor_count: int) -> tuple[FlightTrack, tuple[Statement, ...]]:
-    """Read the first flight of a CSV file; also return notes on its other flights."""
+    """Read the first flight of a CSV file; also return notes on its other flights.
+
+    Raise LogError, naming the wrong column or row.
+    """
     comments, names, body, separator = _parts(decoded(path.read_bytes()))
     stated = stated_columns(path, unit_of_column)
     if "time_s" not in stated and "time_s" not in names:

@@ -98,7 +98,7 @@ _SPOILS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Inspection:
-    """Channels, quality and findings of one log."""
+    """The channels, quality and findings of one log."""
 
     log: FlightLog
     airframe: Airframe | None  # None: not known
@@ -292,7 +292,8 @@ def _tank(track: FlightTrack, airframe: Airframe) -> list[Finding]:
 
 
 def _pump(log: FlightLog, airframe: Airframe) -> list[Finding]:
-    """Return a warning if the pump ran and the thrust shows no loss of mass."""
+    """Return one warning if the pump ran and the thrust shows no loss of mass; else an empty
+    list."""
     source = sprayed_by_thrust(log.track, airframe, log.parameters)
     least_l_s = LEAST_FLOW * airframe.pump_max_flow_l_min / 60.0
     if source is None or not source.most_kg < least_l_s * airframe.liquid_density * source.pump_s:
@@ -340,7 +341,8 @@ def _sensor(track: FlightTrack) -> Finding:
 
 
 def _gyro(track: FlightTrack) -> list[Finding]:
-    """Return a warning if the attitude turns while accelerometer and barometer show no motion."""
+    """Return one warning if the attitude turns while accelerometer and barometer show no motion;
+    else an empty list."""
     height = pressure_altitude(track.pressure)
     denied = attitude_denied(track.time_s, track.attitude, track.specific_force_frd, height)
     seconds = float(track.row_seconds[denied].sum())

@@ -65,7 +65,7 @@ def with_notes(logs: Sequence[FlightLog], path: Path) -> list[FlightLog]:
 
 
 def _of_sortie(line: _Line, log: FlightLog, start_s: float) -> EngineerNote:
-    """Return a line as a note at s from the first row of a sortie."""
+    """Convert a line to a note, at s from the first row of a sortie."""
     if math.isfinite(line.unix_s):
         return EngineerNote(line.unix_s - (log.track.start_unix_s or math.nan), line.text)
     return EngineerNote(line.seconds + start_s - log.clock_start_s, line.text)

@@ -127,7 +127,8 @@ def _fitting_vehicle(path: Path, options: Options) -> int | None:
 def _read_as(
     path: Path, vehicle: int | None, options: Options
 ) -> tuple[LogFormat, tuple[FlightLog, ...]]:
-    """Return the first format that can read the log, and its sorties."""
+    """Return the first format that can read the log, and its sorties; raise LogError if none
+    can."""
     for kind in formats(path):
         try:
             return kind, kind.read(path, vehicle, options)

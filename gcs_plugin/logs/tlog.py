@@ -251,9 +251,11 @@ def _named_values(fields: Columns | NDArray[np.void]) -> Iterator[tuple[str, flo
 
 
 def _waypoints(frames: Frames, chosen: int, last_row: int) -> tuple[PlanItem, ...]:
-    """Return the mission last transferred completely before the row, by item number.
+    """Return the mission last transferred completely up to row `last_row`, by item number; empty if
+    none was.
 
-    Items without a received count replace known ones.
+    `chosen` is the vehicle's system id. An item whose MISSION_COUNT was not received replaces the
+    known item of its number.
     """
     system = frames.system
     events: list[tuple[int, str, np.void]] = []
@@ -278,7 +280,7 @@ def _waypoints(frames: Frames, chosen: int, last_row: int) -> tuple[PlanItem, ..
 
 
 def _texts(streams: dict[str, Stream]) -> tuple[tuple[float, str], ...]:
-    """Return time, s, and text of the STATUSTEXT lines; pieces of a long line are joined."""
+    """Return (time in s, text) of each STATUSTEXT; pieces of a long text are joined."""
     stream = streams.get("STATUSTEXT")
     if stream is None:
         return ()

@@ -177,7 +177,7 @@ class _Log:
     formats: dict[bytes, list[tuple[bytes, int, bytes]]] = field(default_factory=dict)
 
     def end(self, begin: int) -> int:
-        """Return the end of the message at an offset; 0 if it is invalid."""
+        """Return the offset behind the message at `begin`; 0 if it is invalid."""
         data = self.data
         if begin + 3 > len(data):
             return 0

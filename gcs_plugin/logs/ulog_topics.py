@@ -82,7 +82,8 @@ def _throttle(topic: Topic, so_far: UlogMotors) -> UlogMotors:
 
 
 def _outputs(instances: Sequence[Topic], parameters: Mapping[str, float]) -> UlogMotors:
-    """Return the motor outputs of the instance that has most of them."""
+    """Return the motor outputs of the topic instance with most of them; none if fewer than
+    _FEWEST."""
     best: tuple[list[Signal], Statement | None] = ([], None)
     for number, topic in enumerate(instances):
         signals = _of_instance(topic, number, parameters)
@@ -137,7 +138,10 @@ _ESC_FIELDS = (
 
 
 def _with_escs(motors: UlogMotors, topic: Topic) -> UlogMotors:
-    """Add ESC channels by motor number from 0, whatever their place in the message."""
+    """Add ESC channels by motor (0-based), wherever the motor stands in the message.
+
+    Copies of another motor are dropped with a note.
+    """
     signals: list[Signal] = []
     notes: list[Statement] = []
     seen: dict[int, int] = {}  # motor -> its place
@@ -317,7 +321,7 @@ TOPICS = (
 
 
 def with_vectors(topic: Topic) -> Topic:
-    """Return the topic with its vectors as columns (n, k), besides their elements."""
+    """Return the topic with vectors as columns (n, k), besides the columns of their elements."""
     vectors = {}
     for vector, width in VECTORS.items():
         elements = [f"{vector}[{i}]" for i in range(width)]

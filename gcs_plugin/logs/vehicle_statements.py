@@ -37,7 +37,7 @@ _NO_REPORT = (EventKind.ARMED, EventKind.DISARMED, EventKind.RESOLVED, EventKind
 
 
 class Corroboration(StrEnum):
-    """Relation of the log to a report of the vehicle."""
+    """How the log confirms or contradicts a report of the vehicle."""
 
     AGREES = "agrees"  # the same motor by speeds
     OTHER_MOTOR = "other motor"  # another one by speeds
@@ -109,7 +109,8 @@ def _statement(
     losses: Sequence[LossOfControl],
     yaw_reserve: Floats | None,
 ) -> VehicleStatement:
-    """Return the statement of events of one kind and subject."""
+    """Compare the vehicle's events `same`, all of one kind and subject, with the log at the time of
+    the first."""
     first = same[0]
     named = ()
     if first.kind in _OF_MOTORS and first.subject.isdigit():

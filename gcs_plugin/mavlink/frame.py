@@ -188,7 +188,11 @@ def _inner_frame(
 
 
 def _checked(data: bytes, start: int, size: int) -> tuple[FrameKind, Header | None]:
-    """Classify bytes by header and checksum alone: any frame of unknown id is UNVERIFIED."""
+    """Classify bytes by header and checksum alone, without the frame after: any frame of unknown id
+    is UNVERIFIED.
+
+    The header is None if it is incomplete or has no magic byte.
+    """
     magic = data[start]
     if magic not in (V1, V2):
         return FrameKind.NOTHING, None

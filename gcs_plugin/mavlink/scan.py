@@ -248,8 +248,11 @@ def gaps_between(start: Index, end: Index, size: int, stamp: int = 0) -> list[tu
 def _explain_gaps(
     data: Bytes, gaps: list[tuple[int, int]], size: int, stamp: int
 ) -> tuple[list[tuple[int, int]], int, list[tuple[int, int]]]:
-    """Return skipped (offset, length), the count of bad checksums, and unverified (offset, id)
-    in the gaps.
+    """Examine the bytes between good frames, the `gaps` (start, end), for frames of unknown id or a
+    wrong checksum.
+
+    Return the skipped (offset, length), the count of wrong checksums, and (offset, id) of frames of
+    unknown id.
     """
     skipped: list[tuple[int, int]] = []
     unverified: list[tuple[int, int]] = []

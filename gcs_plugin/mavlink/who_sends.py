@@ -99,7 +99,7 @@ FEWEST = 100
 
 
 class _Sign(NamedTuple):
-    """A value by which two vehicles in one stream are recognised."""
+    """A measured value that jumps between two levels if two vehicles send in one stream."""
 
     what: str  # for people
     message: str

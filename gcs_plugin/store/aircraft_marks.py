@@ -33,7 +33,8 @@ FEWEST_SENSORS = 2  # likewise of device ids
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Marks:
-    """The marks by which a log shows its aircraft; empty where the log does not have them."""
+    """Values in a log that identify its aircraft, such as serial number, sensor ids and
+    calibration; empty if missing."""
 
     board: str = ""  # serial number of the autopilot
     vehicle: int = 0  # MAVLink system id; 0 unknown
@@ -62,7 +63,8 @@ class MarksMatch(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recognition:
-    """The aircraft of a log: its name, or the names among which the user must choose, and why."""
+    """Which known aircraft flew a log: `name`, or None and in `open` the (name, MarksMatch) among
+    which the user must choose. Both empty for a new aircraft."""
 
     name: str | None = None
     open: tuple[tuple[str, MarksMatch], ...] = ()
@@ -79,7 +81,8 @@ def marks_of(log: FlightLog) -> Marks:
         layout = None
 
     def chosen(pattern: re.Pattern[str], *, neutral: tuple[float, ...]) -> dict[str, float]:
-        """Return the parameters of a pattern that differ from their neutral values."""
+        """Return the parameters whose names match `pattern` and whose values are not in
+        `neutral`."""
         return {
             name: float(value)
             for name, value in sorted(parameters.items())

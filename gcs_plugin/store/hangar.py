@@ -136,7 +136,7 @@ class AircraftFlight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
-    """A repair or change that somebody noted, at a Unix time, s."""
+    """A repair or change noted by a person, at a Unix time, s."""
 
     unix_s: float
     changed: str  # the part, in the user's words
@@ -177,19 +177,21 @@ class KnownAircraft:
 
     @property
     def lessons(self) -> tuple[FlightOffsets, ...]:
-        """Return the offsets of the flights that teach, by time."""
+        """Return the rotor speed offsets of the flights that update the aircraft's state, by time;
+        without the training flights."""
         rows = (row for row in self.flights if not row.trained and row.not_taught is None)
         return tuple(row.offsets for row in rows if row.offsets is not None)
 
     @property
     def last_training(self) -> FlightOffsets | None:
-        """Return the offsets of the last flight that the model was made from; None if unknown."""
+        """Return the rotor speed offsets of the last flight on which the model was trained; None if
+        unknown."""
         made = [row.offsets for row in self.flights if row.trained and row.offsets is not None]
         return made[-1] if made else None
 
     @property
     def repairs(self) -> tuple[float, ...]:
-        """Return the Unix times, s, of the noted changes."""
+        """Return the Unix times, s, of the repairs and changes noted."""
         return tuple(event.unix_s for event in self.events)
 
     @property
@@ -274,20 +276,20 @@ class KnownAircraft:
 
     @property
     def arms_since_repair(self) -> tuple[ArmFigures, ...]:
-        """Return the figures of each arm in all flights since the last repair, by time."""
+        """Return each arm's figures in all flights since the last repair, by time."""
         since = max(self.repairs, default=-math.inf)
         rows = (row for row in self.flights if row.started_unix_s >= since)
         return tuple(row.arms for row in rows if row.arms is not None)
 
     def experience_before(self, start_unix_s: float = math.inf) -> Experience | None:
-        """Return how missions before a Unix time differed from their forecasts; None where too few
-        were flown.
-        """
+        """Return how missions before a Unix time differed from their forecasts; None if too few
+        were flown."""
         rows = self.flights_before(start_unix_s)
         return experience([row.mission for row in rows if row.mission is not None])
 
     def battery_before(self, start_unix_s: float = math.inf) -> KnownBattery:
-        """Return the battery as the flights before a Unix time had it."""
+        """Return rest voltage and resistance of the battery, from the flights before a Unix
+        time."""
         rows = self.flights_before(start_unix_s)
         return known_battery(
             [row.rest_voltage for row in rows],
@@ -295,7 +297,8 @@ class KnownAircraft:
         )
 
     def steps(self, before_unix_s: float = math.inf) -> WalkSizes:
-        """Return the sizes of the walk's steps by the lessons before a time."""
+        """Return the standard deviations of the random walk of the offsets, fitted to flights
+        before a Unix time, s."""
         lessons = [one for one in self.lessons if one.start_unix_s < before_unix_s]
         return fit_steps(lessons, last_training=self.last_training, repairs=self.repairs)
 
@@ -314,7 +317,8 @@ class KnownAircraft:
         )
 
     def model(self) -> RotorModel:
-        """Load the model as it was made. Raises ModelError where the file is damaged."""
+        """Load the model as trained, without later flights. Raises ModelError if the file is
+        damaged."""
         return load_model(self.model_file)
 
     def model_before(self, start_unix_s: float, longitude_deg: float = NAN) -> RotorModel:
@@ -337,7 +341,7 @@ class KnownAircraft:
         return replace(model, state=self.state_before(start_unix_s, rotors, longitude_deg))
 
     def walk(self) -> tuple[WalkStep, ...]:
-        """Return the walk over all lessons, with the steps that they show together."""
+        """Return the random walk's filter steps over all flights that update the state."""
         return walk(
             self.lessons, self.steps(), last_training=self.last_training, repairs=self.repairs
         )
@@ -385,7 +389,7 @@ class Hangar:
         )
 
     def recognise(self, marks: Marks) -> Recognition:
-        """Return which aircraft of the hangar a log with these marks is of."""
+        """Return which aircraft of the hangar has these marks."""
         records = (
             _read(self.aircraft_folder(name) / "aircraft.json", _Record, SCHEMA)
             for name in self.names()
@@ -395,7 +399,10 @@ class Hangar:
     def keep(
         self, name: str, marks: Sequence[Marks], *, made_unix_s: float, training: Sequence[str]
     ) -> None:
-        """Write the record of an aircraft, replacing an older one."""
+        """Write the record of an aircraft, replacing an older one.
+
+        `made_unix_s` is when its model was trained, `training` the keys of the flights used.
+        """
         distinct = tuple(one for k, one in enumerate(marks) if one not in marks[:k])
         record = _Record(
             schema=SCHEMA,
@@ -425,7 +432,7 @@ class Hangar:
 
 
 def checked_name(name: str) -> str:
-    """Return the name. Raises DataError where it cannot be that of a folder everywhere."""
+    """Return `name`. Raises DataError if it is not a valid folder name on every system."""
     if not NAME.fullmatch(name):
         raise DataError(
             f"--aircraft {name!r}: give letters, digits and . _ - such as north-field-2"
@@ -450,7 +457,8 @@ def _files(folder: Path) -> list[Path]:
 
 
 def _read(path: Path, kind: type[Kind], schema: str) -> Kind:
-    """Read one file of the hangar. Raises DataError where it is damaged or of another schema."""
+    """Read a JSON file of the hangar into the dataclass `kind`. Raises DataError if it is damaged
+    or of another schema."""
     try:
         data = json.loads(regular(path).read_text("utf-8"))
         if not isinstance(data, dict) or data.get("schema") != schema:
@@ -466,7 +474,7 @@ def _read(path: Path, kind: type[Kind], schema: str) -> Kind:
 
 
 def _write(path: Path, values: Any) -> None:
-    """Write JSON whole or not at all. Raises DataError where the disk refuses."""
+    """Write JSON atomically. Raises DataError if the disk cannot be written."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(path) as draft:

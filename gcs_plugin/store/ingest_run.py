@@ -290,7 +290,10 @@ def _merge_all(
     check_lock: Callable[[], None],
     show: Callable[[str, int, int], None],
 ) -> None:
-    """Merge all staged flights into the tables, a process for each aircraft and month."""
+    """Merge all staged flights into the tables, one job of `pool` for each aircraft and month.
+
+    Raises DataError if a process dies or the lock is lost.
+    """
     waiting = staged_partitions(store)
     total, done = sum(map(len, waiting.values())), 0
     check_lock()

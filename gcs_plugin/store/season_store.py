@@ -111,10 +111,12 @@ FILL_COLUMNS = ("fill_kg", "fill_limit_kg", "fill_low_kg")
 
 
 def safe_fill(fill_kg: Any, fill_limit_kg: Any, fill_low_kg: Any) -> Any:
-    """Return the safe fills (F,) kg of stored flights, null where only an older number is stored.
+    """Return the safe fills, kg, an Arrow array (F,) of F stored flights; null for flights stored
+    by older versions.
 
-    Versions before `fill_limit_kg` stored the fill at the limit as `fill_kg`. Such a row has a
-    `fill_low_kg` and no `fill_limit_kg`; its safe fill is unknown.
+    The arguments are columns (F,) of `flights`. Before `fill_limit_kg` existed, `fill_kg` was the
+    fill at the limit. Such a row has a `fill_low_kg` and no `fill_limit_kg`; its safe fill is
+    unknown.
     """
     import pyarrow.compute
 

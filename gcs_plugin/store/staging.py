@@ -318,7 +318,7 @@ def _merge_rows(store: SeasonStore, draft: Path, target: str, member: str, keys:
     """Write to `draft` the rows at `target` with the staged flights `keys`, replacing old ones.
 
     The arguments are those of `_merge_table`. The file has one row group per flight, sorted by
-    name; one flight is in memory at a time.
+    name; one flight is in memory at a time. Raises DataError if the table is damaged.
     """
     new = {Path(key).stem: key for key in keys}
     with _open_table(store, target) as file:

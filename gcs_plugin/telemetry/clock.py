@@ -145,8 +145,11 @@ def vehicle_clocks(
 def _clock_of(
     stretch: Stretch, rows: Index, own: Floats, stamps_s: Floats, listened: Bools | None
 ) -> Clock:
-    """Return the clock of one stretch of the clocked frames `rows` (m,), whose own clocks are `own`
-    (m,).
+    """Return the clock of one run between restarts.
+
+    `rows` (m,) are the frames with a clock of their own, `own` (m,) these clocks, s; `stamps_s`
+    (n,) the ground's times of all frames. Frames in `listened` (n,), if given, get the time that a
+    live listener would give them.
     """
     last = stamps_s.size - 1
     a, b = stretch.first, stretch.last + 1

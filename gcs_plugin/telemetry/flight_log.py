@@ -190,7 +190,8 @@ def log_of_track(
 
 
 def _with_absences(track: FlightTrack) -> FlightTrack:
-    """Add notes of missing rotor speeds to the track."""
+    """Add a note on motors without rotor speeds, and a statement if the speeds' resolution is
+    coarse."""
     if not track.reports("rotor_speed_rpm"):
         silent = "rotor_speed_rpm" not in track.sources
         note = state("no ESC telemetry" if silent else "no ESC telemetry that measures")

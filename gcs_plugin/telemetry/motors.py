@@ -124,8 +124,9 @@ class MotorMap:
         return [output_pulses(signals, first + output) for output in self.outputs]
 
     def _port(self, signals: Signals) -> int:
-        """Return the first of PX4's ports that drives all motors; outputs count from 0 on each
-        port.
+        """Return the number of PX4's first port that drives all motors; 0 if none does, or off PX4.
+
+        Outputs count from 0 on each port.
         """
         ports = {int(s.index or 0) for s in signals.get("servo_us", ())} if self.any_port else ()
         for port in sorted(ports):
@@ -283,12 +284,12 @@ def turned_escs(signals: Signals) -> frozenset[int]:
 
 
 def _escs_of(outputs: tuple[int, ...], turned: Collection[int]) -> tuple[int, ...]:
-    """Return the ESC on each output, by the numbering under which most ESCs have turned.
+    """Return the ESC number of each output, by the numbering under which most ESCs have turned.
 
     From ArduPilot 4.5 on an ESC has the number of its output. Earlier ones count from the first
-    auxiliary output, or through the outputs that have one. If as many ESCs with other numbers
-    turned as there are motors, they are assigned in order; if only some are others, the assignment
-    is unknown (-1).
+    auxiliary output, or only through the outputs that have an ESC. If as many ESCs with other
+    numbers turned as there are motors, they are assigned in order; if only some have other numbers,
+    the assignment is unknown (-1).
     """
     numberings = [outputs]
     if outputs and min(outputs) >= _FIRST_AUX:

@@ -57,7 +57,8 @@ def power(
 
 
 def stated_battery(signals: Signals) -> StatedBattery:
-    """Return cells, nominal voltage and capacity that the flight battery last reported."""
+    """Return cells, nominal voltage and capacity that the flight battery last reported; 0 where it
+    did not."""
     statements = {
         name: by_index(signals, f"battery_{name}") for name in ("cells", "nominal", "capacity")
     }

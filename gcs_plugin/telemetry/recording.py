@@ -88,9 +88,8 @@ def mission_item(message: str, item: np.void) -> PlanItem:
 
 
 def placed(latitude: float, longitude: float) -> tuple[float, float]:
-    """Return latitude and longitude, degrees, or 0, 0 if either is not finite, as in a vehicle's
-    list.
-    """
+    """Return latitude and longitude, degrees; (0, 0), as vehicles send for no place, if either is
+    not finite."""
     return (latitude, longitude) if math.isfinite(latitude + longitude) else (0.0, 0.0)
 
 
@@ -127,7 +126,7 @@ def channel_values(channel: ChannelReport) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class EngineerNote:
-    """A note that somebody made of a flight, at s from its first row."""
+    """A note that a person made of a flight, at s from its first row."""
 
     time_s: float
     text: str
@@ -312,7 +311,7 @@ def restarts(time_s: Floats, stretches: Sequence[Stretch]) -> tuple[tuple[float,
 
 
 def without_leaps(time_s: Floats) -> Floats:
-    """Return times (n,) with single outliers (a damaged time field) replaced by NaN."""
+    """Return `time_s` (n,) with single outliers (a damaged time field) replaced by NaN."""
     step = np.diff(time_s)
     odd = np.flatnonzero((step < -BACKWARD) | (step > FORWARD))
     if time_s.size < 5 or odd.size == 0:

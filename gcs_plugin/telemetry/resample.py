@@ -86,7 +86,8 @@ def _reports(channel: str, signal: Signal) -> tuple[Floats, Floats]:
 
 
 def _averaged(when: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Return means over GRID, so that vibration faster than the rows is not aliased."""
+    """Return means of times and values over GRID s, so that vibration faster than the rows is not
+    aliased."""
     bins = np.floor(when / GRID)
     edges = np.concatenate([[0], np.flatnonzero(np.diff(bins)) + 1])
     counts = np.diff(edges, append=when.size).astype(np.float64)

@@ -83,10 +83,11 @@ def rejected_sources(there: Iterable[Signal], used: Signal) -> tuple[Rejected, .
 
 
 def by_index(signals: Signals, channel: str) -> dict[int | str, Signal]:
-    """Return the sources of one channel by output number, battery id or name.
+    """Return the sources of one channel by their index: output number, battery id or name.
 
-    Of several with one index the first with a value other than 0 is used. Those of a battery are
-    joined, because BATTERY_STATUS_V2 replaces BATTERY_STATUS once a ground station requests it.
+    Of several sources with one index the first with a value other than 0 is used. Those of a
+    battery are joined, because BATTERY_STATUS_V2 replaces BATTERY_STATUS once a ground station
+    requests it.
     """
     by_number: dict[int | str, Signal] = {}
     for signal in signals.get(channel, ()):
@@ -101,7 +102,7 @@ def by_index(signals: Signals, channel: str) -> dict[int | str, Signal]:
 
 
 def _together(first: Signal, second: Signal) -> Signal:
-    """Join the reports of two sources of one quantity into one signal."""
+    """Merge the reports of two sources of one quantity into one signal, sorted by time."""
     for one, other in ((first, second), (second, first)):
         if not known_rows(other.values).any():
             return one
@@ -320,8 +321,9 @@ def pitot_present(streams: Mapping[str, Stream], parameters: Mapping[str, float]
 
 
 def hud_airspeed(autopilot: str, pitot: bool | None) -> Provenance:
-    """Return the source of VFR_HUD's airspeed, with a remark, because its meaning differs
-    between vehicles.
+    """Return the source of VFR_HUD's airspeed, with a remark on what that is.
+
+    The meaning depends on the `autopilot`, by name, and on a `pitot`, None if unknown.
     """
     if autopilot == "PX4":
         remark = "calibrated airspeed"

@@ -45,8 +45,8 @@ def sorties_of(
     """Return the numbered sorties of a log from its recordings and signals, one pair for each boot.
 
     An aircraft that turned over before it rose makes a sortie too. If nothing flew, return the
-    longest recording. Raise LogError if no recording makes a table, AirframeError if the airframe
-    has another number of rotors.
+    recording with most rows. Raise LogError if no recording makes a table, AirframeError if the
+    airframe has another number of rotors.
     """
     flown: list[FlightLog] = []
     idle: list[FlightLog] = []
@@ -166,7 +166,8 @@ def serviced(track: FlightTrack, clock_s: Floats, down: float, up: float) -> boo
 def _samples_between(
     signals: Signals, channel: str, start: float, end: float
 ) -> tuple[Floats, Floats]:
-    """Return times and finite values (n,) of the channel's reports from `start` to `end`."""
+    """Return times and finite values (n,) of a channel's reports from `start` to `end`; empty
+    without a report."""
     signal = best(signals, channel)
     if signal is None:
         return np.empty(0), np.empty(0)

@@ -302,8 +302,9 @@ def pumped(share: Signal, context: TankContext) -> Signal:
 
 
 def pump_share(signals: Signals, context: TankContext) -> Signal | None:
-    """Return the pump's output from 0 (off) to 1 (full); None if no output is known as the
-    pump's.
+    """Return the pump's output from 0 (off) to 1 (full), NaN without a pulse.
+
+    None if no output is known as the pump's, it has no pulse at all, or its range is invalid.
     """
     if context.pump_output is None or not (sent := output_pulses(signals, context.pump_output)):
         return None

@@ -129,7 +129,7 @@ def _load(options: Options, start: float, sums: dict[str, Floats]) -> tuple[Floa
 
 
 class EventKind(StrEnum):
-    """The subject of a vehicle's report."""
+    """The kind of a vehicle's report."""
 
     CRASH = "crash"
     LOST_CONTROL = "lost control"
@@ -305,9 +305,10 @@ def error_events(time_s: Floats, subsystem: Floats, code: Floats) -> Iterator[Ve
 def flag_events(
     kind: EventKind, time_s: Floats, flags: Floats, subject: str, text: str
 ) -> Iterator[VehicleEvent]:
-    """Yield an event of `kind` at each report (n,) in which a bit of `flags` (n,) is newly set.
+    """Yield an event of `kind` about `subject` at each report (n,) in which a bit of `flags` (n,)
+    is newly set.
 
-    The text is `text` with the flags in hexadecimal digits. NaN is no report.
+    The event's text is `text` with the flags in hexadecimal digits. NaN is no report.
     """
     before = 0
     for when, value in zip(time_s.tolist(), flags.tolist(), strict=True):

@@ -197,7 +197,7 @@ class HeardVehicles:
 
 @dataclass(slots=True, eq=False)
 class Aircraft:
-    """State of one vehicle that all browsers share; used by the drawing thread alone."""
+    """The state of one vehicle that all browsers share; used by the drawing thread alone."""
 
     number: int
     trail: Trail

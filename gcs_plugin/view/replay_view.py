@@ -294,9 +294,8 @@ class ReplayView(ViewPage):
         scene.show_wind(row.track.wind_ned[row.row])
 
     def _acts(self) -> Acts:
-        """Return the actions that the page may ask for, by name; each takes the text of the
-        request.
-        """
+        """Return the functions for the actions that the page may request, by name; each takes the
+        request's text and the tab's name."""
 
         def of(tab: str) -> ReplayTab:
             return self._tabs.of(tab)

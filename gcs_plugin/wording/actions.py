@@ -46,7 +46,7 @@ class Action:
 
     @property
     def text(self) -> str:
-        """Return the words in the chosen language, after the condition that makes the action
+        """Return the action in the selected language, preceded by the condition that makes it
         safe."""
         return say(LEADS.get(self.when, "")) + say(self.words)
 
@@ -209,8 +209,7 @@ class Urgency(StrEnum):
 
 
 class Trouble(StrEnum):
-    """The kinds of findings that ask for something, whichever command, alarm or page has found
-    one."""
+    """The kinds of findings that request an action, from any command, alarm or page."""
 
     ROTOR = "bad rotor or motor"
     CONTROL = "lost control"
@@ -375,7 +374,7 @@ def inspect_rotors(rotors: Sequence[int]) -> Action:
 
 
 def not_before_looked_at(rotors: Sequence[int]) -> Action:
-    """Return the action for `rotors` (1-based) that had an alarm in the flight."""
+    """Return the action that grounds the aircraft until `rotors` (1-based) are inspected."""
     return next_flight(
         "rotor",
         say(

@@ -221,8 +221,11 @@ def several_headline(levels: Sequence[FlightLevel], limit: float) -> tuple[Fligh
 
 
 def suspects(advice: Advice) -> tuple[int, ...]:
-    """Return the rotors (1-based) found or possibly bad; all of them if the motor order is
-    unknown."""
+    """Return the rotors (1-based) of the flight's faults, candidates included; empty without a
+    fault.
+
+    With an unknown motor order a fault makes it all rotors.
+    """
     faults = [episode.fault for episode in advice.faults]
     if faults and not advice.rotor_names:
         return tuple(range(1, advice.rotor_count + 1))
@@ -230,7 +233,7 @@ def suspects(advice: Advice) -> tuple[int, ...]:
 
 
 def no_ground(advice: Advice) -> str:
-    """Return why a flight has no verdict, or why its bad one is contradicted; empty for other
+    """Return why a flight has no verdict, or what contradicts a bad one; empty for other
     flights."""
     if Caveat.MODEL in advice.caveats:
         return misfit_words(advice)
@@ -239,7 +242,7 @@ def no_ground(advice: Advice) -> str:
 
 
 def misfit_words(advice: Advice) -> str:
-    """Return how measured rotor speeds and model contradict each other, and what to check."""
+    """Return how measured rotor speeds contradict the model, and what to check, as a sentence."""
     found, parts = advice.misfit, []
     if found.interval_fails:
         words = (
@@ -531,8 +534,8 @@ def one_rotor_out(advice: Advice) -> str:
 
 
 def _spent_alone(advice: Advice) -> int:
-    """Return the rotor (1-based) that alone had no thrust left; 0 for none or an unknown motor
-    order."""
+    """Return the only rotor (1-based) that had no thrust left; 0 if none, several or the motor
+    order unknown."""
     alone = advice.use.spent_alone
     return 0 if alone is None or not advice.rotor_names else alone + 1
 
@@ -543,7 +546,8 @@ def _load_known_in_part(advice: Advice) -> bool:
 
 
 def sound_again(fault: RotorFault) -> str:
-    """Return the words about a fault in the model that this flight no longer shows."""
+    """Return the sentence that a rotor is sound again although the model still contains its
+    loss."""
     return say(
         "rotor {rotor} is sound again, and the model still holds its loss of {amount}: use the "
         "model from before it, or train anew",
@@ -553,7 +557,7 @@ def sound_again(fault: RotorFault) -> str:
 
 
 def fault_found(advice: Advice, episode: FaultEpisode) -> str:
-    """Return the fault in the words of its alarm, with the time; a note if the motor order is
+    """Return the text of a fault as in its alarm, with its times; a note if the motor order is
     unknown."""
     unsure = "" if advice.rotor_names else f": {say(alarm_words.WHICH_ROTOR)}"
     return f"{alarm_words.episode_words(episode, advice.places)}{unsure}"

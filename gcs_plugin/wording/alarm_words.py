@@ -100,7 +100,7 @@ def fault_amount(fault: RotorFault) -> str:
 
 
 def episode_words(episode: FaultEpisode, names: Sequence[str] = ()) -> str:
-    """Return the fault's words with the times when it was found and ended, and the kind of
+    """Return the fault's text with the times when it was found and ended, and the kind of
     evidence."""
     words = fault_words(episode.fault, names, Phase.RECORDED)
     begin = clock(episode.begin_s)
@@ -228,8 +228,8 @@ def shared_id_words(system: int) -> str:
 
 
 def see_words(rotors: Sequence[int]) -> str:
-    """Return the action of an alarm that is a consequence of bad `rotors` (1-based) with their own
-    alarm."""
+    """Return `see rotor 3`: the action of an alarm caused by bad `rotors` (1-based) that have
+    alarms of their own."""
     numbers = ", ".join(map(str, rotors))
     words = "see rotor {numbers}" if len(rotors) == 1 else "see rotors {numbers}"
     return say(words, numbers=numbers)
@@ -376,7 +376,8 @@ def speeds_missing(rotors: Iterable[int]) -> str:
 
 
 def asked(name: str) -> int:
-    """Return the index in ASKED of the action that the named alarm requests."""
+    """Return the index in ASKED of the action that the alarm `name` requests, 1 for an unlisted
+    alarm."""
     return _ASKS.get(name, 1)
 
 
@@ -395,14 +396,19 @@ def alarm_line(text: str, missing: str, times: int, seconds: float) -> str:
 
 
 def event_line(kind: str, line: str) -> str:
-    """Return the line about a change of an alarm; a raised alarm is unchanged."""
+    """Return an alarm's `line` with its change: `over: ...` if `kind` is "cleared", `confirmed
+    again: ...` if "confirmed"; unchanged otherwise."""
     words = {"cleared": "over: {line}", "confirmed": "confirmed again: {line}"}
     return say(words[kind], line=line) if kind in words else line
 
 
 def change_words(kind: str, name: str, rotor: int | None, missing: str) -> str:
-    """Return the line for ground stations about an alarm that is over, unconfirmed or confirmed
-    again."""
+    """Return the STATUSTEXT about a change of the alarm `name`: over, unconfirmed or confirmed
+    again.
+
+    `kind` is "cleared" or another; `missing`, if not empty, is a key of MISSING and makes it
+    unconfirmed; `rotor` is 1-based, None if the alarm has none.
+    """
     shown = say(SHOWN_NAMES.get(name, name))
     of = say("{alarm} (rotor {rotor})", alarm=shown, rotor=rotor) if rotor else shown
     if missing:

@@ -400,7 +400,10 @@ def _filled(value: Value, name: str = "") -> object:
 
 
 def claim_words(claim: AirframeClaim) -> str:
-    """Return on which grounds a flight is analysed with an airframe, as `airframe x, given`."""
+    """Return which airframe a flight is analysed with, and why: `airframe x, given`.
+
+    `a plan` if the airframe was given without a name.
+    """
     if claim.known_from is not None:
         return known_words(claim.known_from)
     if not claim.airframe and claim.basis == "given":

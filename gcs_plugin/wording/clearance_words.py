@@ -94,7 +94,7 @@ def no_fill_words(before: Clearance) -> str:
 
 
 def only_if_words(before: Clearance) -> tuple[str, ...]:
-    """Return the sentence with the conditions of a fill; empty without one."""
+    """Return (`ONLY IF ...`,), the conditions of a fill; an empty tuple without one."""
     conditions = conditions_words(before)
     return (say("ONLY IF {conditions}.", conditions=conditions),) if conditions else ()
 

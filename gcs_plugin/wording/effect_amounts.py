@@ -43,14 +43,14 @@ class DescribedEffect:
     whole: Identification
 
     def ends(self, name: str) -> tuple[float, float, float]:
-        """Return value, lower and upper end of a parameter in the flight that represents the
+        """Return (value, lower, upper) of the parameter `name`, in the flight that represents the
         effect."""
         found, row = self.found, self.found.flight
         k = [p.name for p in found.term.effect.parameters].index(name)
         return float(found.value[row, k]), float(found.lower[row, k]), float(found.upper[row, k])
 
     def of_sign(self, name: str, above: str, below: str) -> str:
-        """Return `below` if the parameter is negative, else `above`."""
+        """Return `below` if the parameter `name` is negative, else `above`."""
         return below if self.ends(name)[0] < 0.0 else above
 
     def size(
@@ -140,7 +140,7 @@ LOST, GAINED = "{rotor} lost {amount} of its thrust", "{rotor} gained {amount} o
 
 
 def _lost(it: DescribedEffect, lost: str = LOST, gained: str = GAINED) -> Verbatim:
-    """Return the words about a rotor that lost or gained thrust, with the amount."""
+    """Return the text about a rotor that lost or gained thrust, with the amount."""
     words = it.of_sign("loss", lost, gained)
     return Verbatim(_sized(words, _percent(it, "loss"), rotor=it.rotor))
 
@@ -174,7 +174,8 @@ def weakens_each_flight(it: DescribedEffect) -> str:
 
 
 def weak_since_a_flight(it: DescribedEffect) -> str:
-    """Return the sentence about a loss that began within a series of flights and stays."""
+    """Return the sentence about a loss that began in or before one of several flights and has
+    stayed."""
     problem, at = it.whole.problem, it.ends("onset_clock")[0]
     began = problem.flight_start_unix_s - problem.first_row_s
     flown = np.flatnonzero(began <= at)
@@ -321,8 +322,10 @@ drag = Amount(
 
 
 def load_factor(it: DescribedEffect) -> str:
-    """Return the sentence about thrust in manoeuvres; `gain` is relative to Newton's law or to the
-    model."""
+    """Return the sentence about how thrust follows the load factor in manoeuvres.
+
+    The parameter `gain` is relative to the model if that contains the effect, else to Newton's law.
+    """
     if it.known:
         more = (
             "Thrust follows the load factor of turns, climbs and gusts {amount} more than the "
@@ -351,7 +354,8 @@ def slung_load(it: DescribedEffect) -> str:
 
 
 def balance(it: DescribedEffect) -> str:
-    """Return the sentence about the centre of gravity, as it is or as a full tank moves it."""
+    """Return the sentence about the position of the centre of gravity, or its shift by a full
+    tank."""
     full = "_full" if it.found.term.effect.variant else ""
 
     def part(axis: str, above: str, below: str) -> Verbatim:

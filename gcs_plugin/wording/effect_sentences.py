@@ -76,7 +76,8 @@ def effect_thing(
 ) -> str:
     """Return the name of an effect in a list: `a weak rotor 1 (front right)`.
 
-    The rotors `gaining` (0-based) make more thrust than expected, so they are not called weak.
+    `rotor_names` are the places of all rotors. Rotors in `gaining` (0-based) have more thrust than
+    expected and are called strong.
     """
     rotor = "" if term.rotor is None else rotor_words(term.rotor, tuple(rotor_names))
     where = unnamed_place(term, rotor_names) if term.effect.name == NAME else ""
@@ -114,7 +115,10 @@ def effect_things(model: RotorModel) -> tuple[str, ...]:
 
 
 def words_of(term: Term | Placed) -> EffectWords:
-    """Return the words of an effect by its key, else by its name, else by its parameters."""
+    """Return name, sentence and action of an effect, looked up by its key, then its name.
+
+    An effect in neither table gets its name, a list of its parameters and no action.
+    """
     key, name = term.effect.key, term.effect.name
     spelt = name.replace("_", " ") + ("" if term.rotor is None else " of {rotor}")
     return WORDS.get(key) or WORDS.get(name) or EffectWords(spelt, amounts.by_parameters, None)

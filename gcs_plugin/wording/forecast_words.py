@@ -316,7 +316,8 @@ def sortie_words(made: PlanForecast) -> tuple[str, ...]:
 
 
 def _field_words(made: PlanForecast, litres: float) -> str:
-    """Return the line about the needs of the whole field, with this fill and the largest."""
+    """Return the line on the whole field: `litres` needed, and sorties with the planned and with
+    the largest fill."""
     sorties, liquid = made.needs.sorties, _liquid(made)
     with_area = math.isfinite(made.swath)
     field = f" ({area(sum(s.lines for s in sorties) * made.swath)})" if with_area else ""
@@ -344,8 +345,10 @@ def _times(count: int) -> str:
 
 
 def _sortie(which: int, one: Sortie, liquid: float, swath: float) -> str:
-    """Return ` sortie 2: items 10 to 17, 4.1 L, 0.42 ha, 3 min 10 s, 120 Wh`; no area without a
-    swath width."""
+    """Return ` sortie 2: items 10 to 17, 4.1 L, 0.42 ha, 3 min 10 s, 120 Wh`.
+
+    `liquid` is its density, kg/L; `swath` is m, and NaN leaves the area out.
+    """
     field = f"{area(one.lines * swath)}, " if math.isfinite(swath) else ""
     items = say(
         "  sortie {which}: items {first} to {last}",

@@ -60,7 +60,7 @@ def spoken() -> str:
 
 @cache
 def _catalogue(language: str) -> dict[str | None, dict[str, str]]:
-    """Return the translations of a language by context, as `translations`."""
+    """Return the translations of a language by context (None or "page"), then by English text."""
     import polib  # English needs none of it
 
     file = resources.files(__package__ or "") / f"{language}.po"
@@ -95,9 +95,9 @@ def say(english: str, /, *listed: object, **values: object) -> str:
 
 
 class Sentence(str):
-    """A text in the program's language that knows itself in every other one.
+    """A text in the program's language that carries its translations into all LANGUAGES.
 
-    It is made where its numbers are, long before a page of another language asks for it.
+    It is made where its numbers are computed, before the language of a page's reader is known.
     """
 
     __slots__ = ("_by_language",)
@@ -115,12 +115,12 @@ class Sentence(str):
         return made
 
     def now(self) -> str:
-        """Return the text in the language that is spoken now."""
+        """Return the text in the language selected now."""
         return self._by_language[spoken()]
 
 
 def in_spoken(text: str) -> str:
-    """Return a text in the language that is spoken now, where it is a `Sentence`."""
+    """Return a `Sentence` in the language selected now; another text unchanged."""
     return text.now() if isinstance(text, Sentence) else text
 
 

@@ -58,7 +58,7 @@ def page_words(language: str) -> dict[str, dict[str, str]]:
 
 
 def brief_claim(claim: AirframeClaim) -> str:
-    """Return in a few words why a vehicle counts as one of its airframe: without the evidence."""
+    """Return which airframe a vehicle is analysed with, without the evidence for it."""
     if claim.basis == "recognised":
         name = Verbatim(claim.airframe)
         return say("airframe {name}: nobody named it, and the flight fits it", name=name)
@@ -71,8 +71,8 @@ def wind_words(speed: float) -> str:
 
 
 def margin_ahead(share: float) -> str:
-    """Return the sustained thrust left on the rest of the route; turns and climbs need more for
-    moments."""
+    """Return the sentence on the thrust left (`share`) on the rest of the route in steady
+    flight."""
     return f"rest of the route: thrust left {left_words(share)}, less for moments in turns"
 
 
@@ -84,8 +84,8 @@ def model_with(effects: Sequence[str]) -> str:
 
 
 def measured_share(basis: str, share: float) -> str:
-    """Return the words for rotor speeds that are measured, or else known, for `share` of the
-    time."""
+    """Return `BASIS for 80 %, predicted for the rest`; `basis` names the source of the rotor
+    speeds, `share` is the part of the time that has them."""
     return say(
         "{basis} for {share}, predicted for the rest", basis=say(basis), share=percent(share)
     )
@@ -287,7 +287,8 @@ def by_source(source: Provenance) -> str:
 
 
 def messages_words(frames: int, lost: Mapping[str, int], refused_why: str = "") -> str:
-    """Return the line about received frames, lost ones by the counters of LOST, and refusals."""
+    """Return the line with the number of frames, the lost ones by cause (keys of LOST), and why
+    frames were refused, if any."""
     parts = [f"{lost[name]} {say(words)}" for name, words in LOST.items() if lost.get(name)]
     line = say("{count} messages", count=frames) + (f" ({', '.join(parts)})" if parts else "")
     return line + (say("; refused: {why}", why=refused_why) if refused_why else "")

@@ -99,7 +99,7 @@ def _beyond(worst: UtilisationPeak) -> Facts:
 
 
 def load_facts(track: FlightTrack) -> Facts:
-    """Return the load on board and its source, where no gauge reports it."""
+    """Return the load on board and its source; empty if a gauge reports it or no load is known."""
     source = track.source("tank_kg")
     known = track.tank_kg[track.flying & np.isfinite(track.tank_kg)]
     reported = source.kind is not SourceKind.STATED and source.meaning is not Meaning.HOVER_THRUST
@@ -127,7 +127,8 @@ def voltage_facts(analysis: FlightAnalysis) -> Facts:
 
 
 def unseen_facts(track: FlightTrack) -> Facts:
-    """Return the parts of the flight that the log lacks: before it, in its pauses, after it."""
+    """Return the fact that lists parts of the flight missing in the log (before, pauses, after);
+    empty if none."""
     words = [say("begins in flight: what was before is unseen")] if track.flying[:1].any() else []
     for begin_s, long_s in zip(*pauses_in_flight(track), strict=True):
         pause = {"long": language.duration(float(long_s)), "clock": language.clock(float(begin_s))}
@@ -204,7 +205,11 @@ def _outputs_go_on(analysis: FlightAnalysis) -> str:
 def basis_words(
     analysis: FlightAnalysis, measured_s: float, known_s: float, airborne_s: float
 ) -> str:
-    """Return the source of a flight's thrust utilisation, with the seconds of each."""
+    """Return the source of a flight's thrust utilisation in words.
+
+    `measured_s` and `known_s` are the seconds in which it is measured and known, of `airborne_s` in
+    the air.
+    """
     if known_s == 0.0:
         return say("nothing measured, nothing predicted")
     missing = airborne_s - known_s

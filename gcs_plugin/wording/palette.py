@@ -59,7 +59,8 @@ class ColourScale:
 
     @property
     def labels(self) -> tuple[tuple[float, str], ...]:
-        """Return values and their names, in order, in the language that is spoken."""
+        """Return (value, label) of each mark and of the limit, ascending, in the selected
+        language."""
         named = [(value, say(text)) for value, text in self.marks]
         if self.limit is not None:
             number = f"{percent_down(self.limit)}{self.unit}"

@@ -135,7 +135,8 @@ def interval_made(coverage: float, flights: int) -> str:
 
 
 def in_brackets(confidence: float, blocks: int, block_s: float) -> str:
-    """Return the sentence about the intervals in brackets, from blocks of `block_s` seconds."""
+    """Return the sentence that explains the intervals in brackets: of probability `confidence`,
+    from `blocks` of `block_s` seconds."""
     return say(
         "In brackets the {share} interval, from {blocks} blocks of {length} of this flight: it "
         "covers its gusts and turns, not other days.",
@@ -146,7 +147,8 @@ def in_brackets(confidence: float, blocks: int, block_s: float) -> str:
 
 
 def no_intervals(blocks: int, fewest: int, block_s: float) -> str:
-    """Return the sentence about a flight with too few blocks for intervals."""
+    """Return the sentence that a flight has fewer than `fewest` blocks of `block_s` seconds, so no
+    intervals."""
     return say(
         "No intervals: the flight has {blocks} blocks of {length}, and fewer than {fewest} cannot "
         "show how sure a figure is.",
@@ -157,7 +159,7 @@ def no_intervals(blocks: int, fewest: int, block_s: float) -> str:
 
 
 def not_measured(basis: str) -> str:
-    """Return the sentence about rotor speeds that cannot check the prediction, being `basis`."""
+    """Return the sentence that the rotor speeds, being `basis`, cannot check the prediction."""
     words = "The rotor speeds are {basis}: they cannot check the prediction."
     return say(words, basis=say(basis))
 
@@ -168,7 +170,8 @@ def no_error(why: str) -> str:
 
 
 def fill_line(limit: float) -> str:
-    """Return the label of the fill line at the limit."""
+    """Return the label of the line in a chart at the fill that leaves the thrust required by
+    `limit`, the largest utilisation."""
     return say("most that leaves {share} in steady flight", share=least_words(limit))
 
 
@@ -186,7 +189,7 @@ def guessed(names: Sequence[str]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """A value that only the owner knows: the option that states it, and its meaning."""
+    """A value that only the owner knows: its command-line option and its meaning."""
 
     option: str  # with capitals in place of the value
     words: str
@@ -241,8 +244,10 @@ class FirstContact:
 
 
 def contact_headline(contact: FirstContact) -> str:
-    """Return `Motors at 63 %, worst 83 %` for an unknown aircraft; outputs and speeds are no
-    thrust."""
+    """Return the headline of an unknown aircraft: `Motors at 63 %, worst 83 %` of full output.
+
+    If only rotor speeds are known, they are per cent of the highest one seen. Neither is thrust.
+    """
     median, worst = percent(contact.median_use), percent(contact.worst_use)
     if contact.basis == "motor outputs":
         return say("Motors at {median}, worst {worst}", median=median, worst=worst)
@@ -338,8 +343,8 @@ def found_words(contact: FirstContact) -> str:
 
 
 def option_words(asked: Sequence[str]) -> list[tuple[str, str]]:
-    """Return option and meaning of each question; `power_set` becomes propeller and maximum
-    thrust."""
+    """Return (option, meaning) of each question in `asked`, keys of QUESTIONS; `power_set` becomes
+    propeller and maximum thrust."""
     names: list[str] = []
     for name in asked:
         names += ("propeller", "max_thrust_kgf") if name == "power_set" else (name,)

@@ -104,7 +104,7 @@ def _values(finding: TakeoffFinding, places: Sequence[str]) -> dict[str, str]:
 
 
 def _amount(kind: TakeoffKind, value: float) -> str:
-    """Return a value of a finding with its unit."""
+    """Return a finding's value, in SI or rpm, as text with the unit of its kind."""
     if kind in (TakeoffKind.STANDS, TakeoffKind.LATE):
         return number(value, "s", 1)
     if kind in (TakeoffKind.SLOW, TakeoffKind.FAST, TakeoffKind.EXCHANGED, TakeoffKind.UNLIKE):

@@ -78,7 +78,7 @@ def aircraft(
 
 
 def _list(place: Hangar, console: Console) -> int:
-    """Print a line for each aircraft."""
+    """Print one line per aircraft."""
     from thrustmargin.gcs_plugin.wording.aircraft_words import counted_words
 
     stored = _stored_alone(place)
@@ -179,7 +179,10 @@ def _day(unix_s: float, longitude_deg: float = float("nan")) -> str:
 
 
 def _unix(words: str | None) -> float:
-    """Return the Unix time, s, of a day or time in the computer's zone; without one now."""
+    """Return the Unix time, s, of an ISO date or time in the computer's time zone; None means now.
+
+    Raises DataError for other text.
+    """
     if words is None:
         return time.time()
     try:

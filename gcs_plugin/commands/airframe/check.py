@@ -163,7 +163,8 @@ def airframe_findings(craft: Airframe, logs: Sequence[FlightLog]) -> list[Findin
 
 
 def _hover(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
-    """Compare the thrust coefficient with the weight in hover, and the trim of the rotors."""
+    """Compare the file's thrust coefficient with the weight in hover, and report the trim of the
+    rotors."""
     from thrustmargin.gcs_plugin.commands.airframe.fitted import hover_sentences, interval
     from thrustmargin.gcs_plugin.logs.findings import Finding, Severity
     from thrustmargin.gcs_plugin.wording.language import percent

@@ -172,11 +172,11 @@ def hover_quantities(logs: Sequence[Path], craft: Airframe, reading: ReadingOpti
 
 
 def with_data_sheet(top: Estimate, sheet_rpm: float) -> Estimate:
-    """Combine an extrapolated largest rotor speed with that of the maker's largest thrust.
+    """Combine an extrapolated largest rotor speed, rpm, with that of the maker's largest thrust.
 
-    Each counts by the inverse of its variance. The maker's thrust is off by GUESS, and so is the
-    square of the voltage that it was measured at, which data sheets seldom state. Where the two
-    differ by more than their errors, the interval is widened by that ratio.
+    Weights are inverse variances of ln thrust. The maker's thrust has the relative error GUESS, and
+    VOLTAGE_ERROR of the voltage (squared) at which it was measured, which data sheets seldom state.
+    If the two differ by more than their errors, the interval is widened by that ratio.
     """
     import numpy as np
 
@@ -196,7 +196,7 @@ def with_data_sheet(top: Estimate, sheet_rpm: float) -> Estimate:
 
 
 def _thrust_error(top: Estimate) -> float:
-    """Return the standard error of ln thrust of a rotor speed with its 95 % interval."""
+    """Return the standard error of ln thrust of a rotor speed from its 95 % interval."""
     return log(top.high / top.low) / SIGMAS_95
 
 

@@ -193,7 +193,8 @@ def _reported(found: VehicleParameters, owner: OwnerStatement, fitted: Fitted) -
 
 
 def _guessed_cells(craft: Airframe) -> tuple[str, ...]:
-    """Return the note that the number of cells is guessed, by what, and how to state it."""
+    """Return a note if the number of cells is guessed, with the grounds and the option that states
+    it; else ()."""
     nominal = craft.quantities["nominal_voltage"]
     if not nominal.guessed:
         return ()
@@ -271,9 +272,9 @@ def new_airframe(
 
 
 def print_answer(console: Console, log: Path, file: Path, reading: ReadingOptions) -> None:
-    """Print the report's verdict of a log by an airframe file, and how to get its page.
+    """Print the verdict of a log with an airframe file, and the command for its page.
 
-    An error of the report is printed: it is no fault of the file.
+    An error of the report is printed instead of raised, because the airframe file is complete.
     """
     from thrustmargin.gcs_plugin.commands.flight.report import print_verdicts
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, read_flights

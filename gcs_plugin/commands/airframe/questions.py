@@ -27,9 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleParameters:
-    """Parameters by name, other facts of the vehicle in a log, and a description of their
-    origin.
-    """
+    """Parameters by name, further facts of the vehicle from a log, and their source in words."""
 
     parameters: Mapping[str, float]
     facts: VehicleFacts | None = None
@@ -141,7 +139,7 @@ _NUMBERS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OwnerStatement:
-    """The owner's statements on an aircraft; None is not stated."""
+    """The owner's statements about an aircraft; None where not stated."""
 
     name: str | None = None
     """Short name of the aircraft; without it the name of the file."""
@@ -238,7 +236,7 @@ TABLE = ".csv"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answers:
-    """The owner's statement, and kg on board at the start of the flights; None is not stated."""
+    """The owner's statements, and the load at take-off, kg; None where not stated."""
 
     owner: OwnerStatement
     load: float | None = None
@@ -284,7 +282,8 @@ def open_fields(
 def require_all(
     answers: Answers, reported: ReportedAirframe, *, asks_load: bool, source: str
 ) -> None:
-    """Raise UsageError that names every option that is missing, or a layout that is not known."""
+    """Raise UsageError that lists the missing options, or for an unknown layout, or if both arm and
+    wheelbase are given."""
     from thrustmargin.models.physics.motor_layouts import motor_layouts
 
     owner, missing = answers.owner, open_fields(answers, reported, asks_load=asks_load)

@@ -113,7 +113,7 @@ def with_engineer_notes(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Table:
-    """The content of options.json, with the type of each value."""
+    """The content of options.json, with value types."""
 
     model: str | None
     airframe: str | None

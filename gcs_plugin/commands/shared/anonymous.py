@@ -27,9 +27,8 @@ from thrustmargin.models.whole_file import regular, whole_file
 def anonymous(
     analysis: FlightAnalysis, log: FlightLog, name: str
 ) -> tuple[FlightAnalysis, FlightLog]:
-    """Return the flight under another `name`, without persons and places; its figures are
-    unchanged.
-    """
+    """Return the flight as `name`, without persons, serial numbers, places and texts; margins are
+    unchanged."""
     track, model, domain = analysis.track, analysis.model, analysis.model.training_domain
     placed = np.all(np.isfinite(track.position_ned), axis=1)
     start = track.position_ned[np.argmax(placed)] if placed.any() else np.zeros(3)
@@ -71,7 +70,7 @@ def anonymous(
 
 
 def without_name(text: str, name: str) -> str:
-    """Return a text without the log's name."""
+    """Replace the log's name in a text."""
     return text.replace(name, "the log").replace(Path(name).stem, "the log")
 
 

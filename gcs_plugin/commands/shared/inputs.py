@@ -85,9 +85,9 @@ Reading = Annotated[ReadingOptions, tyro.conf.OmitArgPrefixes]
 
 
 def reading_keywords(reading: ReadingOptions) -> dict[str, Any]:
-    """Return the options as `read_log` and `WatchSettings` take them, checked.
+    """Return the options as keyword arguments of `read_log` and `WatchSettings`, checked.
 
-    Raises UsageError when one of them is impossible or two exclude each other.
+    Raises UsageError if one of them is impossible or two exclude each other.
     """
     # Imported here: the MAVProxy module loads this file at once and must stay light.
     from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
@@ -135,7 +135,7 @@ def reading_keywords(reading: ReadingOptions) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KnownOptions:
-    """The known aircraft that a command works with.
+    """Options that select the known aircraft.
 
     Example: --aircraft north-field-2
     """
@@ -319,7 +319,7 @@ class Inputs:
         return " ".join(f"{name} {value}" for name, value in named.items() if value is not None)
 
     def as_table(self) -> dict[str, Any]:
-        """Return the options for the options.json of a recording; files with their whole path."""
+        """Return the options for the options.json of a recording; files with absolute paths."""
         airframe = self.airframe
         if airframe is not None and airframe.endswith(".toml"):
             airframe = str(Path(airframe).resolve())

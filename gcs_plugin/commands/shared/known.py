@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 def hangar_of(inputs: Inputs) -> Hangar:
-    """Return the hangar that the options name."""
+    """Return the hangar that the options select."""
     from thrustmargin.gcs_plugin.store.hangar import open_hangar
 
     return open_hangar(inputs.known.hangar)
@@ -42,7 +42,11 @@ def named_aircraft(inputs: Inputs) -> KnownAircraft | None:
 
 
 def recognised(path: Path, inputs: Inputs, hangar: Hangar) -> Recognition:
-    """Return which known aircraft a log is of. Raises LogError where it cannot be read."""
+    """Return which known aircraft flew a log: the one named by the options, else by the log's
+    marks.
+
+    Raises LogError if the log cannot be read.
+    """
     from thrustmargin.gcs_plugin.commands.shared.inputs import reading_keywords
     from thrustmargin.gcs_plugin.logs.read import read_sorties
     from thrustmargin.gcs_plugin.store.aircraft_marks import Recognition, marks_of
@@ -241,7 +245,7 @@ def mission_of(
 
 
 def with_flight(aircraft: KnownAircraft, row: AircraftFlight) -> KnownAircraft:
-    """Return the aircraft with one flight more, in the place of an older row of that flight."""
+    """Return the aircraft with `row` added; it replaces an older row of the same flight."""
     others = (one for one in aircraft.flights if one.flight != row.flight)
     return replace(
         aircraft, flights=tuple(sorted([*others, row], key=lambda one: one.started_unix_s))
@@ -278,7 +282,7 @@ def model_of_log(inputs: Inputs, log: Path, console: Console) -> RotorModel:
 
 
 def flight_key(log: FlightLog) -> str:
-    """Return the digest of a log's file, with the sortie from the second on."""
+    """Return the digest of a log's file; from the second sortie on with the sortie's number."""
     from hashlib import file_digest
 
     with log.path.open("rb") as file:

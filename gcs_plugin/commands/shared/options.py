@@ -96,7 +96,7 @@ def check_utilisation(value: float) -> None:
 
 
 def check_range(option: str, value: float | None, low: float, high: float, unit: str = "") -> None:
-    """Raise UsageError unless the `value` of an option is from `low` to `high`; None is."""
+    """Raise UsageError unless `value` is within [low, high]; None passes."""
     if value is None or (math.isfinite(value) and low <= value <= high):
         return
     of = f" {unit}" if unit else ""
@@ -161,9 +161,10 @@ def check_outputs(outputs: Iterable[OutputFile], *, inputs: Iterable[Path | str 
 
 
 def json_apart(out: Path | None, json: Path | None) -> tuple[Path | None, Path | None]:
-    """Return --out and --json, an --out that ends in .json as the --json that it asks for.
+    """Return `out` and `json`; an `out` ending in .json becomes `json`, unless `json` names another
+    file.
 
-    It stays, and is refused by its ending, where --json names another file.
+    In that case it stays, to be refused for its ending.
     """
     if out is None or out.suffix.lower() != ".json" or json not in (None, out):
         return out, json

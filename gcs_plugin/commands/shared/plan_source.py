@@ -83,7 +83,7 @@ def read_assumed(path: Path, *, beside: Path | None) -> PlanConditions:
 
 
 def _numbers(content: dict[str, float | None]) -> dict[str, float]:
-    """Return the values that are known."""
+    """Return the entries that are not None."""
     return {name: float(value) for name, value in content.items() if value is not None}
 
 

@@ -38,7 +38,7 @@ _ROWS, _FLAGS = ("lasting", "reach"), ("surely_above", "maybe_above")
 
 
 class NoVerdict(StrEnum):
-    """The kind of reason why a flight has no verdict."""
+    """The kind of reason for which a flight has no verdict."""
 
     NOT_KNOWN = "aircraft_not_known"
     CONTRADICTED = "airframe_contradicted"
@@ -64,7 +64,7 @@ class StoredAnswer:
 def no_verdict_reasons(
     advice: Advice, claim: AirframeClaim, track: FlightTrack
 ) -> tuple[NoVerdict, ...]:
-    """Return the kinds of reasons why a flight has no verdict; empty where it has one."""
+    """Return the kinds of reasons for which a flight has no verdict; empty if it has one."""
     if advice.level is not FlightLevel.UNKNOWN:
         return ()
     if claim.withheld:

@@ -66,7 +66,7 @@ def _split(word: str) -> list[str]:
 
 
 def _share(word: str) -> str:
-    """Return `50%` or `50 %` as the word 0.5, and any other word as it is."""
+    """Return `50%` or `50 %` as `0.5`; other words unchanged."""
     found = re.fullmatch(r"(--[\w-]+=)?\s*(\d+(?:[.,]\d+)?)\s*%", word)
     if found is None:
         return word

@@ -63,15 +63,13 @@ Key = tuple[str, int | None]
 
 
 def severity_of(trouble: Trouble) -> int:
-    """Return the MAV_SEVERITY of the alarm of a finding: as soon as it asks for something in
-    flight."""
+    """Return the MAV_SEVERITY of a finding's alarm, from the urgency of its action in flight."""
     return _SEVERITIES[answer_to(trouble, Phase.IN_FLIGHT).urgency]
 
 
 class AlarmState(StrEnum):
-    """The state of an alarm, which ends only by evidence to the contrary, never because its data
-    are missing.
-    """
+    """The state of an alarm. It ends only by evidence to the contrary, never because data are
+    missing."""
 
     ACTIVE = "active"
     UNCONFIRMED = "unconfirmed"
@@ -79,9 +77,7 @@ class AlarmState(StrEnum):
 
 
 class Missing(StrEnum):
-    """The kind of data that an alarm needs and that is missing; `alarm_words.MISSING` has its
-    name.
-    """
+    """The kind of missing data that an alarm needs; its words are in `alarm_words.MISSING`."""
 
     NOTHING = ""
     LINK = "link"
@@ -151,7 +147,8 @@ class Alarm:
 
     @property
     def order(self) -> tuple[int, int, bool, float]:
-        """Sort key for every screen, lowest first: severity, part, confirmed before not, age."""
+        """Return the sort key for all screens, lowest first: severity, part, confirmed before not,
+        age."""
         part = len(GRAVEST_FIRST)
         if self.name in GRAVEST_FIRST:
             part = GRAVEST_FIRST.index(self.name)
@@ -210,10 +207,10 @@ class Debounce:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AlarmChecks:
-    """The result of a rule for N rows of K alarms, one for each rotor or a single one.
+    """The result of a rule for N rows of K alarms, one per rotor or a single one.
 
-    `on` raises an alarm and `off` clears it; with neither it stays. Where not `known`, the data
-    that the rule needs were missing.
+    `on` raises an alarm and `off` clears it; with neither it keeps its state. `known` is False
+    where data that the rule needs are missing.
     """
 
     on: Bools  # (N, K)

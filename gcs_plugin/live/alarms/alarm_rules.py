@@ -101,9 +101,9 @@ def pump_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
 
 
 def mass_verdict(balance: TankBalance, settings: AlarmSettings, bad: Sequence[int] = ()) -> str:
-    """Return the sentence on a mass by thrust that differs from the gauge; empty when it does not.
+    """Return the sentence on a mass from thrust that differs from the gauge; empty if it does not.
 
-    `bad` are the rotors, from 1, that have an active alarm.
+    `bad` are the rotors (1-based) with an active alarm.
     """
     apart = abs(balance.apart_kg) > settings.tank_mass_kg
     return words.thrust_against_gauge(balance.apart_kg, bad) if apart else ""
@@ -375,7 +375,7 @@ def motor_order(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
 
 
 def _always(now: RowsNow, on: bool, severity: int, text: str) -> AlarmChecks:
-    """Return checks of a condition that is known and equal at every row."""
+    """Return checks of a condition that is known, and has the value `on`, at every row."""
     every = np.ones(now.analysis.track.time_s[now.rows].size, dtype=np.bool_)
     found = every & on
     return one_alarm(found, ~found, every, severity=lambda *_: severity, text=lambda *_: text)

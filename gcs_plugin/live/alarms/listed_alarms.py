@@ -233,7 +233,10 @@ class Alarms:
             )
 
     def heard(self, now_s: float, link: LinkNow) -> list[AlarmEvent]:
-        """Check the link at `now_s` of the ground's clock; return the changes."""
+        """Check the link at `now_s`, s of the ground's clock, and return changes of alarms.
+
+        While the link is lost or shared by two vehicles, all other alarms become unconfirmed.
+        """
         events: list[AlarmEvent] = []
         unheard, unusable = link.silent > self.settings.silence, link.rows_behind > UNSEEN
         # However late the link was looked at, it was lost when the silence became too long.
@@ -381,7 +384,7 @@ class Alarms:
 
 
 def _worded(alarm: Alarm, found: AlarmChecks, at: tuple[int, int]) -> Alarm:
-    """Return an alarm with the words and the severity of a row."""
+    """Return an alarm with text, severity and rotors of the check at `at`, (row, column)."""
     rotors = () if found.rotors is None else found.rotors(*at)
     past = "" if (words := found.past) is None else Sentence.of(lambda: say(words(at[1]))[:50])
     text = Sentence.of(lambda: say(found.text(*at))[:50])

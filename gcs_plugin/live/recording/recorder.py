@@ -59,10 +59,10 @@ if TYPE_CHECKING:
 
 
 class RecordingOutput(Output):
-    """The output that writes frames, samples and events of a monitor into one recorder.
+    """An output that writes frames, samples and events of a monitor with one recorder.
 
-    An event waits until nothing earlier can be found: `found_us` gives the ground's clock, µs, up
-    to which all is known.
+    An event is held back until no earlier one can follow: `found_us` returns the ground's clock,
+    µs, up to which everything is analysed.
     """
 
     name = "recording"
@@ -242,7 +242,7 @@ class Recorder:
         return self.folder / "telemetry.tlog"
 
     def frames(self, frames: list[Frame]) -> None:
-        """Record frames; returns at once."""
+        """Queue frames to be recorded; return at once."""
         self._frames.put(frames)
 
     def samples(
@@ -262,7 +262,7 @@ class Recorder:
                 self._rows.append(rows)
 
     def event(self, event: Mapping[str, Any]) -> None:
-        """Record one event; returns at once."""
+        """Queue one event to be recorded; return at once."""
         line = json.dumps(event, ensure_ascii=False, default=str).encode() + b"\n"
         with self._lock:
             self._lines.append(line)
@@ -325,9 +325,8 @@ class Recorder:
 
 
 class _Appended:
-    """A file that only grows, by whole items; an item that does not fit on the disk leaves no
-    trace.
-    """
+    """A file that grows by whole items; an item that does not fit on the disk is removed
+    completely."""
 
     def __init__(self, path: Path) -> None:
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)

@@ -93,7 +93,10 @@ class TankBalance:
 
 
 class BalanceWatch:
-    """The means of the three estimates at both ends of a sliding window of `seconds` s."""
+    """The estimates of gauge, pump and thrust over a sliding window of `seconds` s.
+
+    Their means over the first and the last `end` s of the window are compared.
+    """
 
     def __init__(self, seconds: float = 40.0, end: float = 10.0) -> None:
         self.seconds, self.end = seconds, end

@@ -46,7 +46,7 @@ SAYS = OF_MISSION | OF_ITSELF | {MISSION_CURRENT}
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class VehicleState:
-    """All that one vehicle has reported of itself. Parameters and mission outlive a restart."""
+    """The reports of a vehicle on itself. Parameters and mission outlive a restart."""
 
     system: int
     component: int | None = None  # the autopilot's; None until it is known
@@ -135,10 +135,11 @@ def fold(state: VehicleState, frame: Frame) -> VehicleState:
 
 
 def fold_mission(state: VehicleState, frame: Frame) -> VehicleState:
-    """Return the state after a message on the mission, sent to the vehicle or by it.
+    """Return the state after a mission message that was sent to the vehicle or by it.
 
-    An upload begins with the count of a station and ends with the vehicle's ACK; a station's
-    MISSION_CLEAR_ALL is answered with one. A count of the vehicle's own begins a download.
+    An upload begins with a ground station's MISSION_COUNT and ends with the vehicle's MISSION_ACK,
+    which also answers a station's MISSION_CLEAR_ALL. A MISSION_COUNT of the vehicle itself begins a
+    download.
     """
     columns = fields(frame)
     if columns is None or int(columns["mission_type"][0]) not in (0, OF_ALL_KINDS):
@@ -183,7 +184,8 @@ def _equal_missions(one: Mapping[int, PlanItem], other: Mapping[int, PlanItem]) 
 
 
 def _replaced(state: VehicleState, at_us: int) -> VehicleState:
-    """Return the state once its mission was replaced: unknown, unless it was heard just now."""
+    """Return the state after its mission was replaced: without mission, unless one was received
+    within JUST_NOW s."""
     kept = state.mission if at_us - state.mission_came_us < JUST_NOW * 1e6 else {}
     return replace(state, mission=kept, mission_changes=state.mission_changes + 1)
 
@@ -199,7 +201,7 @@ def _fields(frames: Sequence[Frame], places: Sequence[int]) -> NDArray[np.void]:
 
 
 def places_of(frames: Sequence[Frame]) -> dict[str, list[int]]:
-    """Return message -> places of its frames, for the messages that rows need."""
+    """Return the indices of frames by message name, for the messages that rows need."""
     places: dict[str, list[int]] = {}
     for place, frame in enumerate(frames):
         if frame.verified and (name := layouts()[frame.id].name) in _NEEDED:

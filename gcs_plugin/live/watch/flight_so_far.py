@@ -234,7 +234,7 @@ class SortieRows:
             self.make()
 
     def settle(self) -> None:
-        """End the flight: it has landed, or the recording ends."""
+        """End the flight, because it has landed or the recording ends, and request its report."""
         if self._reported:
             return
         self.make()

@@ -39,10 +39,9 @@ LASTING = OF_ITSELF | OF_MISSION | {message_ids()[name] for name in _LASTING_NAM
 
 
 class LandedFlights:
-    """The messages of one vehicle in the order of arrival, as the bytes of a .tlog, read when a
-    flight is over.
+    """The messages of one vehicle as the bytes of a .tlog, read when a flight is over.
 
-    `later` decides when they are read.
+    `later` schedules the reading.
     """
 
     def __init__(

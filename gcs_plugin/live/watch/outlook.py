@@ -61,7 +61,7 @@ class Outlook:
 
 
 class LookAhead:
-    """Follows one vehicle's pump and route row by row.
+    """A forecast of liquid and margin for one vehicle, from its pump and route.
 
     `now` is the last forecast, made every two seconds of its clock.
     """
@@ -79,9 +79,8 @@ class LookAhead:
         self._last_flow = 0.0  # kg/s when the pump was last on
 
     def use_plan(self, plan: MissionPlan | None, state: VehicleState) -> None:
-        """Forecast along this mission until the vehicle's own is replaced; None: the vehicle has
-        none.
-        """
+        """Forecast along `plan` until the vehicle's own mission is replaced; None if it has
+        none."""
         self.plan, self._given_at = plan, state.mission_changes
 
     def restart(self) -> None:
@@ -145,9 +144,11 @@ class LookAhead:
     def _flow(
         self, clock_s: float, level: float, error: float, pump_share: float, delivery: float
     ) -> float:
-        """Return kg/s out of the tank while spraying, by the pump, else by the gauge; NaN unknown.
+        """Return the flow out of the tank while spraying, kg/s, from the pump, else the gauge; NaN
+        if unknown.
 
-        `error` is the standard error, kg, of a level that was inferred.
+        `pump_share` is the pump's output, 0 to 1, NaN if unknown; `delivery` the ratio of delivered
+        to pumped liquid; `level` kg, with the standard error `error` if inferred.
         """
         airframe = self._model.airframe
         if math.isfinite(pump_share):
@@ -224,7 +225,8 @@ def _fall(levels: Floats, error: float) -> float:
 
 
 def _seconds_to_empty(tank: float, flow: float) -> float:
-    """Return s until the tank is empty; inf without a flow, and beyond the length of any flight."""
+    """Return the s until the tank is empty; inf without a flow or beyond LONGEST_FLIGHT, NaN if
+    unknown."""
     seconds = tank / flow if flow > 0.0 else (math.inf if flow == 0.0 else math.nan)
     return math.inf if seconds > LONGEST_FLIGHT else seconds
 

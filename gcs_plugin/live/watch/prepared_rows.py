@@ -103,7 +103,7 @@ class RowPreparation:
 
     @property
     def claim(self) -> AirframeClaim:
-        """The last decision whether it is of the airframe."""
+        """Return the last result of matching the vehicle with the airframe."""
         return self._airframe.claim
 
     @property

@@ -45,7 +45,7 @@ GONE = 60.0  # s of silence after which a vehicle has left
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchSettings(Options):
-    """The options by which vehicles are read and alarms are raised."""
+    """The options for reading vehicles and raising alarms."""
 
     vehicle: int | None = None  # system id of the only one; None: all that are heard
     alarms: AlarmSettings = field(default_factory=AlarmSettings)
@@ -161,9 +161,8 @@ class Update:
 
 
 def update_with_bad_part(update: Update) -> Update:
-    """Return the update of an aircraft with a bad rotor or motor: without a margin for a full
-    tank.
-    """
+    """Return the update for an aircraft with a bad rotor or motor: without the margin for a full
+    tank."""
     outlook = replace(update.outlook, full=lambda: math.nan)
     return replace(update, analysis=with_bad_part(update.analysis), outlook=outlook)
 

@@ -136,7 +136,7 @@ class VehicleMonitor:
         return self._ahead.plan
 
     def use_plan(self, plan: MissionPlan | None) -> None:
-        """Forecast along this mission until the vehicle's is another; None: it holds none."""
+        """Forecast along `plan` until the vehicle's mission changes; None if it has none."""
         self._ahead.use_plan(plan, self.state)
 
     def take(self, frame: Frame) -> None:
@@ -253,7 +253,8 @@ class VehicleMonitor:
         return self.last
 
     def _begin_anew(self) -> None:
-        """Forget the rows so far: the vehicle has restarted, or has another number of rotors."""
+        """Forget the rows so far, because the vehicle has restarted or has another number of
+        rotors."""
         self._flight_before = self._sortie.now or self._flight_before
         self._settled.restart()
         self._preparation.restart()

@@ -118,7 +118,10 @@ def boots_of(
 
 
 def _stream(messages: Messages, units: Units, *, in_text: bool) -> Stream | None:
-    """Return the messages as a Stream; None if they have no time, or lack a required column."""
+    """Return the messages as a Stream; None if they have no time, or lack a required column.
+
+    `in_text`: they are from a text log, whose numbers are scaled already.
+    """
     name = messages.form.name
     scale, label = units.describe(messages.form, text=in_text)
     if not messages.place.size or any(column not in scale for column in REQUIRED.get(name, ())):
@@ -136,7 +139,8 @@ def _recording_of(
     quality: LogQuality,
     vehicle: int | None,
 ) -> Recording:
-    """Return the Recording of the streams of one boot."""
+    """Return the Recording of the streams of one boot; raise LogError if `vehicle` is not the
+    log's."""
     parameters: dict[str, float] = {}
     sent: tuple[tuple[float, str, float], ...] = ()
     if "PARM" in streams:
@@ -196,7 +200,7 @@ def _unix_offset(stream: Stream | None) -> float | None:
 
 
 def _waypoints(stream: Stream | None) -> tuple[PlanItem, ...]:
-    """Return the mission as last logged, by item number."""
+    """Return the mission as last logged, by item number; empty if none is."""
     if stream is None:
         return ()
     columns = columns_of(stream)

@@ -241,9 +241,8 @@ def _rangefinder_good(columns: DataFlashColumns) -> np.ndarray:
 
 
 def _core(streams: Mapping[str, Stream], names: tuple[str, ...]) -> tuple[str, Stream] | None:
-    """Return name and stream of the first EKF message present, of its first core; None if
-    absent.
-    """
+    """Return name and stream of the first message of `names` that is present, with the rows of EKF
+    core 0; None if absent."""
     for name in names:
         stream = streams.get(name)
         if stream is None:

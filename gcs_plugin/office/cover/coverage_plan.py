@@ -226,9 +226,11 @@ class _Way:
 def _plan(
     way: _Way, places: Floats, home: tuple[float, float, float], order: CoverageOrder
 ) -> MissionPlan:
-    """Return the mission of a route whose points are at `places` (N, 2), latitude and longitude.
+    """Return the mission of a route whose points are at `places` (N, 2), latitude and longitude,
+    degrees.
 
-    Raises PlanError for more items than a mission can have.
+    `home` is latitude, longitude, degrees, and m AMSL, NaN if unknown. Raises PlanError for more
+    items than a mission can have.
     """
     frame = FRAME_ABOVE_GROUND if order.above_ground else FRAME_ABOVE_HOME
     yaw = math.nan if order.px4 else 0.0  # PX4 turns the nose to it, north for 0

@@ -109,7 +109,8 @@ def _turned(points: Floats, heading_deg: float, *, back: bool = False) -> Floats
 def _count(width: float, swath: float) -> int:
     """Return the number of lines over a strip `width` m wide, at least 1.
 
-    It is the rounded number of swaths; one more if lines would be over LOOSE wider apart than one.
+    It is width / swath rounded; one more if the lines would be spaced by more than 1 + LOOSE
+    swaths.
     """
     exact = width / swath
     near = max(round(min(exact, 1e9)), 1)
@@ -192,8 +193,8 @@ def _overlap(a: Floats, b: Floats) -> bool:
 
 
 def _tour(cells: Sequence[Sequence[Floats]], start: Floats) -> Floats:
-    """Order all lines (L, 2, 2): go to the nearest corner of a remaining cell, then back and
-    forth in it."""
+    """Order the lines (L, 2, 2) of all cells into one route from `start` (2,): go to the nearest
+    corner of a remaining cell, then back and forth along its lines."""
     # Corner k of a cell: from its first (0, 1) or last line (2, 3), at that line's start or end.
     corners = np.array([[c[0][0], c[0][1], c[-1][0], c[-1][1]] for c in cells])
     unvisited = np.ones(len(cells), dtype=np.bool_)

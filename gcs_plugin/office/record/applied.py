@@ -266,7 +266,7 @@ def cut_at_date_line(shape: Any) -> Any:
 
 
 def gauge_estimate(track: FlightTrack) -> Liquid | None:
-    """Estimate the liquid by the fall of the gauge in the air.
+    """Estimate the liquid from the fall of the tank gauge in the air.
 
     None if no gauge reports the level, or if the level rose.
     """
@@ -301,7 +301,7 @@ def pump_estimate(track: FlightTrack) -> Liquid | None:
 
 
 def thrust_estimate(track: FlightTrack, airframe: Airframe) -> Liquid | None:
-    """Estimate the liquid by the fall of the load that the rotors carry, without the gauge.
+    """Estimate the liquid from the fall of the load that hover thrust shows, ignoring the gauge.
 
     None if the load cannot be inferred, or if it rose.
     """

@@ -157,10 +157,11 @@ class JobRecord:
 def log_entries(
     logs: Sequence[FlightLog], done: Applied | None, zone: tzinfo | None
 ) -> dict[str, Entry]:
-    """Return the fields that the logs contain: times, place, wind, temperature, treated area.
+    """Return the fields that the logs contain, by name: times, place, wind, temperature, treated
+    area.
 
-    `done` is the treated area, None if no pump was on. Local times are in `zone`, without one in
-    this computer's, and state their offset.
+    `done` is the treated area, None if no pump was on. Local times are in `zone`, or if None in
+    this computer's zone, and state their offset.
     """
     entries: dict[str, Entry] = {}
     if done is not None and done.start_unix_s is not None and done.end_unix_s is not None:
@@ -274,7 +275,7 @@ THOUSANDS = re.compile(r"\s*[1-9][0-9]{0,2},[0-9]{3}[^0-9]")
 
 
 def product_entries(rate: str, area_ha: float | None) -> dict[str, Entry]:
-    """Return the quantity of the product: the stated dose `rate` times the treated area.
+    """Return the quantity of the product: the stated dose `rate` times the treated area, `area_ha`.
 
     Empty without an area. Raises DataError if the dose cannot be read, or in two ways.
     """

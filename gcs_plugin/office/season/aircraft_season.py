@@ -123,15 +123,16 @@ class AircraftSeason:
         return max((t.least_seen for t in self.rotors), default=float("nan"))
 
     def started(self, counted: int) -> float | None:
-        """Return the start, Unix s, of the flight of index `counted` in `counted`; None if unknown.
+        """Return the start, Unix s, of the flight with index `counted` in the list `self.counted`;
+        None if unknown.
 
-        An index beyond the last flight is that of the last one.
+        An index beyond the end means the last flight.
         """
         return self.flights[self.counted[min(counted, len(self.counted) - 1)]]["started_unix_s"]
 
 
 def known_sum(flights: Iterable[Mapping[str, Any]], name: str) -> float:
-    """Return the sum of a column over the flights that know it."""
+    """Return the sum of the column `name` over the flights in which it is finite; 0 without one."""
     return float(sum(f[name] for f in flights if finite(f[name])))
 
 

@@ -189,7 +189,8 @@ def shared_sentence(name: str, value: float, error: float) -> str:
 
 
 def several_aircraft(overlap_count: int, flights: int) -> str:
-    """Return the finding that flights of one name overlap in time."""
+    """Return the sentence that flights under one name overlap in time: `overlap_count` of
+    `flights`."""
     return say(
         "{count} of {all} flights are at the time of another one: more than one aircraft has this "
         "name, so its figures may mix them",
@@ -205,7 +206,8 @@ def frame_words(rotors: int | None, layout: str | None) -> str:
 
 
 def one_name(frames: Mapping[str, int]) -> str:
-    """Return the finding that several aircraft share a name, with the flights of each."""
+    """Return the sentence that several aircraft share a name, with the number of flights by frame,
+    `frames`."""
     each = "; ".join(
         f"{words}: {say('{count} flights', count=count)}" for words, count in frames.items()
     )

@@ -105,7 +105,8 @@ def _with_worn_battery(
 def _flights_of_parts(
     seasons: Sequence[aircraft_season.AircraftSeason], parts: Sequence[Part]
 ) -> Iterable[tuple[str, list[_PartFlight]]]:
-    """Yield the name of each part, empty for an unnamed battery, and its flights by time."""
+    """Yield (name, flights by time) of each part; the name is empty for an aircraft's unnamed
+    battery."""
     by_name: dict[str, list[_PartFlight]] = {}
     for season in seasons:
         started = [f["started_unix_s"] for f in season.flights]

@@ -48,7 +48,8 @@ class Part:
         return int(found[2]) if found and found[2] else None
 
     def flights(self, started: Sequence[float | None]) -> list[int]:
-        """Return the indices of the flights that it flew, by their start times, Unix s."""
+        """Return the indices of the flights with this part, by their start times `started`, Unix s;
+        None is never one."""
         inside = (
             k
             for k, at in enumerate(started)

@@ -34,7 +34,7 @@ from thrustmargin.models.model.model_misfit import Caveat
 
 
 def reason_words(answer: StoredAnswer) -> str:
-    """Return why there is no verdict, or else the headline of the verdict."""
+    """Return why there is no verdict, else the headline."""
     said = {
         NoVerdict.NOT_KNOWN: lambda: say("this aircraft is not known: no airframe was given"),
         NoVerdict.CONTRADICTED: lambda: say(

@@ -55,7 +55,7 @@ class ViewProcess:
         return self._process.poll() is None
 
     def send(self, data: bytes) -> None:
-        """Send one frame; drop it when the process has ended."""
+        """Send one frame to the process; drop the frame if the process has ended."""
         with contextlib.suppress(OSError):
             self._socket.sendto(data, ("127.0.0.1", self._port))
 
@@ -145,7 +145,7 @@ class MarginModule(mp_module.MPModule):
             self.console.set_status(name, text, row=ROW, fg=colour)
 
     def cmd_margin(self, args: Sequence[str]) -> None:
-        """Run the command `margin`."""
+        """Run MAVProxy's command `margin`, with the words after it in `args`."""
         match list(args):
             case []:
                 self._print_margins()
@@ -261,7 +261,8 @@ def with_option(options: MarginOptions, name: str, text: str) -> MarginOptions:
 
 
 def usable(value: Any) -> float:
-    """Return `value`, 0.5 or `50%`, as a share. Raises ValueError for anything else."""
+    """Parse `0.5` or `50%` to a share between 0 and 1, exclusive. Raises ValueError for anything
+    else."""
     number, percent, _ = str(value).partition("%")
     try:
         share = float(number) / (100.0 if percent else 1.0)

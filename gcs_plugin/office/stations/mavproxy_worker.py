@@ -121,7 +121,7 @@ class MarginWorker:
         self._looked = time.monotonic()
 
     def pass_on_to(self, send: Callable[[bytes], None]) -> None:
-        """Give every further frame to `send` too, on the thread."""
+        """Pass every further frame to `send` too, on the worker's thread."""
         self._listener = send
 
     def stop_passing_on(self) -> None:
@@ -220,7 +220,7 @@ def _unix_us(monotonic: float) -> int:
 
 
 def _heard_s(update: Update) -> float:
-    """Return time.monotonic() when the newest row was reported; it may be computed later."""
+    """Return the time, on time.monotonic(), at which the newest row's data arrived."""
     return int(update.stamp_us[-1]) * 1e-6 - _UNIX_MINUS_MONOTONIC
 
 

@@ -86,7 +86,7 @@ class MetricsServer(SmallServer):
 
 
 class MonitorCollector(Collector):
-    """The metrics of one monitor, computed at each request; called from any thread."""
+    """The metrics of a monitor, computed at each request; usable from any thread."""
 
     def __init__(self, monitor: LiveMonitor) -> None:
         self._monitor = monitor
@@ -115,9 +115,8 @@ class MonitorCollector(Collector):
 
 
 def part_of(alarm: Alarm) -> str:
-    """Return the label `part` of an alarm: `rotor 3`, `rotor 1 or 2`, or empty where it is of no
-    rotor.
-    """
+    """Return the label `part` of an alarm: `rotor 3`, `rotor 1 or 2`; empty for an alarm without a
+    rotor."""
     rotors = alarm.rotors if alarm.rotor is None else (alarm.rotor,)
     return f"rotor {' or '.join(map(str, rotors))}" if rotors else ""
 
@@ -128,7 +127,7 @@ def _gauge(
     samples: Iterable[tuple[tuple[str, ...], float]],
     labels: tuple[str, ...] = (),
 ) -> GaugeMetricFamily:
-    """Return a gauge with a sample for each pair of label values and number, NaN left out."""
+    """Return a gauge with one sample per (label values, number); NaN is left out."""
     family = GaugeMetricFamily(PREFIX + name, words, labels=labels)
     for values, number in samples:
         if not math.isnan(number):
@@ -168,7 +167,8 @@ def _age_metrics(watches: Mapping[str, VehicleMonitor], now_us: int) -> Iterator
 def _figure_metrics(
     watches: Mapping[str, VehicleMonitor], now_us: int, old_s: float
 ) -> Iterator[Metric]:
-    """Yield the figures of vehicles whose newest row is not old."""
+    """Yield the figures of vehicles whose newest row is at most `old_s` old and whose id no other
+    vehicle uses."""
     samples: dict[str, list[tuple[tuple[str, ...], float]]] = {name: [] for name in FIGURES}
     for number, watch in watches.items():
         update = watch.last

@@ -157,9 +157,8 @@ class SortieClock:
 
 
 def sortie_clock(log: FlightLog) -> SortieClock:
-    """Return the sortie's clock: Unix time where the log knows it, else the vehicle's time since
-    boot.
-    """
+    """Return the sortie's clock: Unix time if the log has it, else the vehicle's time since
+    boot."""
     unix = log.track.start_unix_s
     return SortieClock(start_s=log.clock_start_s if unix is None else unix, unix=unix is not None)
 
@@ -366,7 +365,7 @@ def _plot(title: str, paths: Sequence[tuple[str, str]]) -> dict[str, Any]:
 
 
 def _split(direction: str, first: Any, second: Any) -> dict[str, Any]:
-    """Return a layout node that divides its place in halves, as a "row" or "column"."""
+    """Return a Foxglove layout node that halves its area, as a "row" or "column"."""
     return {"direction": direction, "first": first, "second": second, "splitPercentage": 50}
 
 

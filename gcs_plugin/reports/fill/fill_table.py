@@ -94,9 +94,8 @@ class FillTable:
         return bool(self.model.airframe.tank_volume_l) and self.fill.reason != "unsound"
 
     def rows(self, state: str) -> list[tuple[str, list[str]]]:
-        """Return for each altitude its name and the largest fills over the temperatures, for
-        people.
-        """
+        """Return (altitude, [largest fill per temperature]) as texts, for one battery state of
+        `voltages`."""
         made = []
         for row, altitude in enumerate(self.altitudes):
             first = (list(self.voltages).index(state) * len(self.altitudes) + row) * len(
@@ -234,6 +233,6 @@ def json_text(table: FillTable) -> str:
 
 
 def html_text(table: FillTable) -> str:
-    """Return a page to print: the recommendation, the day it holds for, and the table."""
+    """Return a printable HTML page with the recommendation, its day and the table."""
     context = {"table": table, "conditions": conditions(table), "temperatures": temperatures}
     return page_text("thrustmargin.gcs_plugin.reports.fill", context, draws=False)

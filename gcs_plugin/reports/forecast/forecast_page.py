@@ -272,7 +272,8 @@ def gate_text(made: PlanForecast, card: FillCard, *, plan: str, refuse: bool) ->
 
 
 def _comment(text: str) -> str:
-    """Return a text as a line of ASCII, which no name of a file can leave."""
+    """Return `text` as at most 90 ASCII characters on one line, so that a file's name cannot end
+    the comment."""
     return clean(text).encode("ascii", "replace").decode()[:90]
 
 

@@ -33,7 +33,7 @@ YAW_MEAN_S = 1.0
 
 
 def takeoff_rows(analysis: FlightAnalysis) -> tuple[JsonObject, ...]:
-    """Return the check of each run-up in order of time; motors count from 1."""
+    """Return the checks of each take-off's run-up, in order of time; motors count from 1."""
     airframe = None if analysis.withheld else identified_airframe(analysis.model)
     places = () if analysis.withheld else analysis.places
     arms = None if analysis.withheld else analysis.model.arms
@@ -64,7 +64,7 @@ def _row(analysis: FlightAnalysis, check: TakeoffCheck, places: Sequence[str]) -
 
 
 def _finding(finding: TakeoffFinding, places: Sequence[str]) -> JsonObject:
-    """Return one finding with its words; `forbids` where nobody should lift with it."""
+    """Return one finding with its words; `forbids` is True if it forbids the take-off."""
     plain = {f.name: getattr(finding, f.name) for f in fields(finding)}
     return plain | {
         "motors": [motor + 1 for motor in finding.motors],
@@ -172,7 +172,7 @@ def timeline_rows(
 
 
 def _text(said: JsonObject) -> str:
-    """Return a report's own text, else its kind and subject."""
+    """Return the title of a report with its own text, else with its subject."""
     title = kind_words(said["kind"])
     if said["text"]:
         return f"{title}: {said['text']}"

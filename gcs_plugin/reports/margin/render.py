@@ -145,12 +145,11 @@ class Strip:
 
 
 def strip_of(flight: ReportedFlight) -> Strip | None:
-    """Return a flight's strip: its thrust left over its time in the air, in the replay's
-    colours.
+    """Return a flight's strip: thrust left over its time in the air, in the colours of the replay.
 
-    Each of BINS equal parts of the time has the colour of the least thrust left in it, or that
-    of unknown; neighbours of one colour are joined. The worst moment is marked, in % of the
-    time. Return None if the thrust left is unknown in the whole flight.
+    Each of BINS equal time bins has the colour of its least thrust left, or that of no data;
+    neighbours of equal colour are joined. The worst moment is marked, in % of the time. None if
+    thrust left is unknown in the whole flight.
     """
     rows = airborne(flight.rows)
     time_s, use = rows["time_s"], worst_rotor(rows["known_utilisation"])[0]

@@ -429,7 +429,8 @@ def _without_error(analysis: FlightAnalysis) -> str:
 
 
 def _quality(log: FlightLog) -> data.JsonObject:
-    """Return the gaps of the log and the assumptions of its reading; a silence is over 1 s long."""
+    """Return defects of the log and assumptions made in reading it; a silence is longer than 1
+    s."""
     track, whole = log.track, log.quality
     counted = ("bytes", "frames", "bytes_skipped", "damaged_places", "bad_checksum")
     return {

@@ -27,7 +27,8 @@ ROOM = 0.01  # of the values' span, left free at each end
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """Values from `low` at pixel `begin` to `high` at pixel `end`; decades where it is "log"."""
+    """An axis with the value `low` at pixel `begin` and `high` at pixel `end`; `low` and `high` are
+    decades if it is "log"."""
 
     kind: str  # plotly's type: linear, date (ms, shown as time) or log
     low: float
@@ -131,7 +132,7 @@ def with_fonts(pdf: FPDF) -> FPDF:
 
 
 class PdfCanvas:
-    """A rectangle of a page, with its left top at a place in mm and `pixel` mm a pixel."""
+    """A rectangle on a PDF page, with its top left corner in mm and `pixel` mm per pixel."""
 
     def __init__(self, pdf: FPDF, left_mm: float, top_mm: float, pixel: float) -> None:
         self._pdf, self._corner, self._pixel = pdf, np.array([left_mm, top_mm]), pixel
@@ -188,14 +189,14 @@ class PdfCanvas:
 
     @contextmanager
     def clipped(self, box: Box) -> Iterator[None]:
-        """Draw nothing outside the box while the context is open."""
+        """Restrict drawing to `box` within the context."""
         (x, y), (w, h) = np.array(box[:2]) * self._pixel + self._corner, box[2:]
         with self._pdf.rect_clip(x, y, w * self._pixel, h * self._pixel):
             yield
 
 
 class SvgCanvas:
-    """An SVG file of this size, drawn on as a page is."""
+    """An SVG image with the drawing methods of PdfCanvas."""
 
     def __init__(self, width: float, height: float) -> None:
         self._size, self._parts, self._clips = (width, height), list[str](), 0

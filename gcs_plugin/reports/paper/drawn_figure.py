@@ -40,7 +40,7 @@ _OPEN = {"square-x-open", "circle-open", "square-open"}
 
 @dataclass(frozen=True, slots=True)
 class PlotArea:
-    """A pair of axes and plotly's properties of them."""
+    """A pair of axes with plotly's properties of each."""
 
     x: Axis
     y: Axis
@@ -59,8 +59,8 @@ class PlotArea:
 def size(made: Figure) -> tuple[float, float]:
     """Return width and height of a figure on paper, in pixels.
 
-    A map is half as wide as the page. Room for buttons below the figure is removed, because paper
-    has none.
+    A map is half as wide as the page. Room for buttons below the figure is left out, as paper has
+    none.
     """
     layout = made.layout
     on_map = "scaleanchor" in layout["yaxis"]

@@ -78,12 +78,12 @@ class Figure:
     data: list[Trace] = field(default_factory=list)
 
     def add(self, traces: Iterable[Trace | None], axes: str = "") -> None:
-        """Add traces, None being none, to the axes of this number; the first have none."""
+        """Add traces to the axes of number `axes` ("" for the first), skipping None."""
         on = {"xaxis": f"x{axes}", "yaxis": f"y{axes}"} if axes else {}
         self.data += [trace | on for trace in traces if trace is not None]
 
     def note(self, text: str, **properties: Any) -> None:
-        """Add a text; an arrow is drawn only where the properties ask for one."""
+        """Add an annotation; it has an arrow only if the properties ask for one."""
         one = {"text": text, "showarrow": False, **properties}
         self.layout.setdefault("annotations", []).append(one)
 
@@ -248,7 +248,7 @@ def filled(x: NDArray[Any], lower: Floats, upper: Floats, *, color: str, **shown
 def below_limit(time_s: Floats, left: Floats, least: float) -> Trace | None:
     """Return the filled band where less than the share `least` of thrust is left.
 
-    `left` (T,) is in %.
+    `left` (T,) is in %. None if it is NaN throughout.
     """
     return band(
         time_s, np.fmin(left, 100 * least), np.full(left.size, 100 * least), color=OVER_FILL

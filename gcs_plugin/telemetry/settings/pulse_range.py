@@ -123,7 +123,7 @@ def ranges_remark(ranges: Iterable[PulseRange]) -> Statement:
 def pulse_ranges(
     parameters: Mapping[str, float], outputs: Sequence[int], *, bank: str = "MAIN"
 ) -> tuple[PulseRange, ...]:
-    """Return the range of each motor output, counted from 0; `bank` is PX4's: "MAIN" or "AUX"."""
+    """Return the range of each output in `outputs`, from 0; `bank` is PX4's "MAIN" or "AUX"."""
     return tuple(_stated(parameters, output + 1, bank) for output in outputs)
 
 

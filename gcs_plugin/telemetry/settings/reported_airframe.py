@@ -259,9 +259,10 @@ def _agreeing(volts: Iterable[tuple[str, float]], cells: int, chemistry: str) ->
 def _best_cells(
     volts: Sequence[tuple[str, float]], usual: Mapping[str, float]
 ) -> tuple[float, int] | None:
-    """Return the misfit, in spreads, and the cell count of one chemistry that fits `volts` best.
+    """Return (misfit in spreads, cell count) of the number of cells that fits `volts` best.
 
-    None without voltages, or if no count of cells allows them.
+    `usual` are the usual voltages of one chemistry by kind of setting, V a cell. None without
+    voltages, or if no count of cells allows them.
     """
     extra = 0.0 if usual is _CHEMISTRIES["LiPo"] else _LESS_USUAL
     fits = [

@@ -109,7 +109,11 @@ def vehicle_facts(
 def _kind(
     parameters: Mapping[str, float], mav_type: int | None, texts: tuple[str, ...]
 ) -> tuple[VehicleKind, Evidence]:
-    """Return the kind and its evidence; "unknown" without evidence."""
+    """Return the kind of vehicle and the evidence for it, from parameters, MAV_TYPE and status
+    texts.
+
+    "unknown" and no evidence if these do not show it.
+    """
     kind, evidence = _program(parameters, mav_type, texts)
     frame = whole_number(parameters, "FRAME_CLASS")
     if kind == "multirotor" and mav_type == 4:
@@ -152,7 +156,10 @@ def _program(
 def _rotors(
     parameters: Mapping[str, float], mav_type: int | None, texts: tuple[str, ...], *, winged: bool
 ) -> tuple[int, Evidence, Evidence]:
-    """Return the number of lifting rotors, its evidence, and contrary evidence; 0 if unknown."""
+    """Return the number of lifting rotors, its evidence, and contrary evidence; 0 if unknown.
+
+    `winged`: a quadplane. `mav_type` is the MAV_TYPE of its heartbeat, `texts` its status texts.
+    """
     on_output = motor_outputs(parameters)
     by_function = len(on_output) if set(on_output) == set(range(len(on_output))) else 0
     by_function = by_function if by_function >= 3 else 0

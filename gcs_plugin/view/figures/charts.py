@@ -52,10 +52,10 @@ class Speeds(NamedTuple):
 def chart_images(
     places: Sequence[str], speeds: Speeds, now_s: float, *, window_s: float, ahead: float
 ) -> list[dict[str, Any]]:
-    """Return one chart for each of R rotors: number, place, and an SVG without text.
+    """Return one chart per rotor, R in all: number (1-based), place, and an SVG without text.
 
-    The window is `window_s` s long, of which the share `ahead` lies after `now_s`. The page sets
-    the line colours.
+    The window is `window_s` s long, of which the share `ahead` lies after `now_s`, s of the flight.
+    The page sets the line colours.
     """
     start_s = now_s - (1 - ahead) * window_s
     rows = shown_rows(speeds.time_s, start_s, start_s + window_s)
@@ -217,7 +217,7 @@ class ReplayClock:
             self._playing = False
 
     def seek(self, time_s: float) -> None:
-        """Go to a time, s, limited to the flight; ignore NaN."""
+        """Set the time, s, limited to the flight; ignore NaN."""
         if math.isnan(time_s):
             return
         with self._at_now():

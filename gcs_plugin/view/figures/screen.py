@@ -96,7 +96,8 @@ class FillAdvice:
         return self._fill
 
     def text(self, fill: NextFill) -> str:
-        """Return the sentence on a fill, and the day that it holds for."""
+        """Return the sentence on a fill, the day for which it holds, and a problem in reading that
+        day."""
         if fill.reason == "unsound":
             return f"{say(UNSOUND)}."
         of_day = f"{day_line(self._day, self._loaded_v)}{self._problem}"
@@ -167,7 +168,7 @@ class PageState:
         self.insert = text.replace("@GIVEN@", data).encode()  # what the page gets before its end
 
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
-        """Add a change of an alarm to the history."""
+        """Append a change of an alarm to the history."""
         self.note(vehicle, event.kind, event.alarm.text)
 
     def _summaries(self, tab: str) -> list[VehicleSummary]:

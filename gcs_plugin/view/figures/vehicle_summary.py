@@ -41,7 +41,7 @@ URGENCY_LEVEL: Mapping[Urgency, Level] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleSummary:
-    """All that the page shows of one aircraft: its newest row, its alarms and their age."""
+    """The state of one aircraft for the page: its newest row, its alarms and their age."""
 
     number: int
     row: ShownRow | None = None

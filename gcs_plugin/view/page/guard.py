@@ -240,7 +240,7 @@ def guarded_server(
 
 
 def address_of(host: str) -> str:
-    """Return the name by which this computer's browser reaches a server that listens on a host."""
+    """Return the host name for a URL that this computer's browser opens, for a server on `host`."""
     near = {"0.0.0.0": LOOPBACK, "::": "::1"}.get(host, host)
     return f"[{near}]" if ":" in near else near
 

@@ -78,7 +78,7 @@ class ViewPage(ABC):
 
     @abstractmethod
     def _build(self, server: viser.ViserServer) -> None:
-        """Make all that is on the page, before the first drawing."""
+        """Create the content of the page, before the first drawing."""
 
     @abstractmethod
     def _draw(self) -> None:
@@ -243,7 +243,7 @@ class Tabs(Generic[Of]):
         return tab
 
     def of_client(self, number: int) -> Of:
-        """Return the tab of a connection, by viser's number; the shared one for none."""
+        """Return the tab of viser's connection `number`; the shared one if there is none."""
         return next((tab for tab in self.all if tab.client == number), self.shared)
 
     @property

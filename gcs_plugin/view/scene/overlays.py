@@ -110,7 +110,7 @@ def planned_overlays(analysis: FlightAnalysis, limit: float) -> tuple[Overlay, .
 
 
 def speed_overlay(track: FlightTrack) -> Overlay:
-    """Return the speed over ground, which needs no airframe."""
+    """Return the colouring by ground speed, m/s, which needs no airframe."""
     speed = np.hypot(track.velocity_ned[:, 0], track.velocity_ned[:, 1])
     return Overlay(
         name="Speed", values=speed, scale=colours.GROUND_SPEED, worst="max", extreme="fastest"
@@ -141,8 +141,8 @@ def _residual(name: str, analysis: FlightAnalysis, note: str = "") -> Overlay:
 
 
 def residual_limit(residual_rpm: Floats, flying: Bools) -> float:
-    """Return the rpm at which the colours of (T,) residuals end: 98 % of the rows in flight are
-    below.
+    """Return the 98 % quantile, rpm, of absolute residuals (T,) in flight, the end of the colour
+    scale.
 
     At least 1; 1 where no residual is known.
     """
@@ -156,7 +156,8 @@ def _model_note(analysis: FlightAnalysis) -> str:
 
 
 def _basis_note(analysis: FlightAnalysis, known: Bools) -> str:
-    """Return a note on the share of the (T,) known rows in which a rotor was measured."""
+    """Return a note on the share of rows in flight, of those `known` (T,), in which a rotor was
+    measured."""
     flying, basis = analysis.track.flying, analysis.speed_basis
     rows = known[flying]
     if not rows.any():

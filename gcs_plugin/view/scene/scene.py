@@ -231,7 +231,7 @@ class Scene:
         )
 
     def set_pin(self, position_enu: Floats) -> None:
-        """Mark a place, m; remove the mark for NaN."""
+        """Mark a position (3,), m; remove the mark for NaN."""
         self._pinned = bool(np.all(np.isfinite(position_enu)))
         self._show_pin()
         if self._pinned:
@@ -239,15 +239,13 @@ class Scene:
             self._pin.point_size = 0.03 * self._extent
 
     def _show_pin(self) -> None:
-        """Show the mark only over the whole field and away from the aircraft, where it hides no
-        rotor.
-        """
+        """Show the mark only in the overview, and not near the aircraft, where it would hide a
+        rotor."""
         self._pin.visible = self._pinned and self.camera is Camera.FIELD and not self._covered
 
     def in_world(self, origin: Sequence[float], ray: Sequence[float]) -> tuple[Floats, Floats]:
-        """Return (3,) origin, m, and direction of a ray of the page in coordinates of the moving
-        world.
-        """
+        """Convert a ray of the page, its origin (3,), m, and direction (3,), to coordinates of the
+        moving world."""
         turn = SO3(self._world.wxyz).inverse()
         both = np.array([np.asarray(origin) - self._world.position, ray], dtype=np.float64)
         start, way = both @ turn.as_matrix().T

@@ -139,7 +139,7 @@ class ShownRow:
 
     @property
     def scale(self) -> palette.ColourScale:
-        """Scale of the colours of margins, which turn at `least`."""
+        """Return the colour scale of margins, which turns at `least`."""
         return palette.thrust_left(self.least)
 
     @property

@@ -106,7 +106,12 @@ class SprayedGround:
         self.changed = False
 
     def add(self, positions_enu: Floats, spraying: Floats, ground: float) -> None:
-        """Add rows in order: (T, 3) m and (T,) 1 pump on, 0 off, NaN unknown."""
+        """Add rows in order of time: positions (T, 3), m, and `spraying` (T,), 1 pump on, 0 off,
+        NaN unknown.
+
+        Stretches are drawn at height `ground`, m, between rows with the pump on at least STEP
+        apart.
+        """
         for position, on in zip(positions_enu, spraying, strict=True):
             if on != 1.0 or not np.all(np.isfinite(position[:2])):
                 self._last = None
@@ -179,7 +184,7 @@ class Surroundings:
             self._arrow = self.lines("/world/wind_arrow", arrow(way, place_enu, length), INK, 6.0)
 
     def lines(self, name: str, points: Floats, colour: Rgb, pixels: float):
-        """Draw (S, 2, 3) m in one colour; the node."""
+        """Draw lines (S, 2, 3), m, in one colour and return their node."""
         return screen_lines(self._api, name, points, colour, pixels)
 
 

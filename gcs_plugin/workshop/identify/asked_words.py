@@ -115,7 +115,8 @@ def unexplained_words(found: Identification) -> str:
 
 
 def minor_words(found: Identification) -> str:
-    """Return the clause about a minor unexplained residual; empty if there is none."""
+    """Return the clause about a minor unexplained residual: RMS, mode and channels; empty if there
+    is none."""
     left = found.unexplained()
     if not left["minor"]:
         return ""

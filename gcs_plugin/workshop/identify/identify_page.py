@@ -153,7 +153,8 @@ def time_figure(rows: Rows, flight: int) -> style.Figure:
 
 
 def _break_at_gaps(time_s: Floats, *tables: Floats) -> tuple[Floats, ...]:
-    """Insert a row of NaN into each gap longer than LONGEST_STEP_S, so that no line crosses it."""
+    """Insert a row of NaN into each time gap longer than LONGEST_STEP_S, so that no line crosses
+    it."""
     gaps = np.flatnonzero(np.diff(time_s) > LONGEST_STEP_S) + 1
     middle = (time_s[gaps - 1] + time_s[gaps]) / 2 if gaps.size else np.empty(0)
     return (np.insert(time_s, gaps, middle), *(np.insert(t, gaps, np.nan, axis=0) for t in tables))
@@ -287,8 +288,8 @@ def _strongest_channels(rows: Rows, mode: int) -> list[str]:
 
 
 def map_limit(rows: Rows) -> float:
-    """Return the residual, rpm, at the ends of the maps' colour scale: the 98 % quantile of rows
-    before, at least 1."""
+    """Return the residual, rpm, at the ends of the maps' colour scale: the 98 % quantile of its
+    absolute value before the new effects, at least 1."""
     worst = np.abs(rows.before_rpm).max(axis=1)
     return float(max(1.0, np.quantile(worst, 0.98)))
 
@@ -318,7 +319,11 @@ def map_figure(
 
 
 def flight_figures(rows: Rows, chosen: Sequence[int]) -> dict[str, style.Figure]:
-    """Return figures by name of the `chosen` flights: over time, and maps before and after."""
+    """Return the figures of the `chosen` flights (0-based) by name: `time_0`, `map_before_0`,
+    `map_after_0`.
+
+    Maps without positions are missing.
+    """
     limit = map_limit(rows)
     made: dict[str, style.Figure] = {}
     for f in chosen:

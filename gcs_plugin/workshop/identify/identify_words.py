@@ -133,7 +133,8 @@ def one_of_words(
 
 
 def mentioned_words(one: Mentioned, names: tuple[str, ...], flights: int) -> str:
-    """Return the sentence about a rotor that is not reported and that the flights do not clear."""
+    """Return the sentence about a rotor that may be weak: not reported, but not excluded by the
+    flights."""
     sign, words = 1.0, "it may make {amount} less thrust {interval}"
     if one.loss < 0.0:
         sign, words = -1.0, "it may make {amount} more thrust {interval}"

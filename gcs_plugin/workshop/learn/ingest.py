@@ -218,7 +218,8 @@ def _check_kind(store: SeasonStore, names: str | None) -> None:
 
 
 def _absolute(airframe: str | None) -> str | None:
-    """Return the absolute path of an airframe file, which every process finds; else the name."""
+    """Return the absolute path of an airframe file, for processes with other folders; a name
+    unchanged."""
     return str(Path(airframe).absolute()) if airframe and Path(airframe).is_file() else airframe
 
 
@@ -268,7 +269,10 @@ def find_logs(words: tuple[str, ...]) -> tuple[list[LogSource], list[tuple[str, 
 
 
 def _at_address(word: str, endings: set[str]) -> dict[str, int]:
-    """Return the size in bytes of each log at an address or pattern of fsspec, by its address."""
+    """Return the size in bytes of each log at an fsspec address or pattern, by the log's address.
+
+    Raises DataError if fsspec cannot read it.
+    """
     from fsspec.core import url_to_fs
 
     try:

@@ -43,7 +43,7 @@ NOTHING_STATED = OwnerStatement()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Group:
-    """The logs of one aircraft: a known one by its name, or a new one by its marks."""
+    """The logs of one aircraft: known, with its name, or new, with its marks."""
 
     name: str | None
     marks: tuple[Marks, ...]
@@ -413,7 +413,10 @@ def _folder_name(group: _Group, hangar: Hangar) -> str:
 
 
 def _new_name(marks: Marks) -> str:
-    """Return the name of a new aircraft: asked for in a terminal, else made from its marks."""
+    """Return the name of a new aircraft: asked for in a terminal, else made from its marks.
+
+    Raises DataError if the input ends without an answer.
+    """
     if sys.stdin.isatty():
         try:
             if answer := input("a short name for this aircraft: ").strip():

@@ -153,7 +153,8 @@ def notes(matching: Matching) -> list[str]:
 def _network_points(matching: Matching, path: Path | None) -> tuple[NetworkPoints | None, str]:
     """Return the network's points for the figure and a sentence about them.
 
-    Without `path` the shipped model is used; None and the reason if it does not fit the airframe.
+    `path` is a model file; None uses the shipped model, and returns (None, reason) if it does not
+    fit the airframe. Raises ModelError if the file's model does not fit.
     """
     from thrustmargin.models.model.model_file import load_model, shipped_model
     from thrustmargin.models.model.training import network_points

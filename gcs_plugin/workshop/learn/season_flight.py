@@ -67,7 +67,7 @@ WAIT_S = 20.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IngestSettings:
-    """The settings of one run of `ingest`, with values that another machine can use too."""
+    """The settings of one run of `ingest`, in values that another machine can use."""
 
     store: str
     model: str | None = None
@@ -240,9 +240,9 @@ def _sums(analysis: FlightAnalysis) -> tuple[dict[str, np.ndarray] | None, str |
 
 
 def _summary(analysis: FlightAnalysis, log: FlightLog, report: ReportedFlight) -> dict[str, Any]:
-    """Return the columns of `schema.FLIGHTS` that come from the report and the log.
+    """Return the columns of `schema.FLIGHTS` from the report and the log.
 
-    `analysis` is that of the whole flight, `report` that of its verdict.
+    `analysis` uses the load of the whole flight, `report` that of its verdict.
     """
     track, verdict, flight = log.track, report.json["verdict"], report.json["flight"]
     advice = report.advice
@@ -343,8 +343,8 @@ WHOLE_LISTS = ("fault_kinds", "fault_rotors", "caveats", "suspects", "bad_arms")
 
 
 def learnt_columns(row: AircraftFlight) -> dict[str, Any]:
-    """Return the columns of `schema.FLIGHTS` that a flight of a known aircraft has: the fields of
-    its row, with nested ones as JSON."""
+    """Return the fields of a known aircraft's flight as columns of `schema.FLIGHTS`, nested ones as
+    JSON."""
     values = {field.name: getattr(row, field.name) for field in fields(row)}
     return {
         name: json.dumps(to_json_values(value)) if is_dataclass(value) else value
@@ -353,7 +353,7 @@ def learnt_columns(row: AircraftFlight) -> dict[str, Any]:
 
 
 def _notes(track: FlightTrack) -> list[str]:
-    """Return the notes of a track in English, for a store has readers of every language."""
+    """Return the notes of a track in English, because a store has readers of every language."""
     with speaking("en"):
         return note_words(track)
 

@@ -136,7 +136,7 @@ def train(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainingRun:
-    """A trained model, the fit of its network (None without one), and the flights of it."""
+    """A trained model, the fit of its network (None without one), and its training flights."""
 
     model: RotorModel
     trained: Trained | None

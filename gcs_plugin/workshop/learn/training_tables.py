@@ -136,7 +136,8 @@ def _split_table(record: records.TrainingRecord) -> Table:
 
 
 def _held_out_table(conditions: tuple[records.ConditionScore, ...], title: str) -> Table:
-    """Return the table of R² and RMSE on held-out flights, a row for each condition."""
+    """Return a table, headed `title`, of R² and RMSE on held-out flights, a row for each
+    condition."""
     rows = [
         (
             say(one.condition),
