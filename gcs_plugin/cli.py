@@ -116,8 +116,9 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def _end_as_by_ctrl_c() -> None:
-    """Make SIGTERM, SIGHUP and the closing of a window on Windows raise KeyboardInterrupt, so that
-    files are whole.
+    """Make SIGTERM, SIGHUP and the closing of a window on Windows raise KeyboardInterrupt.
+
+    So files are complete when the program ends.
     """
     found = [getattr(signal, n) for n in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, n)]
     ours = [number for number in found if signal.getsignal(number) is signal.SIG_DFL]
@@ -178,7 +179,7 @@ def run(argv: Sequence[str]) -> int:
 
 
 def _stopped(error: BaseException | None) -> bool:
-    """Return whether Ctrl-C caused an error.
+    """Return True if Ctrl-C caused an error.
 
     A compiled module that is interrupted in its import raises an ImportError from it.
     """
@@ -188,9 +189,8 @@ def _stopped(error: BaseException | None) -> bool:
 
 
 def _in_language(argv: Sequence[str]) -> list[str]:
-    """Set the language of --language and return the command line without it. Exit on an unknown
-    one.
-    """
+    """Set the language of --language and return the command line without it; exit if it is
+    unknown."""
     words = list(argv)
     if "--language" in words[: words.index("--")] if "--" in words else "--language" in words:
         at = words.index("--language")
@@ -241,7 +241,7 @@ def _complain(words: str) -> None:
 
 
 def _flush() -> None:
-    """Write buffered output. Raises OSError when that fails, and drops it."""
+    """Write buffered output. Drop it and raise OSError when that fails."""
     try:
         sys.stdout.flush()
     except OSError:

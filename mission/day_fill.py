@@ -61,12 +61,12 @@ def day_fill(
     limit: float = 0.5,
     rotor_lost: bool = True,
 ) -> DayFill:
-    """Return the largest fill for a complete `day`, and that for a full battery beside it.
+    """Return the largest fill for a complete `day`, and the fill that a full battery would allow.
 
     `speed` is m/s over the ground, flown against the wind or the gusts, whichever allows less.
     `limit` is the share of a rotor's largest thrust that may last. With `rotor_lost` the loss of
-    one rotor must be survivable with yaw uncontrolled. The fill of the full battery is unknown
-    where `day` has a full one already.
+    one rotor must be survivable with yaw uncontrolled. The fill of the full battery is NaN where
+    `day` already has a full one.
     """
     winds = {day.wind.value, max(day.wind.value, day.gusts.value)}
     tried = [_in_steady_flight(model, day, speed + wind, limit, rotor_lost) for wind in winds]
@@ -80,7 +80,10 @@ def day_fill(
 
 
 def with_full_battery(model: RotorModel, day: Day) -> Day | None:
-    """Return the day with a full battery; None where it has one, or none is known."""
+    """Return `day` with the rest voltage, V, of a full battery and no voltage under load.
+
+    None if the battery is full already, or the airframe has no nominal voltage.
+    """
     full = full_at_rest(model.airframe.nominal_voltage)
     if not full > 0.0 or day.battery_voltage.value >= full - 1e-6:
         return None
@@ -96,7 +99,11 @@ def _order(fills: Fills) -> float:
 def _in_steady_flight(
     model: RotorModel, day: Day, airspeed: float, limit: float, rotor_lost: bool
 ) -> tuple[Fills, float, float]:
-    """Return the fills at an airspeed, m/s, with the voltage under load, V, and that airspeed."""
+    """Return the largest fills, kg, at `airspeed` m/s, the voltage under load, V, and `airspeed`.
+
+    `limit` is the allowed utilisation; `rotor_lost`: the aircraft must stay up without one rotor.
+    Voltage depends on the fill, so both are iterated.
+    """
     most = model.airframe.tank_capacity_kg
 
     def fills_with(kg: float) -> tuple[Fills, float]:
@@ -119,8 +126,7 @@ def _in_steady_flight(
 
 
 def voltage_under_load(model: RotorModel, day: Day, kg: float, airspeed: float) -> float:
-    """Return V of the battery at the start of steady flight with `kg` in the tank at `airspeed`
-    m/s.
+    """Return the battery's V at the start of steady flight with `kg` in the tank at `airspeed` m/s.
 
     The resistance is the day's, else the usual one for its capacity. Without either, or where the
     power is unknown, the battery sags by USUAL_SAG a cell.
@@ -150,9 +156,11 @@ _OTHERWISE = {
 def most_sensitive(
     model: RotorModel, day: Day, *, speed: float = SPRAY_SPEED, limit: float = 0.5
 ) -> Sensitive | None:
-    """Return the assumed value of a complete `day` that moves the fill most; None without one.
+    """Return the assumed value of a complete `day` on which the fill depends most; None without
+    one.
 
-    Each is set to another that it may as well have: 10 °C, 500 m, a wind of 8 m/s, a full battery.
+    Each assumed value is replaced by a plausible other one, separately: 10 °C, 500 m, a wind of 8
+    m/s, a full battery.
     """
 
     def kg(changed: Day) -> float:

@@ -23,7 +23,7 @@ SHORTEST_LINE = 5.0
 SAME_LINE = 1.0
 #: Bends smaller than this are steering, not a new line, m.
 STRAIGHTNESS = 0.5
-#: s between two rows beyond which the way from the one to the other is not known.
+#: s between two rows beyond which the path from one to the other is not known.
 LONGEST_PAUSE = 2.0
 #: Share of the time with the pump on that may have no place before the area is a part alone.
 LOST_SHARE = 0.01
@@ -43,7 +43,7 @@ class Field:
 
     @property
     def whole(self) -> bool:
-        """Return whether the area covers nearly all that was sprayed."""
+        """Return True if at most LOST_SHARE of the spraying time is without a position."""
         return self.lost_s <= LOST_SHARE * self.sprayed_s
 
 
@@ -87,8 +87,11 @@ def sprayed_field(
 
 
 def _spans(time_s: Floats, spraying: Floats, known: Bools) -> tuple[float, float]:
-    """Return the duration, s, with the pump on or in an unknown state, and the part of it at
-    unknown places.
+    """Return two times, s: with the pump on or possibly on, and of it the part that is unknown.
+
+    `spraying` (T,) is 1 on, 0 off, NaN unknown; `known` (T,) flags rows with a position. The pump
+    is unknown where NaN; the place is unknown where a row with the pump on has no position, or in a
+    pause of the log with the pump on at either end.
     """
     steps = np.diff(time_s)
     on, unsaid = spraying > 0.5, np.isnan(spraying)
@@ -98,7 +101,10 @@ def _spans(time_s: Floats, spraying: Floats, known: Bools) -> tuple[float, float
 
 
 def _ground(lines: NDArray[np.object_], width: float) -> tuple[shapely.MultiPolygon, float]:
-    """Return the outline of the ground under the lines, and the area, m², of their strips alone."""
+    """Return the outline of the ground within half of `width` of the lines, and its area, m².
+
+    The outline also covers narrow gaps between the lines; the area does not.
+    """
     # Half the spacing on both sides covers the ground; what then still gapes by less than half a
     # swath is steering, so the outline closes over it. The area counts the strips alone. The union
     # is made on a 1 mm grid: in floating point GEOS may drop a strip that just touches another.

@@ -52,7 +52,7 @@ Named = tuple[str, shapely.Polygon]
 def read_field(
     path: Path, *, parts: Sequence[str] = (), plane: LocalPlane | None = None
 ) -> FieldOutline:
-    """Read the field of a file, in `plane` or in a plane of its own.
+    """Read a field's outline from a file, in the local plane `plane`, or a plane about the field.
 
     `parts` selects polygons by name, or number from 1; empty: all. Raise PlanError if the file has
     none of the formats or no valid outline, InstallError if a library for it is missing.
@@ -124,7 +124,10 @@ def _bounded(polygons: Iterator[Named], name: str) -> list[Named]:
 
 
 def _kml_of(data: bytes, name: str) -> bytes:
-    """Return the KML in a KMZ archive."""
+    """Return the bytes of the first KML file in a KMZ archive.
+
+    Raise PlanError if there is none, it is too large, or the archive is damaged.
+    """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             inside = [i for i in archive.infolist() if i.filename.lower().endswith(".kml")]
@@ -241,9 +244,7 @@ def _of_geojson(content: Any, name: str) -> Iterator[Named]:
 
 
 def _in_system(polygons: list[Named], content: dict[str, Any], name: str) -> list[Named]:
-    """Return GeoJSON polygons in longitude and latitude, converted if "crs" states another
-    system.
-    """
+    """Return GeoJSON polygons in degrees, converted if the member "crs" states another system."""
     system = content.get("crs")
     if system is None:
         return polygons

@@ -48,7 +48,8 @@ class LocalPlane:
         return np.array(pymap3d.geodetic2enu(latitude_deg, longitude_deg, 0.0, *here))
 
     def to_degrees(self, points: Floats) -> Floats:
-        """Return latitude and longitude (N, 2), degrees to 1e-7, of east and north (N, 2), m."""
+        """Return latitude and longitude (N, 2), degrees rounded to 1e-7, of east and north (N,
+        2), m."""
         latitude, longitude, _ = pymap3d.enu2geodetic(
             points[:, 0],
             points[:, 1],
@@ -64,7 +65,7 @@ class LocalPlane:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FieldOutline:
-    """One field, which may have several parts and holes."""
+    """A field, which may have several parts and holes."""
 
     name: str
     plane: LocalPlane
@@ -108,7 +109,8 @@ def field_outline(
 
 
 def _plane_of(degrees: Floats) -> LocalPlane:
-    """Return the plane at the middle of the corners; longitudes may cross the date line."""
+    """Return the plane at the middle of the corners (N, 2), longitude and latitude in degrees;
+    longitudes may cross the date line."""
     first = degrees[0, 0]
     longitude = first + (degrees[:, 0] - first + 180.0) % 360.0 - 180.0
     middle = (longitude.min() + longitude.max()) / 2

@@ -110,7 +110,7 @@ def read_plan(path: Path) -> MissionPlan:
 
 
 def _cut_short(text: str, error: json.JSONDecodeError) -> bool:
-    """Return whether JSON text is fine up to its end, but ends too early."""
+    """Return True if JSON text is fine up to its end, but ends too early."""
     rest = text[error.pos :].strip()
     begun_word = any(word.startswith(rest) for word in ("null", "true", "false"))
     return begun_word or len(rest) <= 1 or error.msg.startswith("Unterminated string")
@@ -140,8 +140,9 @@ def _newer_item(entry: dict[str, Any]) -> dict[str, Any]:
 
 
 def _plan_of_waypoints(text: str, name: str) -> MissionPlan:
-    """Return the plan of `QGC WPL 110` text: one item a line, the first one home if it is a plain
-    waypoint.
+    """Parse `QGC WPL 110` text: one item a line; a first waypoint above sea level is home.
+
+    Raise PlanError, which begins with `name`, for another version or invalid lines.
     """
     head, _, rest = text.partition("\n")
     version = head[len(_WPL) :].strip()
@@ -209,9 +210,8 @@ def waypoints_text(plan: MissionPlan) -> str:
 
 
 def _word(value: float) -> str:
-    """Format a number with all its digits and no exponent, which some ground stations cannot
-    read.
-    """
+    """Format a number with all its digits and without an exponent, which some ground stations
+    reject."""
     if isinstance(value, int):
         return str(value)
     if math.isnan(value):

@@ -56,8 +56,9 @@ OTHER_NAMES: Mapping[str, tuple[str, float]] = {
 
 
 def parameter(parameters: Mapping[str, float], name: str) -> float:
-    """Return the parameter `name`, also from its older or newer name, in the unit of `name`; NaN if
-    absent.
+    """Return the value of the autopilot parameter `name`; NaN if absent.
+
+    If only its older or newer name is in `parameters`, convert that value to the unit of `name`.
     """
     if name in parameters or name not in OTHER_NAMES:
         return parameters.get(name, math.nan)
@@ -105,7 +106,7 @@ _HOMEWARD = ("return", "land")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanFinding:
-    """One fault of a plan and the items that show it, in order of execution."""
+    """A fault of a plan and the items that show it, in order of execution."""
 
     fault: PlanFault
     items: tuple[int, ...]  # numbers; () is the plan as a whole
@@ -179,10 +180,10 @@ def check_plan(
 
 
 def _heights(plan: MissionPlan, steps: PlanSteps) -> dict[PlanFault, dict[int, float]]:
-    """Return the items of each fault of height, by number, with their m above home.
+    """Map each fault of height to its items: item number to height, m above home.
 
-    Take-off and every place flown to count; the end of a landing is at home's height as it should
-    be. Heights above ground or of no reference that is known are left out.
+    Take-offs and places flown to are checked, but not the end of a landing. Items in an unknown
+    height frame are left out.
     """
     faults: dict[PlanFault, dict[int, float]] = defaultdict(dict)
     flown = {step.index for step in steps.steps if step.kind in _WITH_HEIGHT}
@@ -205,7 +206,11 @@ def _heights(plan: MissionPlan, steps: PlanSteps) -> dict[PlanFault, dict[int, f
 
 
 def _legs(plan: MissionPlan, steps: Sequence[Step]) -> _Legs:
-    """Return the legs between the places, from home on; take-off and return are at home."""
+    """Return the straight legs between the plan's places, east, north, up, m about home.
+
+    The first begins at home; take-off and return are at home. Heights are ignored. Empty without a
+    place.
+    """
     home = plan.home
     there = [home[:2] if s.kind in ("take-off", "return") else s.place for s in steps]
     placed = [k for k, place in enumerate(there) if place is not None]

@@ -59,7 +59,7 @@ Why = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanItem:
-    """One mission item; `parameters` are MAVLink's seven, NaN for the vehicle's default."""
+    """A mission item; `parameters` are MAVLink's seven, NaN for the vehicle's default."""
 
     number: int  # its number in the plan, from 1; DO_JUMP refers to it
     command: int  # MAV_CMD
@@ -71,7 +71,8 @@ class PlanItem:
     def place(self) -> tuple[float, float, float] | None:
         """Return latitude and longitude, degrees, and altitude, m in `frame`; None without a place.
 
-        ArduPilot reads latitude and longitude 0 as the place it is at: None too.
+        Also None for latitude and longitude 0, by which ArduPilot means the vehicle's present
+        place.
         """
         latitude, longitude, altitude = self.parameters[4:]
         here = (latitude == 0.0 and longitude == 0.0) or not math.isfinite(latitude + longitude)
@@ -81,11 +82,10 @@ class PlanItem:
 
     @property
     def height(self) -> float:
-        """Return the altitude, m in `frame`, of an item that goes somewhere; NaN where it keeps
-        its height.
+        """Return the altitude, m in `frame`, that an item orders; NaN where it orders none.
 
-        An item may give an altitude and no place: ground stations write take-offs so. Altitude 0
-        without a place is the height it is at, as ArduPilot reads it.
+        An item may have an altitude and no place: ground stations write take-offs so. Altitude 0
+        without a place means the present height, as in ArduPilot.
         """
         altitude = self.parameters[6]
         if self.place is None and (altitude == 0.0 or self.frame not in HEIGHT_FRAMES):
@@ -144,14 +144,13 @@ def plan_from_items(
     firmware: int = FIRMWARE_GENERIC,
     source: str = "the vehicle",
 ) -> MissionPlan:
-    """Return the plan of a vehicle's own list of items, numbered from 0 as MAVLink transfers them.
+    """Return the plan of mission items as MAVLink transfers them, numbered from 0.
 
-    `home_first`: item 0 is home and no part of the mission (ArduPilot), and the numbers are kept.
-    Otherwise the items and the targets of DO_JUMP are renumbered from 1. `home` (degrees, degrees,
-    m AMSL) is used if item 0 is not home, and its height if that of item 0 is not above sea level.
-    Without one, or if item 0 is at 0, 0, the first place of the mission replaces it, with a note.
-    Raise PlanError, which names `source`, if the mission is
-    empty.
+    `home_first`: item 0 is home and no part of the mission (ArduPilot), and numbers stay. Otherwise
+    the items and the targets of DO_JUMP are renumbered from 1. `home` (latitude and longitude,
+    degrees, and m AMSL) is used if item 0 is not home or is at 0, 0; its height also if that of
+    item 0 is not above sea level. Without any home the first place of the mission replaces it, with
+    a note. Raise PlanError, which mentions `source`, if the mission is empty or too long.
     """
     if len(items) > MOST_ITEMS:
         raise too_many(source)
@@ -185,9 +184,9 @@ def plan_from_items(
 
 
 def with_home_height(plan: MissionPlan, altitude: float) -> MissionPlan:
-    """Return the plan with its home at `altitude`, m AMSL, where it is given without a height.
+    """Set the home's height to `altitude`, m AMSL, where the plan has a home without a height.
 
-    Return it unchanged where its home has a height, or is only the first waypoint.
+    Return the plan unchanged if its home has a height, or is only the first waypoint.
     """
     if math.isfinite(plan.home[2]) or _FIRST_PLACE_IS_HOME in plan.notes:
         return plan

@@ -34,7 +34,7 @@ WIDEST = 100.0
 #: Shares of the usual spacing within which neighbouring lines lie. Legs that overlap at less are
 #: one line flown twice, or turns at one edge of the field; at more they are no neighbours.
 SPACING_SHARES = (0.5, 2.0)
-#: Share of the shorter of two lines that lies beside the other at least.
+#: Share of the shorter of two lines that must lie next to the other.
 BESIDE_SHARE = 0.5
 #: Share of the working speed by which the speed of a line may differ.
 SAME_SPEED = 0.1
@@ -45,7 +45,7 @@ _BETWEEN_PLACES = ("fly", "spline", "turns")
 class SprayLines:
     """The spray lines of a plan with S steps."""
 
-    spraying: Bools  # (S,) the way to this step is part of a line
+    spraying: Bools  # (S,) the path to this step is part of a line
     count: int  # lines
     spacing: float  # m between neighbouring lines, the median by length; NaN without a line
 
@@ -62,7 +62,7 @@ def with_pump_rule(
 ) -> tuple[PlanSteps, SprayLines | None]:
     """Return the steps with the pump switched by `rule`, and the lines that the rule "lines" found.
 
-    Raise PlanError for "lines" in a plan without two parallel legs beside each other.
+    Raise PlanError for "lines" in a plan without two parallel, neighbouring legs.
     """
     if rule == "always":
         return _switched(steps, _along_places(steps.steps)), None
@@ -129,12 +129,12 @@ class _Runs:
 
 
 def spray_lines(plan: MissionPlan, steps: PlanSteps) -> SprayLines:
-    """Find the spray lines of a plan by spacing and speed.
+    """Find the spray lines of a plan, by spacing and speed; none: count 0 and spacing NaN.
 
-    A line is a run of legs of one heading. It is longer than the distance to a parallel run that
-    lies beside it, or it lies at the usual spacing beside such a run. Its speed is that of most of
-    the length of such runs. Legs that only extend a line, as for a turn outside of the field,
-    cannot be distinguished from it and count as part of it.
+    A line is a run of legs of one heading with a parallel neighbour at about the usual spacing; the
+    longer of both exceeds their distance. Its speed is the one at which most of the length of such
+    runs is flown. Legs that only extend a line, as for a turn outside of the field, cannot be
+    distinguished from it and count as part of it.
     """
     runs = _runs(plan, steps.steps)
     spraying = np.zeros(len(steps.steps), dtype=np.bool_)
@@ -197,10 +197,10 @@ def _runs(plan: MissionPlan, steps: Sequence[Step]) -> _Runs:
 
 
 def _neighbours(runs: _Runs) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:
-    """Return the pairs (P,) of parallel runs that lie beside each other, both ways, and their
-    distance (P,), m.
+    """Return the pairs (P,), (P,) of neighbouring parallel runs, in both orders, and distances
+    (P,), m.
 
-    Runs on one straight line, 0.5 m apart or less, are no neighbours.
+    Runs 0.5 m apart or less, on one straight line, are not neighbours.
     """
     lines = shapely.linestrings(np.stack([runs.start, runs.end], axis=1))
     shapes = np.array(lines, dtype=object)

@@ -120,7 +120,10 @@ class _Items:
     not_understood: list[NotUnderstood] = field(default_factory=list)
 
     def add(self, entry: Any, *, where: str) -> None:
-        """Append one entry of "items": a simple item, or all items of a survey pattern."""
+        """Append one entry of "items": a simple item, or all items of a survey pattern.
+
+        Raise PlanError, which begins with `where`, for another entry.
+        """
         if not isinstance(entry, dict):
             raise PlanError(f"{where} is not an item; save the plan again from QGroundControl")
         kind = entry.get("type")
@@ -172,10 +175,10 @@ class _Items:
         self.found.append(item)
 
     def _shown(self, pattern: Any, where: str) -> bool:
-        """Append waypoints at the points that the map shows of a pattern; return False if there are
-        none.
+        """Append waypoints at the points that a survey pattern shows on the map; return False
+        without any.
 
-        Commands of its camera are not among the points, so the pattern is listed as not understood.
+        Its camera commands are not among the points, so the pattern is listed as not understood.
         """
         points = pattern.get("VisualTransectPoints") if isinstance(pattern, dict) else None
         camera = pattern.get("CameraCalc") if isinstance(pattern, dict) else None
@@ -206,8 +209,10 @@ class _Items:
 
 
 def _parameters(entry: dict[str, Any], *, where: str) -> list[float]:
-    """Return MAVLink's seven parameters; older files have four, and the place separately as
-    "coordinate".
+    """Return an item's seven MAVLink parameters; the last three are its place.
+
+    Older files have four, and the place separately as "coordinate". Raise PlanError if both state a
+    place and differ.
     """
     given, place = entry.get("params"), entry.get("coordinate")
     if place is None:
@@ -237,7 +242,10 @@ def _item(entry: dict[str, Any], *, default_number: int, where: str) -> PlanItem
 
 
 def _fence(content: Any, where: str) -> tuple[FencePolygon | FenceCircle, ...]:
-    """Return the areas of a geofence; version 1 has one polygon to stay in."""
+    """Parse the polygons and circles of a `.plan` file's geofence; empty for None.
+
+    A polygon of version 1 is one to stay in. Raise PlanError, which mentions `where`, if invalid.
+    """
     if content is None:
         return ()
     if not isinstance(content, dict):
@@ -323,7 +331,8 @@ def _numbers(value: Any, count: int, *, where: str, what: str = "") -> list[floa
 
 
 def plan_text(plan: MissionPlan) -> str:
-    """Return the text of a `.plan` file, with geofence and rally points."""
+    """Format `plan` as the JSON text of a QGroundControl `.plan` file, geofence and rally points
+    included."""
     polygons, circles = [], []
     for area in plan.fence:
         common = {"inclusion": area.inside, "version": 1}

@@ -101,7 +101,9 @@ class Trail:
 
     @property
     def route(self) -> Route:
-        """Return the segments over the rows of the trail."""
+        """Return the straight segments of the path flown so far; each covers the same path
+        length, or the same time where it hardly moves, and at most `limit` segments are made by
+        lengthening them."""
         time_s, piece, position = self._rows[:, 0], self._rows[:, 1], self._rows[:, 2:5]
         moved = np.linalg.norm(np.diff(position, axis=0), axis=1) / LENGTH
         share = np.maximum(moved, np.diff(time_s) / SECONDS) * (np.diff(piece) == 0)
@@ -146,7 +148,7 @@ AHEAD = AirframeClaim()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Forecast:
-    """The predicted rest of the route, at ten rows a second."""
+    """The predicted remaining route, at ten rows a second."""
 
     item: NDArray[np.intp]  # (N,) mission item being flown to
     analysis: FlightAnalysis  # of N predicted rows; time_s counts from now
@@ -166,9 +168,8 @@ class Forecast:
 
     @cached_property
     def lasting_margin(self) -> float:
-        """Return the smallest margin that lasts, as the answer of a flight defines it; NaN if
-        unknown.
-        """
+        """Return the smallest lasting margin, 1 minus the largest lasting utilisation; NaN if
+        unknown."""
         return 1.0 - thrust_use(self.analysis, 0.5).lasting_most
 
 
@@ -182,10 +183,10 @@ def route_ahead(
     speed: float,
     spraying: bool = False,
 ) -> tuple[tuple[WayLeg, ...], FlightLimits]:
-    """Return the legs from `position_ned` (3,) m through the items from `item` on, and their
+    """Return the legs from `position_ned` (3,) m through the items from number `item` on, and the
     limits.
 
-    Legs are about home; empty if no item is left, or the rest cannot be flown. `parameters` are the
+    Legs are about home; empty if no item remains, or the rest cannot be flown. `parameters` are the
     autopilot's; `speed` m/s and `spraying` apply until the mission changes them. Altitudes above
     ground count as above home.
     """
@@ -214,9 +215,10 @@ def route_ahead(
 def forecast(
     legs: Sequence[WayLeg], limits: FlightLimits, model: RotorModel, given: PlanConditions
 ) -> Forecast | None:
-    """Simulate the flight along `legs`, of a long route only the first part; None without a leg.
+    """Simulate and analyse the flight along `legs`, at most about its first LONGEST_S seconds.
 
-    `given` are the present conditions; the voltage stays at that of its battery, NaN if unknown.
+    `given` are the present conditions; the battery's voltage counts as constant, NaN if unknown.
+    Return None without a leg.
     """
     if not legs:
         return None

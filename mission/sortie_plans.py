@@ -37,8 +37,8 @@ _JUMPS = ("jump to nothing", "jump to itself", "jump without end")
 def line_ends(plan: MissionPlan, steps: PlanSteps) -> tuple[int, ...]:
     """Return the indexes in `steps.steps` of the line ends, at which a sortie may end.
 
-    A line ends where the pump goes off, or where the way turns by more than BEND. If no step has
-    the pump on, lines with it off count.
+    A line ends where the pump is switched off, or where the path turns by more than BEND degrees.
+    If no step has the pump on, lines with it off count.
     """
     flown = steps.steps
     dry = not any(step.pump for step in flown)
@@ -64,13 +64,13 @@ def split_plan(
     pump: PumpOutput | None = None,
     refill: tuple[float, float] | None = None,
 ) -> tuple[MissionPlan, ...]:
-    """Split `plan`, flown as `steps`, into one plan a sortie, with a refill after the steps
-    `refill_after`.
+    """Split `plan`, flown as `steps`, into one plan per sortie.
 
-    `refill_after` are indexes in `steps.steps`, each one of `line_ends`; `refill` is the latitude
-    and longitude, degrees, where every sortie starts and ends, by default home. Raise PlanError for
-    another index, for a plan with items that are not understood, and for a refill place out of the
-    field's reach.
+    `refill_after` are the indexes in `steps.steps` after which to refill, each one of `line_ends`;
+    `refill` is the latitude and longitude, degrees, where every sortie starts and ends, by default
+    home. `pump` is the output by which sorties switch the pump if the plan does. Raise PlanError
+    for another index, for a plan with a faulty jump, and for a refill place out of the field's
+    reach.
     """
     for item in steps.not_understood:
         if item.why in _JUMPS:
@@ -123,8 +123,9 @@ def _way_out(
     home: tuple[float, float, float],
     off: Sequence[PlanItem],
 ) -> list[PlanItem]:
-    """Return the items of take-off, orders in force, and the way to the line end `last` with the
-    pump off.
+    """Return the items of the flight, pump off, from take-off to the line end `last`.
+
+    They include the speeds in force in the step `following`.
     """
     assert last.place is not None  # a line end has one
     height = last.place[2]

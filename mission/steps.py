@@ -85,7 +85,7 @@ _WAITS = frozenset({WAYPOINT, SPLINE_WAYPOINT, LOITER_TIME, DELAY})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PumpOutput:
-    """The output of a vehicle's pump, besides DO_SPRAYER; no servo and no relay: none is known."""
+    """The servo or relay that switches a vehicle's pump, besides DO_SPRAYER; both None: unknown."""
 
     servo: int | None = None  # number of the output, from 1
     off_us: float = 1100.0  # pulse at which the pump stops
@@ -96,7 +96,7 @@ class PumpOutput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """One step of the vehicle, with the orders in force during it."""
+    """A step of the vehicle, with the orders in force during it."""
 
     item: int  # number of the mission item
     index: int  # place of the item in the plan's order of execution, from 0
@@ -127,8 +127,9 @@ class PlanSteps:
 
 
 def pump_output(parameters: Mapping[str, float]) -> PumpOutput:
-    """Return the sprayer's output by SERVOn_FUNCTION, with its limits; `known` if any function is
-    set.
+    """Return the output of the sprayer by the parameters SERVOn_FUNCTION, with its limits.
+
+    `known` is True if any function is set.
     """
     switch = PumpOutput(known=any(n.endswith("_FUNCTION") for n in parameters))
     for output in range(1, 33):
@@ -141,7 +142,8 @@ def pump_output(parameters: Mapping[str, float]) -> PumpOutput:
 
 
 def pump_switch(pump: PumpOutput, *, on: bool) -> PlanItem:
-    """Return the item, not yet numbered, that turns the pump at `pump` on or off."""
+    """Return the mission item, not yet numbered, that switches the pump at the output `pump` on
+    or off."""
     command, values = DO_SPRAYER, (float(on), 0.0)
     if pump.servo is not None:
         command, values = SET_SERVO, (float(pump.servo), pump.on_us if on else pump.off_us)
@@ -156,7 +158,11 @@ def pump_switch(pump: PumpOutput, *, on: bool) -> PlanItem:
 
 
 def plan_steps(plan: MissionPlan, pump: PumpOutput | None = None) -> PlanSteps:
-    """Return the steps of `plan` on a vehicle whose pump is at `pump` (None: unknown)."""
+    """Return the steps that a vehicle executes for `plan`; `pump` is its pump's output (None:
+    unknown).
+
+    Items after a return to launch, or after loitering without end, are left out.
+    """
     walk = _Walk(plan.firmware, pump or PumpOutput(), list(plan.not_understood))
     executed = _executed(plan, walk)
     for index, item in enumerate(executed):
@@ -174,7 +180,7 @@ def plan_steps(plan: MissionPlan, pump: PumpOutput | None = None) -> PlanSteps:
 
 @dataclass(slots=True)
 class _Walk:
-    """The orders in force, and the steps made so far."""
+    """The state while a plan's items are read in order: orders in force, and the steps so far."""
 
     firmware: int
     output: PumpOutput
@@ -231,7 +237,7 @@ class _Walk:
         self.heading_deg = None  # an ordered yaw ends at the next place
 
     def _order(self, item: PlanItem) -> None:
-        """Apply a command that flies nowhere."""
+        """Apply a command that does not move the vehicle."""
         one, two, _, four, *_ = item.parameters
         if item.command == CHANGE_SPEED:
             self._speeds(item, one, two)
@@ -300,8 +306,9 @@ def speeds_of_nothing(steps: PlanSteps) -> list[tuple[int, float]]:
 
 
 def _jump_targets(items: Sequence[PlanItem]) -> dict[int, int]:
-    """Return index of each jump in `items` -> index of its target; jumps without a target are
-    omitted.
+    """Map the index of each jump in `items` to the index of its target, both from 0.
+
+    A jump is left out if its target's number or tag is missing, or its number is not unique.
     """
     numbers = Counter(item.number for item in items)
     at_number: dict[float, int] = {

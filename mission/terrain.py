@@ -49,7 +49,7 @@ class Terrain:
     def height(self, latitude_deg: Floats, longitude_deg: Floats) -> Floats:
         """Interpolate the height (N,), m above the sea, at places (N,), degrees.
 
-        NaN outside of the grid, and beside a point without a height.
+        NaN outside the grid, and next to a grid point without a height.
         """
         row = (self.north_deg - np.asarray(latitude_deg, np.float64)) / self.step_deg[0]
         column = (np.asarray(longitude_deg, np.float64) - self.west_deg) / self.step_deg[1]
@@ -93,7 +93,10 @@ def read_terrain(path: Path) -> Terrain:
 
 
 def _tile(data: bytes, path: Path) -> Terrain:
-    """Return the heights of an SRTM tile, whose place is in its name."""
+    """Parse an SRTM tile (.hgt): heights, m AMSL, NaN in voids; the file name states its corner.
+
+    Raise PlanError for another name or a size that is no square of heights.
+    """
     corner = _TILE.match(path.stem)
     side = math.isqrt(len(data) // 2)
     if corner is None:
@@ -115,7 +118,10 @@ def _tile(data: bytes, path: Path) -> Terrain:
 
 
 def _grid(data: bytes, path: Path) -> Terrain:
-    """Return the heights of an ESRI ASCII grid."""
+    """Parse an ESRI ASCII grid in degrees: heights, m, and the place of its north-west point.
+
+    Raise PlanError for a damaged grid or one in metres.
+    """
     lines = data.decode("ascii", errors="replace").splitlines()
     header: dict[str, float] = {}
     for line in lines:

@@ -56,8 +56,8 @@ class TrackChannel:
         return (rows, len(self.axes)) if self.axes else (rows,)
 
     def column_names(self, name: str, rotor_count: int) -> list[str]:
-        """Return the names of its columns of single numbers: `name`, `name_n`, `name_1` and so
-        on."""
+        """Return the channel's column names in a table: `name_1`, ... by rotor, `name_AXIS` or
+        `name`."""
         if self.per_rotor:
             return [f"{name}_{k + 1}" for k in range(rotor_count)]
         return [f"{name}_{axis}" for axis in self.axes] or [name]
@@ -112,7 +112,7 @@ _ROWS = ("time_s", *TRACK_CHANNELS, "flying")  # fields of a FlightTrack with on
 
 @lru_cache(maxsize=64)
 def _shapes(rows: int, rotor_count: int) -> Mapping[str, tuple[int, ...]]:
-    """Return the shape of every channel, by name."""
+    """Map each channel's name to its array shape, for `rows` rows and `rotor_count` rotors."""
     return {name: column.shape(rows, rotor_count) for name, column in TRACK_CHANNELS.items()}
 
 
@@ -287,7 +287,7 @@ class FlightTrack:
         return float(self.row_seconds[self.flying].sum())
 
     def reports(self, channel: str) -> bool:
-        """Return whether the channel has at least one number."""
+        """Return True if the channel has at least one number."""
         return bool(np.any(np.isfinite(getattr(self, channel))))
 
     def source(self, channel: str) -> Provenance:
@@ -295,7 +295,7 @@ class FlightTrack:
         return self.sources.get(channel, NOT_REPORTED)
 
     def measured(self, channel: str) -> Floats:
-        """Return the channel with NaN where it was inferred instead of measured."""
+        """Return the values of `channel`, with NaN where they were inferred and not measured."""
         values, error = getattr(self, channel), self.standard_errors.get(channel)
         return values if error is None else np.where(error > 0.0, np.nan, values)
 

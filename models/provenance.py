@@ -75,7 +75,7 @@ class Provenance(Source):
 
     @property
     def reported(self) -> bool:
-        """Return whether a message, topic or column reports it: no setting, inference or
+        """Return True if a message, topic or column reports it: no setting, inference or
         assumption, and not absent."""
         return self.kind in (SourceKind.MESSAGE, SourceKind.TOPIC, SourceKind.COLUMN)
 

@@ -69,7 +69,7 @@ class Estimate:
 
     @property
     def bounded(self) -> bool:
-        """Return whether the interval is known; without one no difference can be significant."""
+        """Return True if the interval is known; without one no difference can be significant."""
         return math.isfinite(self.low) and math.isfinite(self.high)
 
 
@@ -81,11 +81,12 @@ def error_terms(
     upper: Floats | None = None,
     rows: Bools | None = None,
 ) -> Sums:
-    """Return terms (T, R, 7) of speeds (T, R) rpm whose sums give every figure; 0 where one is
-    missing.
+    """Return terms (T, R, 7) of speeds (T, R), rpm, from whose sums RMSE, R² and others follow.
 
-    Measured speed is taken relative to each rotor's own mean, so that squares do not cancel digits.
-    `rows` (T,) flags the rows that count; `lower` and `upper` (T, R) are the ends of the intervals.
+    In order: row counts (0 or 1), error, its square, measured speed, its square, inside the
+    interval, has an interval. Error is measured minus predicted; measured speed is relative to each
+    rotor's mean, so that squares do not cancel digits. All are 0 where a speed is unknown or a row
+    is not flagged in `rows` (T,). `lower` and `upper` (T, R) are the ends of the intervals.
     """
     good = np.isfinite(measured) & np.isfinite(predicted)
     if rows is not None:
@@ -102,17 +103,20 @@ def error_terms(
 
 
 def rmse(s: Sums) -> Floats:
-    """Return the root mean square error."""
+    """Return the root mean square error (...), rpm, from sums (..., 7); NaN without rows."""
     return np.sqrt(_over(s[..., EE], s[..., N]))
 
 
 def bias(s: Sums) -> Floats:
-    """Return the mean of measured minus predicted."""
+    """Return the mean of measured minus predicted (...), rpm, from sums (..., 7)."""
     return _over(s[..., E], s[..., N])
 
 
 def r2(s: Sums) -> Floats:
-    """Return the coefficient of determination; NaN for a speed that does not vary."""
+    """Return the coefficient of determination R² (...) from sums (..., 7).
+
+    NaN for a measured speed that does not vary.
+    """
     return 1.0 - _over(s[..., EE], s[..., YY] - _over(s[..., Y] ** 2, s[..., N]))
 
 
@@ -124,8 +128,7 @@ def mean_r2(s: Sums) -> Floats:
 
 
 def coverage(s: Sums) -> Floats:
-    """Return the share of rows whose measurement is inside their interval, of those with an
-    interval."""
+    """Return, from sums (..., 7), the share (...) of rows with an interval that are inside it."""
     return _over(s[..., INSIDE], s[..., BOUNDED])
 
 
@@ -158,7 +161,10 @@ def score(
 
 
 def by_flight(terms: Floats, flight: NDArray, *, seed: int = 0, draws: int = DRAWS) -> Sums:
-    """Return sums (draws, ...) of terms (T, ...) over whole flights, resampled with replacement."""
+    """Return bootstrap sums (draws, ...) of `terms` (T, ...): flights resampled with replacement.
+
+    `flight` (T,) is each row's flight.
+    """
     labels, which = np.unique(flight, return_inverse=True)
     sums = _group_sums(terms, which, labels.size)
     equal = np.full(labels.size, 1.0 / labels.size)
@@ -291,8 +297,7 @@ def t_quantile(degrees: int, level: float) -> float:
 
 
 def _within(t: float, degrees: int) -> float:
-    """Return the probability of at most t on either side: Abramowitz and Stegun 26.7.3 and
-    26.7.4."""
+    """Return the probability that Student's t is within -t and t: Abramowitz, Stegun 26.7.3-4."""
     square = degrees / (degrees + t * t)  # of the cosine of atan(t / sqrt(degrees))
     odd = degrees % 2
     total, term = 0.0, math.sqrt(square) if odd else 1.0

@@ -17,7 +17,8 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """One thing found: the kind of its sentence, the clauses after it, and the values of both."""
+    """A finding to put into words: the kind of its sentence, the clauses after it, and the
+    values of both."""
 
     kind: str
     clauses: tuple[str, ...] = ()  # kinds of the clauses that follow the sentence

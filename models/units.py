@@ -22,7 +22,10 @@ class Scale(NamedTuple):
 
 
 def _names(ours: str, *same: str, **factors: float) -> dict[str, Scale]:
-    """Return the scales of a unit's own names and of other units by their factors."""
+    """Map names of units to their conversion into the unit `ours`.
+
+    `same` are other names of it (factor 1); `factors` maps another unit's name to its factor.
+    """
     return {name: Scale() for name in (ours, *same)} | {n: Scale(f) for n, f in factors.items()}
 
 

@@ -42,7 +42,8 @@ class StatedBattery:
 
     @property
     def statement(self) -> Statement:
-        """Return what is known, as 14 cells, 51.8 V, 16000 mAh by BATTERY_INFO."""
+        """Return the known cells, voltage and capacity as `14 cells, 51.8 V, 16000 mAh by
+        BATTERY_INFO`."""
         numbers = {
             "battery cells": self.cells,
             "battery voltage": self.nominal_voltage,
@@ -53,7 +54,7 @@ class StatedBattery:
 
 
 def can_be_cells(cells: int, volts: float) -> bool:
-    """Return whether a battery of `cells` cells can have this voltage; True where it is unknown."""
+    """Return True if a battery of `cells` cells can have this voltage; True where it is unknown."""
     return not (volts < CELL_IN_USE[0] * cells or volts > CELL_IN_USE[1] * cells)
 
 
@@ -75,7 +76,10 @@ class VehicleFacts:
         return self.kind in ("multirotor", "quadplane", "unknown")
 
     def refusal(self, name: str) -> Statement | None:
-        """Return why vehicle `name` cannot have a thrust margin; None if it can."""
+        """State why no thrust margin can be computed for vehicle `name`; None if it can.
+
+        The reasons: it has no lifting rotors, or a quadplane does not report its hover motors.
+        """
         if not self.has_lifting_rotors:
             clause = "for multirotors"
         elif self.kind == "quadplane" and not self.rotor_count:

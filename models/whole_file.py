@@ -64,7 +64,7 @@ def _remove_stale(folder: Path) -> None:
 
 
 def _runs(process: int) -> bool:
-    """Return whether a process runs; True if that cannot be decided."""
+    """Return True if the process with the id `process` runs, or if that cannot be decided."""
     try:
         os.kill(process, 0)
     except ProcessLookupError:

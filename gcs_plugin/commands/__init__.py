@@ -20,7 +20,7 @@ DOORS = ("workshop", "office")
 
 
 def extras() -> Iterator[ModuleType]:
-    """Yield the package of each extra that is there."""
+    """Yield the package of each installed extra."""
     root = Path(__file__).parents[1]
     for door in DOORS:
         for extra in iter_modules([str(root / door)], f"{HERE}.{door}."):

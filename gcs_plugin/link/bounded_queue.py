@@ -65,11 +65,11 @@ class BoundedQueue(Generic[T]):
 
     @property
     def closed(self) -> bool:
-        """Return whether `close` was called."""
+        """Return True if `close` was called."""
         return self._closed
 
     @property
     def finished(self) -> bool:
-        """Return whether the queue is closed and empty."""
+        """Return True if the queue is closed and empty."""
         with self._ready:
             return self._closed and not self._items

@@ -47,7 +47,7 @@ class LinkFinder:
         self._opened_s = self._turned_s = -OPEN_EVERY
 
     def find(self, seconds: float) -> str | None:
-        """Return the URL on which a vehicle is received within `seconds`, None if there is none.
+        """Return the URL on which a vehicle is received within `seconds` s, None if there is none.
 
         The URL's port is closed again before the return.
         """
@@ -103,7 +103,7 @@ class LinkFinder:
 
 
 def of_autopilot(frame: Frame) -> bool:
-    """Return whether the frame is the heartbeat of a vehicle's autopilot."""
+    """Return True if the frame is the heartbeat of a vehicle's autopilot."""
     if frame.id != HEARTBEAT or not frame.verified:
         return False
     payload = frame.payload.ljust(9, b"\0")

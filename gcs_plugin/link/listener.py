@@ -26,7 +26,7 @@ SENDERS = 256
 
 
 class SteadyClock:
-    """A Unix clock that never jumps: the wall clock once, then the monotonic clock from there."""
+    """A Unix clock that never jumps: the wall clock read once, plus the monotonic clock since."""
 
     def __init__(self) -> None:
         self._offset_ns = time.time_ns() - time.monotonic_ns()
@@ -36,7 +36,7 @@ class SteadyClock:
 
 
 class Link:
-    """One URL with its transport, its frame counts, and its receiving thread."""
+    """A URL with its transport, its frame counts, and its receiving thread."""
 
     def __init__(self, url: str, number: int, transport: Transport) -> None:
         self.url = url
@@ -49,7 +49,8 @@ class Link:
         self._splitters: dict[Address | None, FrameSplitter] = {}
 
     def frames(self, chunk: Chunk, stamp_us: int) -> tuple[list[Frame], bytes]:
-        """Return the frames of a chunk, and the bytes to forward for it."""
+        """Return the frames of a chunk received at `stamp_us`, Unix µs, and the bytes to forward
+        for it."""
         splitter = self._splitters.get(chunk.peer)
         if splitter is None:
             if len(self._splitters) >= SENDERS:
@@ -116,7 +117,7 @@ class Listener:
 
     @property
     def finished(self) -> bool:
-        """Return whether no more bytes can arrive (recordings read to their end)."""
+        """Return True if no more bytes can arrive (recordings read to their end)."""
         return all(link.finished for link in self.links)
 
     def now_us(self) -> int:

@@ -39,9 +39,9 @@ def play(
     """Send every frame of the log `speed` times as fast as it was recorded.
 
     Each frame has its time from the start, so that delays do not add up. With `loop` it starts
-    again at the end, without end. `progress` is called about four times a second. Waits
-    first until the transport has somebody to send to; what they answer is received and ignored.
-    Raises LogError when the log holds no frame.
+    again at the end, without end. `progress` is called about four times a second. Waits first until
+    the transport has a receiver; its answers are received and ignored. Raises LogError when the log
+    contains no frame.
     """
     stop = threading.Event()
 
@@ -76,8 +76,9 @@ def play(
 
 
 def _in_turn(path: Path, *, loop: bool) -> Iterator[tuple[int, int, bytes]]:
-    """Yield stamp, the stamp before it, and bytes of each frame of the log; repeat for ever with
-    `loop`.
+    """Yield, for each frame of the log: its stamp, the stamp before it (both µs), and its bytes.
+
+    With `loop` repeat for ever.
     """
     for _ in itertools.count() if loop else range(1):
         before: int | None = None

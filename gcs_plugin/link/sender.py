@@ -29,9 +29,8 @@ class Sender:
         self._packers: dict[int, Any] = {}
 
     def send(self, vehicle: int, message: Any, *, forwards: bool = False) -> None:
-        """Send to the link where the vehicle was last received; with `forwards` to the ground
-        stations too.
-        """
+        """Send `message` from the plugin, over the link where the vehicle was last received; with
+        `forwards` to the ground stations too."""
         packer = self._packers.get(vehicle)
         if packer is None:
             packer = self.dialect.MAVLink(None, srcSystem=vehicle, srcComponent=COMPONENT)

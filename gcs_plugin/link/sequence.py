@@ -24,9 +24,8 @@ TURNS = 8
 
 
 class BootClocks:
-    """The boot times that one message type of a sender shows: one, or alternately those of two
-    vehicles.
-    """
+    """Boot times that one message type of a sender implies: one, or those of two vehicles
+    alternately."""
 
     def __init__(self) -> None:
         # (s of the ground's clock at its boot, messages), the one that was heard last at the end.
@@ -36,7 +35,8 @@ class BootClocks:
         self._returns: list[float] = []
 
     def add(self, stamp_s: float, clock_s: float) -> None:
-        """Add one message: the ground's clock, and the sender's since its boot, both s."""
+        """Add one message, received at `stamp_s` of the ground's clock, with the sender's clock
+        since boot, `clock_s`, both s."""
         booted = stamp_s - clock_s
         same = [
             n for n, (line_s, _) in enumerate(self._lines) if abs(booted - line_s) <= SAME_CLOCK
@@ -56,7 +56,7 @@ class BootClocks:
         self._lines.append((booted, count))
 
     def shared(self, stamp_s: float) -> bool:
-        """Return whether the boot times of two vehicles have alternated recently."""
+        """Return True if the boot times of two vehicles have alternated recently."""
         if not self._returns:
             return False
         recent = [
@@ -95,7 +95,7 @@ class SenderWatch:
 
     @property
     def shared(self) -> bool:
-        """Return whether two vehicles currently send under this id."""
+        """Return True if two vehicles currently send under this id."""
         if self._by_clocks or not self._returns:
             return self._by_clocks
         recent = [frame for frame in self._returns if self.frames - frame < RETURNS_WITHIN]
@@ -103,13 +103,18 @@ class SenderWatch:
         return len(recent) >= RETURNS
 
     def clocked(self, message: int, stamp_s: float, clock_s: float) -> None:
-        """Add the clock since boot, s, of a message with id `message`."""
+        """Record the clock since boot, s, of a message with id `message`, received at `stamp_s`,
+        s."""
         clocks = self._clocks.setdefault(message, BootClocks())
         clocks.add(stamp_s, clock_s)
         self._by_clocks = any(clock.shared(stamp_s) for clock in self._clocks.values())
 
     def look(self, sequence: int, data: bytes) -> Verdict:
-        """Count one frame and return its classification."""
+        """Count one frame; return NEW, DOUBLED (a copy of a recent frame) or LATE (overtaken by
+        newer ones).
+
+        `sequence` is its MAVLink sequence number, 0 to 255, `data` its bytes.
+        """
         before = self._seen.get(sequence)
         if before is not None and before[0] == data and self.frames - before[1] < TWICE_WITHIN:
             self.doubled += 1

@@ -78,8 +78,7 @@ class SigningCounts:
 
 
 class SigningFilter:
-    """A filter that accepts frames signed with `key`, new, and of a known id, and counts the
-    others.
+    """A filter that accepts new frames of known id signed with `key`, and counts the others.
 
     `clock` returns the present as `signing_time` does; None for a recording, whose first frames are
     as old as it is. Mutable and safe to call from several threads. Raise LinkError if the key has
@@ -109,7 +108,7 @@ class SigningFilter:
         return self._latest
 
     def accept(self, frame: bytes, link: int = 0) -> bool:  # noqa: ARG002
-        """Return whether a frame (magic byte to signature) is the vehicle's own and new; count it.
+        """Return True if a frame (magic byte to signature) is the vehicle's own and new; count it.
 
         `link`, the number of its socket, makes no difference: an accepted frame is a replay over
         every other link too.
@@ -210,7 +209,7 @@ def _checked(key: bytes) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class SigningKey:
-    """A key from a file; `notes` are for people, and the key itself is never shown."""
+    """A key from a file; `notes` are for people, and the key itself is never displayed."""
 
     key: bytes
     notes: tuple[str, ...] = ()

@@ -95,7 +95,7 @@ def parse_url(url: str) -> Endpoint:
 
 
 def _is_character_device(path: str) -> bool:
-    """Return whether the path is a character device, as serial ports are on Linux and macOS.
+    """Return True if the path is a character device, as serial ports are on Linux and macOS.
 
     Any other file is a mistyped name.
     """
@@ -116,7 +116,7 @@ class Transport(Protocol):
 
     @property
     def ready(self) -> bool:
-        """Return whether there is a receiver to send to."""
+        """Return True if there is a receiver to send to."""
         ...
 
     def receive(self, timeout: float) -> list[Chunk]:
@@ -133,9 +133,7 @@ class Transport(Protocol):
 
 
 class Udp(Transport):
-    """A UDP socket, listening or sending first; one that sends first receives from its target
-    alone.
-    """
+    """A UDP socket that listens, or that sends first and then receives only from its target."""
 
     datagrams = True
 
@@ -181,8 +179,9 @@ class Udp(Transport):
         """Return up to AT_ONCE datagrams, waiting up to `timeout` s for the first one.
 
         With a target, datagrams of other senders end the wait too and are dropped; without one,
-        senders become peers for `send`. Return an empty list if none arrives or is left, or at once
-        if an earlier send met a closed port. `emptied` is set to whether fewer than AT_ONCE waited.
+        senders become peers for `send`. Return an empty list if none arrives or all are dropped, or
+        at once if an earlier send met a closed port. `emptied` becomes True if fewer than AT_ONCE
+        waited.
         """
         chunks: list[Chunk] = []
         try:
@@ -313,7 +312,7 @@ class TcpClient(_TcpStream):
 
 
 class TcpServer(_TcpStream):
-    """A TCP server of one client at a time; the next is accepted when it has left."""
+    """A TCP server for one client at a time; the next is accepted after the last has left."""
 
     def __init__(self, address: Address) -> None:
         self._door = socket.create_server(address)

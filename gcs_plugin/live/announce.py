@@ -84,8 +84,9 @@ class Announcer(Output):
     name = "--announce"
 
     def __init__(self, sender: Sender, *, limit: float = 0.5, battery: bool = False) -> None:
-        """Take the smallest thrust margin that may last as `limit`; `battery` as the module
-        says.
+        """Set the sender and `limit`, the smallest thrust margin that may last.
+
+        `battery`: margins are also sent as a battery (see the module).
         """
         self._sender = sender
         self._limit = limit
@@ -146,12 +147,12 @@ class Announcer(Output):
                 self._sender.send(number, message, forwards=True)
 
     def _landed(self, state: _Vehicle, update: Update) -> None:
-        """Queue what to do before the next flight, once the flight has landed."""
+        """Queue the advice for the next flight once a flight has ended and its report is final."""
         flight = update.flight
         if flight is not None and state.flying and flight.settled and flight.answer.brief:
             grave = flight.advice.level in LAND_FIRST
             self._queue(state, WARNING if grave else INFO, flight.answer.brief)
-        # What it said so far is not yet the last word on a flight that has just landed.
+        # The verdict so far is not yet the final one of a flight that has just landed.
         state.flying = flight is not None and not flight.settled
 
     def _queue(self, state: _Vehicle, severity: int, text: str) -> None:
@@ -201,14 +202,15 @@ class Announcer(Output):
 
 
 def plain(text: str) -> str:
-    """Return the text in ASCII, as ground stations can show it."""
+    """Return the text in ASCII; letters without a replacement become question marks."""
     for letter, written in PLAIN:
         text = text.replace(letter, written)
     return text.encode("ascii", "replace").decode()
 
 
 def figures(update: Update) -> dict[str, float]:
-    """Return the known figures of the last row by their names in messages."""
+    """Return the last row's known figures by the names of their NAMED_VALUE_FLOAT; margins in %,
+    masses in kg."""
     analysis = update.analysis
     margins = analysis.margin[-1]
     placed = analysis.placed and np.isfinite(margins).all()
@@ -227,7 +229,8 @@ def figures(update: Update) -> dict[str, float]:
 
 
 def what_to_do(listed: Iterable[Alarm]) -> dict[str, float]:
-    """Return MARGIN_DO for the gravest active alarm that demands an action; 0 for none."""
+    """Return MARGIN_DO, the code of the action of the gravest active alarm that requests one; 0 for
+    none."""
     grave = [a for a in listed if a.severity <= WARNING and a.state is AlarmState.ACTIVE]
     first = min(grave, key=lambda alarm: alarm.order, default=None)
     return {"MARGIN_DO": 0.0 if first is None else float(asked(first.name))}

@@ -60,9 +60,7 @@ class Screen:
 
 
 def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> RenderableType:
-    """Return what the terminal shows now, in `width` characters; `page`: the 3D page is shown
-    too.
-    """
+    """Return the terminal's content, `width` characters wide; `page`: the 3D page is open too."""
     from rich.box import HEAVY_HEAD, SIMPLE_HEAD
     from rich.console import Group
     from rich.table import Table
@@ -114,8 +112,9 @@ def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> Re
 
 
 def answer_lines(watch: VehicleMonitor) -> tuple[str, ...]:
-    """Return the answer of the vehicle's present or last flight; for an unknown aircraft also what
-    its rows show.
+    """Return the answer of a vehicle's present or last flight, in lines; empty without one.
+
+    For an unknown aircraft the results that need no airframe follow.
     """
     answer = None if watch.last is None else watch.last.answer
     return () if answer is None else (answer.line, *answer.contact_lines)
@@ -124,10 +123,11 @@ def answer_lines(watch: VehicleMonitor) -> tuple[str, ...]:
 def vehicle_cells(
     watch: VehicleMonitor, now_us: int, limit: float, old_s: float = OLD
 ) -> list[Text]:
-    """Return one row of the table; the reason of each dash is in `problem` or the update's
-    `remarks`.
+    """Return the cells of the table for a vehicle: its id, its figures and their age.
 
-    Styles are set on the text and never written into it: the terminal shows markup as it is.
+    "-" is unknown; `problem` or the update's `remarks` give the reasons. Figures older than `old_s`
+    s are dim and begin with "~". Styles are set on the text and never written into it: the terminal
+    shows markup as it is.
     """
     from rich.text import Text
 
@@ -149,7 +149,7 @@ def vehicle_cells(
 
 
 def numbers(update: Update, limit: float) -> tuple[Text, *tuple[str, ...]]:
-    """Return all cells between the vehicle's number and the age of its last row."""
+    """Return the cells between the vehicle's number and the age of its last row."""
     from rich.text import Text
 
     analysis, outlook = update.analysis, update.outlook
@@ -192,9 +192,8 @@ def _margin_cell(
 ) -> Text:
     """Return the worst rotor's margin and number, and how many rotors are unknown.
 
-    An inferred margin is shown with its 90 % interval, and is green or red where the whole interval
-    is. One that is `predicted`, without any rotor's speed, is never green. On the ground there is
-    no margin.
+    An inferred margin has its 90 % interval, and is green or red only if the whole interval is. A
+    `predicted` margin, without any rotor's speed, is never green. On the ground there is no margin.
     """
     from rich.text import Text
 
@@ -220,7 +219,7 @@ def _any(values: np.ndarray) -> bool:
 
 
 def status_lines(status: MonitorStatus, *, page: bool = False) -> list[str]:
-    """Return the lines on link and recording; `page`: the 3D page is shown."""
+    """Return the lines on link and recording; `page`: the 3D page is open."""
     lines = [words.behind_words(status.behind_s, page=page)] if status.behind_s else []
     lines = [words.CUT_OFF] if status.cut_off else lines
     lines += [words.output_failed(name, error) for name, error in status.failed.items()]
@@ -236,7 +235,7 @@ def status_lines(status: MonitorStatus, *, page: bool = False) -> list[str]:
 
 
 def rowless_lines(fleet: Fleet) -> list[str]:
-    """Return why vehicles that are heard have no rows."""
+    """Return the reasons why vehicles that send have no rows."""
     return [
         words.of_vehicle(n, w.problem)
         for n, w in fleet.vehicles.items()
@@ -245,7 +244,8 @@ def rowless_lines(fleet: Fleet) -> list[str]:
 
 
 def percent(share: float) -> str:
-    """Return a margin in per cent; a negative one is shown as below 0 without its size."""
+    """Format a margin, a share, in per cent; a negative one as below 0 without its size, NaN as
+    "-"."""
     if share < 0.0:
         return words.BEYOND
     return f"{share:.0%}" if math.isfinite(share) else "-"
@@ -256,7 +256,7 @@ def kilograms(mass: float) -> str:
 
 
 def minutes(time_s: float) -> str:
-    """Return minutes and seconds; "-" for unknown, "not" for infinity."""
+    """Return seconds as `3:07`; "-" for NaN, "not" for infinity."""
     if math.isinf(time_s):
         return "not"
     return f"{int(time_s) // 60}:{int(time_s) % 60:02d}" if math.isfinite(time_s) else "-"
@@ -285,7 +285,7 @@ class Bell(Output):
 
 
 class PlanPrinter(Output):
-    """An output that prints how the plan is flown, a line for each sentence."""
+    """An output that prints the plan's comparison with the flight, one line per sentence."""
 
     name = "plan lines"
 
@@ -299,8 +299,8 @@ class PlanPrinter(Output):
 class EventPrinter(Output):
     """An output that prints one line for each event, for a file or a log instead of a terminal.
 
-    Lines begin with the local time, in its order; an alarm's is when the report came that raised
-    or cleared it. What is found out after a later line was printed has its own time at its end.
+    Lines begin with the local time, in its order; that of an alarm is the arrival of the report
+    that raised or cleared it. An event found after later lines were printed ends with its own time.
     """
 
     name = "printed lines"
@@ -324,7 +324,7 @@ class EventPrinter(Output):
             self._waiting.append((known, line))
 
     def print(self) -> None:
-        """Print the lines of a round in the order of their time."""
+        """Print the lines collected in a round of analysis, in order of time."""
         with self._lock:
             lines, self._waiting = sorted(self._waiting, key=lambda at: at[0]), []
             for known, line in lines:
@@ -368,7 +368,8 @@ class EventPrinter(Output):
         self.print()
 
     def look(self, *, page: bool = False) -> None:
-        """Print whether the analysis is late; called from another thread, for it may be stuck."""
+        """Print whether the analysis is late; called from another thread, because the compute
+        thread may hang."""
         behind_s, now_s = self._monitor.status().behind_s, self._monitor.now_us() * 1e-6
         if self._lateness.changes(behind_s, now_s):
             late = words.behind_words(behind_s, page=page)

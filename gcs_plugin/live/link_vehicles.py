@@ -32,11 +32,10 @@ OLD, OVERDUE = 1.5, 0.5  # s: see `Fleet.old_s`
 
 
 class Fleet:
-    """All vehicles that are heard; `vehicles` lists those that have proved to be one.
+    """All senders on the links; `vehicles` lists those that proved to be vehicles.
 
-    `heard_us` is the listener's: system id -> ground's clock, µs, when it was last heard, which may
-    be ahead of the frames that were taken; `later` runs the work that answers for a flight that is
-    over.
+    `heard_us` is the listener's: system id -> ground's clock, µs, of its last message, which may be
+    ahead of the frames taken so far; `later` runs the report of an ended flight in the background.
     """
 
     def __init__(
@@ -55,20 +54,22 @@ class Fleet:
 
     @property
     def max_utilisation(self) -> float:
-        """Largest share of a rotor's maximum thrust that may be in use, above it an alarm."""
+        """Return the share, 0 to 1, of a rotor's maximum thrust above which an alarm is raised."""
         return self._settings.alarms.max_utilisation
 
     @property
     def old_s(self) -> float:
-        """Age, s, from which a newest row counts as old.
+        """Return the age, s, from which a vehicle's newest row counts as old.
 
-        Where many vehicles make analyses rare, a row is not old before the next one is overdue.
+        With many vehicles each is analysed less often; no row is old before the next one is
+        overdue.
         """
         return max(OLD, self.every_s + OVERDUE)
 
     @property
     def vehicles(self) -> dict[int, VehicleMonitor]:
-        """System id -> watch, in the order of ids, of the systems with an autopilot's heartbeat.
+        """Return system id -> monitor, in order of ids, of the systems with an autopilot's
+        heartbeat.
 
         Radios, gimbals and trackers have none. While no system has one, those with rows of a flight
         are listed.
@@ -77,7 +78,7 @@ class Fleet:
         return {n: w for n, w in seen.items() if w.vehicle} or seen
 
     def take(self, frames: Sequence[Frame]) -> None:
-        """Take frames of any sender in the order of arrival."""
+        """Process frames of any sender in the order of arrival."""
         for frame in frames:
             if frame.verified and frame.id == HEARTBEAT and not self._is_vehicle(frame):
                 continue
@@ -95,7 +96,10 @@ class Fleet:
             watch.take(frame)
 
     def waiting(self) -> Iterator[VehicleMonitor]:
-        """Yield each watch that may have rows; more frames may be taken between two of them."""
+        """Yield each monitor that may have new rows; more frames may be taken meanwhile.
+
+        Frames of systems without an autopilot are dropped once another system has one.
+        """
         for watch in list(self._watches.values()):
             if not watch.waiting:
                 continue
@@ -105,9 +109,8 @@ class Fleet:
                 watch.telemetry.pass_over()
 
     def unread_us(self) -> list[int]:
-        """Return, for each vehicle with a message that waits to be analysed, the ground's clock of
-        the oldest.
-        """
+        """Return the ground's clock, µs, of the oldest unanalysed message of each vehicle that has
+        one."""
         unread = (watch.telemetry.unread_us for watch in list(self._watches.values()))
         return [us for us in unread if us is not None]
 
@@ -116,7 +119,8 @@ class Fleet:
         return [update for watch in self.waiting() for update in watch.updates()]
 
     def finish(self) -> list[Update]:
-        """Return the updates of rows that are still buffered at the end of the stream."""
+        """Return the updates of rows still buffered at the end of the stream, with final
+        predictions."""
         return [u for w in self.vehicles.values() for u in w.updates(final=True)]
 
     def tick(self, now_us: int) -> list[tuple[int, AlarmEvent]]:
@@ -165,14 +169,15 @@ class Happening:
 
 
 class Presence:
-    """The vehicles that have appeared and left so far, from which new changes are found."""
+    """The vehicles that have appeared and left so far, to report changes."""
 
     def __init__(self) -> None:
         self._known: set[int] = set()
         self._gone: dict[int, int] = {}  # vehicle -> when it was last heard
 
     def changes(self, fleet: Fleet, now_us: int) -> list[Happening]:
-        """Return what happened since the last call, and empty the notes of each vehicle."""
+        """Return vehicles that appeared, left or returned since the last call, and take their
+        notes."""
         made = []
         for number, watch in fleet.vehicles.items():
             if number not in self._known:

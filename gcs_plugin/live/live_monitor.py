@@ -54,7 +54,7 @@ SHORTEST, LONGEST, EACH, RAREST = 0.25, 1.0, 0.11, 2.2
 #: costs in a round hardly depends on how many of its rows are new.
 DUTY = 0.1
 QUEUE = 200_000  # frames that may wait for the compute thread
-LATE = 0.25  # s of a round after which frames that have come meanwhile are taken into it
+LATE = 0.25  # s of a round after which frames received meanwhile are added to it
 BEHIND = 2.0  # s by which the newest figures may be late before that is shown
 ROUND = 1.0  # s beyond the planned wait for a round, the same
 CAUGHT_UP = 20.0  # s of keeping up after which a computer is no longer behind
@@ -74,7 +74,7 @@ class MonitorSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MonitorStatus:
-    """The monitor's own state: counts of what came, losses, delay and recording."""
+    """The monitor's own state: counts of data received, losses, delay and recording."""
 
     frames: int
     bytes: int
@@ -92,16 +92,16 @@ class MonitorStatus:
 
 
 class Lateness:
-    """Whether the analysis is behind, for a report of each change; a short recovery does not end
-    it.
-    """
+    """State of the analysis, behind or not, to report each change; a short recovery is no
+    change."""
 
     def __init__(self) -> None:
         self.late = False
         self._last_s = -math.inf
 
     def changes(self, behind_s: float, now_s: float) -> bool:
-        """Take how far it is behind at a time, both s; return whether `late` has changed."""
+        """Update `late` from the delay of the analysis, s, at a time, s; return True if `late`
+        changed."""
         before = self.late
         self._last_s = now_s if behind_s > 0.0 else self._last_s
         self.late = now_s - self._last_s < CAUGHT_UP
@@ -109,9 +109,9 @@ class Lateness:
 
 
 class LiveMonitor:
-    """Watches every vehicle on a link from `start` to `close`; `settings` may be just its URL.
+    """A monitor of every vehicle on links, from `start` to `close`; `settings` may be just a URL.
 
-    Raises LinkError when a link or the recording cannot be opened.
+    Raises LinkError if a link or the recording cannot be opened.
 
         >>> with LiveMonitor(load_model(), "udpin:127.0.0.1:14550") as live:
         ...     newest = live.wait(0.1)
@@ -179,9 +179,9 @@ class LiveMonitor:
         self.close()
 
     def start(self) -> None:
-        """Start the outputs, then begin to listen.
+        """Start the outputs, then the listener and the analysis.
 
-        Raises what an output raises at its start, with everything closed again.
+        Raises the error of an output's start, with everything closed again.
         """
         try:
             for output in self.outputs:
@@ -193,7 +193,7 @@ class LiveMonitor:
         self._thread.start()
 
     def wait(self, seconds: float) -> dict[int, Update]:
-        """Listen for so many s, at most to the end of a recording; return system id -> newest rows.
+        """Wait for `seconds` s, at most to the end of a recording; return system id -> newest rows.
 
         Raises the error that ended a thread or an output.
         """
@@ -204,9 +204,10 @@ class LiveMonitor:
         return {n: w.last for n, w in self.fleet.vehicles.items() if w.last is not None}
 
     def close(self, patience: float | None = None) -> None:
-        """Stop listening, compute what has come, and close the outputs.
+        """Stop listening, analyse the frames received, and close the outputs.
 
-        With a `patience` no longer than so many s: what is not analysed by then is recorded alone.
+        With `patience` the analysis stops after that many s; the rest of the frames is only
+        recorded.
         """
         self._each(lambda output: output.on_links_closing())
         self.listener.close()
@@ -221,7 +222,8 @@ class LiveMonitor:
 
     @property
     def finished(self) -> bool:
-        """Whether all that can come was analysed, or a thread has failed."""
+        """Return True if a recording has ended and all of it was analysed, or if a thread has
+        failed."""
         failed = self.failure or self.listener.failure
         return failed is not None or (self.listener.finished and not self._thread.is_alive())
 
@@ -240,7 +242,7 @@ class LiveMonitor:
                 self._drop(output, error)
 
     def _drop(self, output: Output, error: Exception) -> None:
-        """Close an output that failed, and report it to the others."""
+        """Close an output that failed, and report the error to the other outputs."""
         try:
             self.outputs.remove(output)
         except ValueError:
@@ -260,7 +262,7 @@ class LiveMonitor:
         self._each(lambda output: output.on_happening(at_us, vehicle, kind, text, more))
 
     def _come_and_go(self, now_us: int) -> None:
-        """Report which vehicles appeared, left and returned, and what was noted of them."""
+        """Report to the outputs the vehicles that appeared, left and returned, and their notes."""
         for one in self._presence.changes(self.fleet, now_us):
             self._happened(one.at_us, one.vehicle, one.kind, one.text)
             if one.kind == "note":
@@ -286,9 +288,7 @@ class LiveMonitor:
 
     @property
     def live(self) -> bool:
-        """Whether a link is not a recording; stamps of recordings are the ground's clock of
-        then.
-        """
+        """Return True if any link is no recording, whose stamps are of an earlier time."""
         return any(link.transport.live for link in self.listener.links)
 
     def now_us(self) -> int:
@@ -340,7 +340,7 @@ class LiveMonitor:
         else:
             for piece in _pieces(frames):
                 if piece:
-                    # Silence before these frames is over once they are taken.
+                    # Silence before these frames is over once they are processed.
                     self._tick(piece[0].stamp_us)
                     self._come_and_go(piece[0].stamp_us)
                     self._newest_us = max(self._newest_us, piece[-1].stamp_us)
@@ -354,9 +354,8 @@ class LiveMonitor:
         self._each(lambda output: output.on_round(self.fleet, now_us))
 
     def _found_us(self) -> int:
-        """Return the ground's clock, µs, up to which all that came is analysed and the links were
-        checked.
-        """
+        """Return the ground's clock, µs, up to which all data is analysed and the links were
+        checked."""
         until_us = self._ticked_us
         first = self._queue.first()
         waiting = [until_us] if first is None else [until_us, first.stamp_us - 1]
@@ -385,7 +384,7 @@ class LiveMonitor:
             self._publish(update)
 
     def _listen(self) -> None:
-        """Check the links up to the time until which all that came is known."""
+        """Check the links, as of the time up to which all received data is known."""
         self._tick(min(self.now_us(), self.listener.looked_us()))
 
     def _note_behind(self) -> None:
@@ -415,7 +414,7 @@ class LiveMonitor:
         self._happened(self.now_us(), vehicle, "acknowledged", alarm.text, **more)
 
     def say_of_plan(self, vehicle: int, text: str) -> None:
-        """Hand a sentence on how the plan is flown to every output; callable from any thread."""
+        """Pass a sentence on how the plan is flown to every output; callable from any thread."""
         self._each(lambda output: output.on_plan(vehicle, text))
 
     def _event(self, vehicle: int, event: AlarmEvent) -> None:
@@ -435,12 +434,12 @@ class OutputContext:
 
     @property
     def least_margin(self) -> float:
-        """Smallest thrust margin that may last, a share of 1."""
+        """Return the smallest acceptable thrust margin, a share of 1: 1 less `max_utilisation`."""
         return 1.0 - float(self.options["max_utilisation"])
 
     @cached_property
     def sender(self) -> Sender:
-        """The one sender of all outputs: its frames have one count of sequence numbers."""
+        """Return the one sender of all outputs; its frames share one count of sequence numbers."""
         return Sender(self.monitor.listener, self.sign)
 
 
@@ -449,17 +448,17 @@ OutputFactory = Callable[[OutputContext, Any], Output]
 
 
 def spacing(round_s: float, vehicles: int) -> float:
-    """Return s from the begin of a round that took `round_s` to the next, for a number of vehicles.
+    """Return s from the start of an analysis round, which took `round_s`, to the start of the next.
 
-    Of several vehicles at most 1/EACH a second are analysed, however fast the computer is: no alarm
-    needs more, and the cost of an aircraft grows with how often it is analysed.
+    With several vehicles at most 1/EACH analyses a second are made, however fast the computer is:
+    no alarm needs more, and the cost of an aircraft grows with their rate.
     """
     longest = min(max(EACH * vehicles, LONGEST), RAREST)
     return min(max(round_s / DUTY, EACH * (vehicles - 1), SHORTEST), longest)
 
 
 def _pieces(frames: list[Frame]) -> list[list[Frame]]:
-    """Split frames of a recording into pieces of at most 256, and where it pauses for a second."""
+    """Split frames of a recording into pieces of at most 256, and at pauses of a second."""
     pieces: list[list[Frame]] = [[]]
     for frame in frames:
         last = pieces[-1]

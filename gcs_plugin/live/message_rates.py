@@ -81,7 +81,7 @@ class _Wish:
 
 @dataclass(slots=True)
 class _Asked:
-    """The requests sent since one start of a vehicle, and the messages that came since."""
+    """Requests sent since a vehicle's last start, and counts of its messages since."""
 
     boot: int
     round_s: float  # of the last look whether anything is to be sent
@@ -109,8 +109,9 @@ class _Asked:
         return True
 
     def rate(self, number: int, window: float, since_s: float) -> float | None:
-        """Return the rate, Hz, of a message over the last `window` s; None until that long after
-        `since_s`.
+        """Return the rate, Hz, of message id `number` over the last `window` s.
+
+        None before that many s after `since_s` have passed.
         """
         end_s, now = self.counts[-1]
         begin = next((c for c in reversed(self.counts) if end_s - c[0] >= window), None)
@@ -150,7 +151,7 @@ class RateRequester(Output):
                 asked.round_s = now_s
 
     def _ask(self, watch: VehicleMonitor, asked: _Asked, now_s: float) -> None:
-        """Queue the requests that are due, and note which earlier ones had no effect."""
+        """Queue the requests that are due, and note earlier ones without effect."""
         dialect, target = self._sender.dialect, watch.state.component or 1
         in_vain: dict[str, tuple[float, float]] = {}
         for name, (number, rate) in needed_messages(watch.state.autopilot, self._rotors).items():
@@ -188,7 +189,7 @@ def needed_messages(autopilot: int, rotor_count: int) -> dict[str, tuple[int, fl
 
 
 def needed_parameters(watch: VehicleMonitor) -> list[str]:
-    """Return the names of needed parameters that are not known; the pump's range once its output is
+    """Return the names of needed parameters that are unknown, the pump's range only with its output
     known.
 
     The list is empty once the vehicle has sent all its parameters: one that is still unknown does

@@ -69,12 +69,12 @@ class PilotBar(Output):
 
     @property
     def port(self) -> int:
-        """Port on which the bar is served."""
+        """Return the TCP port on which the bar is served."""
         assert self._server is not None
         return self._server.port
 
     def start(self) -> None:
-        """Open the port and answer, on threads of its own."""
+        """Open the port and start answering requests, on threads of its own."""
         self._server = SmallServer(self.answer, "--bar", self._address, for_all=True)
 
     def close(self) -> None:
@@ -84,7 +84,7 @@ class PilotBar(Output):
             self._server = None
 
     def answer(self, path: str) -> tuple[str, bytes] | None:
-        """Return media type and body of a path; None for an unknown one."""
+        """Return media type and body for the path of a request; None for an unknown one."""
         if path == "/bar.json":
             return "application/json", json.dumps(self.content()).encode()
         if path in ("/", "/index.html"):

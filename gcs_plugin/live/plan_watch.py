@@ -53,7 +53,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(slots=True)
 class _Flight:
-    """The rows of one vehicle since its take-off, and which stretches were reported."""
+    """The rows of one vehicle since take-off, and the legs already reported."""
 
     rows: list[Floats] = field(default_factory=list)  # each (T, columns)
     parameters: Mapping[str, float] = field(default_factory=dict)
@@ -66,10 +66,10 @@ class _Flight:
 
 
 class PlanWatch(Output):
-    """An output that compares each flown stretch of `plan` with its forecast.
+    """An output that compares each flown leg of `plan` with its forecast.
 
-    `say` gets the number of the vehicle and a sentence: how the stretch was flown, or which
-    assumption of the forecast was off so far.
+    `say` is called with the vehicle's number and a sentence: how the leg was flown, or which
+    assumption of the forecast was wrong so far.
     """
 
     name = "--plan"
@@ -116,9 +116,7 @@ class PlanWatch(Output):
         self._new.set()
 
     def close(self) -> None:
-        """Report the stretches that are over, with every flight taken as ended, and end the
-        thread.
-        """
+        """Report the finished stretches, with every flight counted as ended, and end the thread."""
         with self._lock:
             for flight in self._flights.values():
                 flight.ended = True
@@ -188,7 +186,8 @@ class PlanWatch(Output):
 
 
 def _rows(update: Update, home: tuple[float, float, float]) -> Floats:
-    """Return (T, columns) of the new rows in flight."""
+    """Return the new rows in flight (T, columns): clock, s; place (3), m NED about `home`;
+    speed, m/s; tank, kg; voltage; wind (3); density; utilisation (R). NaN where unknown."""
     analysis, track = update.analysis, update.analysis.track
     new = np.flatnonzero(track.flying[update.first :]) + update.first
     known_air = track.reports("pressure") or track.reports("altitude")

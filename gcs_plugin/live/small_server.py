@@ -57,7 +57,7 @@ class SmallServer:
 
     @property
     def port(self) -> int:
-        """Port on which it serves."""
+        """Return the TCP port of the server."""
         return self._server.server_port
 
     def close(self) -> None:
@@ -93,7 +93,7 @@ class _Server(ThreadingHTTPServer):
         super().process_request(request, client_address)
 
     def _hang_up_on_one(self) -> None:
-        """End the oldest request of the peer with the most; its thread closes it and ends."""
+        """End the oldest request of the client with the most requests; its thread then ends too."""
         with self._change:
             if not self._peers:
                 return

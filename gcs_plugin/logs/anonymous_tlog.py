@@ -40,7 +40,11 @@ _TEXT = re.compile(r"Frame: [A-Z0-9_]+(/[A-Z0-9_]+)?")  # states how many rotors
 
 
 def anonymous_copy(path: Path) -> bytes:
-    """Return the bytes of the anonymous copy; raise LogError if the file contains no vehicle."""
+    """Return the bytes of an anonymous copy of the telemetry log (.tlog) at `path`.
+
+    The copy keeps the vehicles' messages of known layout, as unsigned MAVLink 2 with their stamps;
+    vehicles are numbered from 1. Write no file. Raise LogError if no vehicle is in it.
+    """
     data, size = read_bytes(path, PADDING)
     frames = scan(data, size)
     system, component = frames.system, frames.component
@@ -71,7 +75,8 @@ def anonymous_copy(path: Path) -> bytes:
 
 
 def _payloads(frames: Frames, of_vehicle: NDArray[np.bool_]) -> dict[int, bytes]:
-    """Return row -> payload of every frame to copy."""
+    """Return the payload of every frame to copy, by row number, with positions shifted to
+    NEW_PLACE. `of_vehicle` flags the frames of the chosen vehicle."""
     payloads: dict[int, bytes] = {}
     origin: tuple[float, float] | None = None
     for number in np.unique(frames.id[of_vehicle]).tolist():
@@ -99,8 +104,9 @@ def _payloads(frames: Frames, of_vehicle: NDArray[np.bool_]) -> dict[int, bytes]
 def _move(
     values: NDArray[np.void], names: tuple[str, ...], origin: tuple[float, float] | None
 ) -> tuple[float, float] | None:
-    """Move the places of messages in `values` in place; return the first fix, which becomes
-    NEW_PLACE.
+    """Shift, in place, the positions in `values` so that the first fix `origin` is at NEW_PLACE.
+
+    Return that fix, degrees; it is found in `values` if `origin` is None, and None without a fix.
     """
     latitude, longitude, altitude = (values[n] * s for n, s in zip(names, SCALES, strict=True))
     fixed = ((latitude != 0.0) | (longitude != 0.0)) & (np.abs(latitude) <= 90.0)

@@ -40,7 +40,10 @@ class BenchTable:
 
 
 def read_bench(path: Path) -> BenchTable:
-    """Fit the thrust curve of a bench table; raise DataError, naming what is missing or unfit."""
+    """Read a thrust bench table (CSV) and fit its curve.
+
+    Raise DataError, with the column or value to correct, for a file that cannot be fitted.
+    """
     try:
         text = regular(path).read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:

@@ -86,7 +86,8 @@ QUATERNION = tuple(f"quaternion_{part}" for part in "wxyz")
 
 @dataclass(frozen=True, slots=True)
 class TheirColumn:
-    """The rule of one column of ours: `factor` times `column`, plus `offset`, in our unit."""
+    """The rule for one column of ours: `factor` times the file's `column`, plus `offset`, in our
+    unit."""
 
     column: str  # heading in the table; empty where the offset alone is the value
     factor: float = 1.0
@@ -94,10 +95,10 @@ class TheirColumn:
 
 
 def stated_columns(path: Path, unit_of: Callable[[str], str | None]) -> dict[str, TheirColumn]:
-    """Read the column rules from the file beside the table `path`; empty without a file.
+    """Read the column rules from the file next to the table `path`; empty without a file.
 
-    `unit_of` returns the unit of a column of ours, None for an unknown name. Raise LogError, naming
-    the wrong line.
+    `unit_of` returns the unit of a column of this program, None for an unknown name. Raise
+    LogError, naming the wrong line.
     """
     places = (path.with_name(f"{path.stem}.{FILE}"), path.with_name(FILE))
     file = next((place for place in places if place.exists()), None)
@@ -155,8 +156,9 @@ def _their(file: str, name: str, line: Any, own: str | None) -> TheirColumn:
 def in_our_columns(
     stated: Mapping[str, TheirColumn], table: Mapping[str, Floats], rows: int
 ) -> dict[str, Floats]:
-    """Convert a table with foreign headings to our columns (T,); a quaternion becomes three
-    angles.
+    """Convert a table with foreign headings to this program's columns (T,), by the stated rules.
+
+    A quaternion becomes three angles, rad.
     """
     columns = {
         name: np.full(rows, one.offset)
@@ -186,9 +188,8 @@ def check_headings(path: Path, stated: Mapping[str, TheirColumn], names: Sequenc
 
 
 def column_source(name: str) -> Provenance:
-    """Return the source of a channel read from a column, or from several of which `name` is the
-    first.
-    """
+    """Return the source of a channel read from the column `name`, or from several, of which it
+    is the first."""
     return Provenance(kind=SourceKind.COLUMN, name=name)
 
 
@@ -245,8 +246,8 @@ def _cleaned(source: Provenance) -> Provenance:
 def plausible_channels(track: FlightTrack) -> tuple[dict[str, Floats], list[Statement]]:
     """Return the channels with values out of range as NaN, and notes on columns in another unit.
 
-    A column mostly out of range is dropped whole: its values in range are wrong too, as per cent
-    near idle look like a share.
+    A column mostly out of range becomes NaN throughout: its values in range are wrong too, as per
+    cent near idle look like a share.
     """
     passed, notes = {}, []
     for name, limit in TRACK_CHANNELS.items():
@@ -315,8 +316,8 @@ def table_log(track: FlightTrack, path: Path, options: Options, *, format: str) 
     """Return the FlightLog of a track that was read from a table, with the options applied.
 
     `format` is the name of its LogFormat. Channels of impossible values are left out and listed in
-    `other_units`. Where the track does not give the rows in flight, they are found.
-    Raises AirframeError if the airframe has another number of rotors.
+    `other_units`. Rows in flight are detected if the track does not state them. Raises
+    AirframeError if the airframe has another number of rotors.
     """
     craft = options.airframe
     if craft is not None and track.rotor_count != craft.rotor_count:
@@ -353,7 +354,10 @@ def read_csv(path: Path, *, rotor_count: int = 0) -> FlightTrack:
 
 
 def _read_first(path: Path, rotor_count: int) -> tuple[FlightTrack, tuple[Statement, ...]]:
-    """Read the first flight of a CSV file; also return notes on its other flights."""
+    """Read the first flight of a CSV file; also return notes on its other flights.
+
+    Raise LogError, naming the wrong column or row.
+    """
     comments, names, body, separator = _parts(decoded(path.read_bytes()))
     stated = stated_columns(path, unit_of_column)
     if "time_s" not in stated and "time_s" not in names:
@@ -394,7 +398,8 @@ def _known(name: str) -> bool:
 
 
 def unit_of_column(name: str) -> str | None:
-    """Return the unit of a column of ours, empty if it has none; None for any other name."""
+    """Return the unit of a column of this program, empty if it has none; None for any other
+    name."""
     if rotor := _ROTOR.fullmatch(name):
         return TRACK_CHANNELS[rotor[1]].unit
     if name in ("time_s", "flying"):
@@ -409,7 +414,7 @@ def _columns(
 ) -> tuple[dict[str, Floats], int]:
     """Return the used columns as numbers (T,), NaN where empty, and the count of incomplete rows.
 
-    Raise ValueError or csv.Error if it is no table of numbers.
+    Raise ValueError or csv.Error if the text is no table of numbers.
     """
     first_rows = csv.reader(body.split("\n", _SHOWN)[1:_SHOWN], delimiter=separator)
     comma = any(_DECIMAL_COMMA.fullmatch(cell.strip()) for row in first_rows for cell in row)
@@ -453,7 +458,8 @@ def _state(cell: str, comma: bool, name: str) -> float:
 
 
 def _parts(text: str) -> tuple[list[str], list[str], str, str]:
-    """Return the comment lines, our column names, the table with its heading, and the separator."""
+    """Return the comment lines, the columns' names in this program, the table with heading, and
+    its separator."""
     comments: list[str] = []
     while text.startswith(("#", "sep=")):
         line, _, text = text.partition("\n")
@@ -489,7 +495,8 @@ def _statements(comments: Sequence[str], path: Path) -> dict[str, Any]:
 
 
 def _first_flight(columns: Mapping[str, Floats]) -> tuple[dict[str, Floats], tuple[Statement, ...]]:
-    """Return the rows of the first flight of a report, and a note if there are others."""
+    """Return the rows of the first flight of a report, without empty columns, and a note on
+    others."""
     numbers = columns["flight_number"]
     first = numbers == numbers[0] if numbers.size else numbers == numbers
     count, unread = 1 + np.unique(numbers[~first]).size, ()

@@ -76,7 +76,8 @@ def gravest_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 
 def loss_findings(log: FlightLog) -> list[Finding]:
-    """Return findings of lost, or nearly lost, control, with the signs of it."""
+    """Return findings of lost, or nearly lost, control, with the attitude and rates that show
+    it; empty without."""
     kinds = (
         ("control", Severity.GRAVE, loss_of_control(log.track), loss_words),
         ("recovered", Severity.WARNING, recovered_signs(log.track), recovered_words),
@@ -98,9 +99,10 @@ _OF_LOSS = ("time_s", "value")
 
 
 def takeoff_findings(track: FlightTrack, airframe: Airframe | None) -> list[Finding]:
-    """Return the findings of every run-up of a flight, and one line about each that is sound.
+    """Return the findings of every run-up of a flight; one without deviations is a finding that
+    says so.
 
-    `airframe` is None where it is not known.
+    If `airframe` is None only the rotors are compared.
     """
     places = () if airframe is None else airframe.rotor_names
     made = []
@@ -118,9 +120,8 @@ def takeoff_findings(track: FlightTrack, airframe: Airframe | None) -> list[Find
 
 
 def event_findings(events: Iterable[VehicleEvent]) -> list[Finding]:
-    """Return one finding for each kind and subject of the vehicle's events: the first, and the
-    count.
-    """
+    """Return one finding for each kind and subject of the vehicle's events: the first, with the
+    count."""
     equal_events: dict[tuple[EventKind, str], list[VehicleEvent]] = {}
     for event in events:
         if event.kind not in _PLAIN:
@@ -139,10 +140,10 @@ def event_findings(events: Iterable[VehicleEvent]) -> list[Finding]:
 
 
 def report_findings(findings: Iterable[Finding]) -> list[Finding]:
-    """List the findings to show beside a report's verdict.
+    """List the findings to show next to a report's verdict.
 
-    They are severe ones, those of the vehicle itself, and those that make rotor names or numbers
-    wrong; lost control is excluded.
+    They are severe ones that the vehicle reported, or that make rotor names or numbers wrong; lost
+    control is excluded.
     """
     return [
         one

@@ -59,7 +59,7 @@ _STRONG_SHAKING = 5.0
 
 #: Of the most that the pump gives: less is no spraying.
 LEAST_FLOW = 0.1
-#: Hz of rotor speeds below which the means of rotor_faults.py hold no three of them.
+#: Hz of rotor speeds below which the means of rotor_faults.py contain fewer than three of them.
 SLOWEST_HZ = 0.75
 _MUCH_LOST = 1.0  # % of a file's bytes
 
@@ -98,7 +98,7 @@ _SPOILS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Inspection:
-    """Channels, quality and findings of one log."""
+    """The channels, quality and findings of one log."""
 
     log: FlightLog
     airframe: Airframe | None  # None: not known
@@ -115,10 +115,10 @@ class Inspection:
 def inspect_log(
     log: FlightLog, airframe: Airframe, claim: AirframeClaim | None = None
 ) -> Inspection:
-    """Check a log's quality, whether it fits the airframe, motor order and rotor speed scale.
+    """Check a log's quality, its fit to the airframe, motor order and rotor speed scale.
 
-    `claim` is the evidence that the flight is of the airframe; None: the user gave the airframe. A
-    flight of an unknown airframe is compared with nothing.
+    `claim` is the decision if the flight is of the airframe; None: the user stated the airframe. A
+    flight of an unknown airframe is not compared with one.
     """
     findings = [*loss_findings(log), *event_findings(log.events)]
     units = map(statement_words, log.other_units)
@@ -142,7 +142,7 @@ def inspect_log(
         findings += [_compared(c) for c in compared if c.check in OF_ANY_AIRFRAME]
     else:
         if log.track.rotor_count == airframe.rotor_count:
-            # An aircraft out of control answers to the ground and the air, not to its rotors.
+            # An aircraft out of control is moved by the ground and the air, not by its rotors.
             flown = before_loss(log.track, loss_of_control(log.track))
             scale = check_speed_scale(flown, airframe)
             order = check_motor_order(flown, airframe)
@@ -177,7 +177,7 @@ def _compared(one: Comparison) -> Finding:
 
 
 def _vehicles(log: FlightLog) -> list[Finding]:
-    """Return a warning if the log contains several vehicles, of which one is read."""
+    """Return a warning if the log contains several vehicles, of which only one is read."""
     if len(log.vehicles) < 2:
         return []
     words = say(
@@ -292,7 +292,8 @@ def _tank(track: FlightTrack, airframe: Airframe) -> list[Finding]:
 
 
 def _pump(log: FlightLog, airframe: Airframe) -> list[Finding]:
-    """Return a warning if the pump ran and the thrust shows no loss of mass."""
+    """Return one warning if the pump ran and the thrust shows no loss of mass; else an empty
+    list."""
     source = sprayed_by_thrust(log.track, airframe, log.parameters)
     least_l_s = LEAST_FLOW * airframe.pump_max_flow_l_min / 60.0
     if source is None or not source.most_kg < least_l_s * airframe.liquid_density * source.pump_s:
@@ -307,9 +308,8 @@ def _pump(log: FlightLog, airframe: Airframe) -> list[Finding]:
 
 
 def _sensor(track: FlightTrack) -> Finding:
-    """Compare the mean specific force in steady flight with gravity; vibration does not change
-    the mean.
-    """
+    """Compare the mean specific force in steady flight with gravity, which vibration does not
+    change."""
     turning = np.linalg.norm(track.angular_rate_frd, axis=1) > _STEADY_RATE  # no: not known either
     known = np.isfinite(track.specific_force_frd).all(axis=1)
     force = track.specific_force_frd[track.flying & known & ~turning]
@@ -341,7 +341,8 @@ def _sensor(track: FlightTrack) -> Finding:
 
 
 def _gyro(track: FlightTrack) -> list[Finding]:
-    """Return a warning if the attitude turns while accelerometer and barometer show no motion."""
+    """Return one warning if the attitude turns while accelerometer and barometer show no motion;
+    else an empty list."""
     height = pressure_altitude(track.pressure)
     denied = attitude_denied(track.time_s, track.attitude, track.specific_force_frd, height)
     seconds = float(track.row_seconds[denied].sum())
@@ -361,7 +362,7 @@ def _gyro(track: FlightTrack) -> list[Finding]:
 
 
 def instrument_offsets(log: FlightLog) -> list[str]:
-    """List sentences on ESCs whose voltage differs from the others' by a constant."""
+    """Return a sentence on each ESC whose voltage differs from the others' by a constant."""
     below = (
         "the ESC of motor {motor} reads {volts} V below the others, loaded or not: an offset of "
         "its instrument, not of its motor"

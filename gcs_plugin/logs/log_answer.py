@@ -43,22 +43,22 @@ from thrustmargin.models.model.rotor_model import RotorModel, identified_airfram
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LogAnswer:
-    """The findings and the answer of one sortie."""
+    """The findings on one sortie and its answer (advice, analysis, fill)."""
 
     findings: tuple[Finding, ...]  # the gravest first
     made: Advised
     contact: FirstContact | None  # None of an aircraft that is known
-    statements: tuple[VehicleStatement, ...] = ()  # of the vehicle, beside what the log shows
+    statements: tuple[VehicleStatement, ...] = ()  # of the vehicle, with what the log shows of each
 
 
 def claimed_flights(
     path: Path, model: RotorModel, *, given: bool, **options: Any
 ) -> list[tuple[FlightLog, AirframeClaim]]:
-    """Return every sortie of a log with its inferred channels, and its match with the model's
-    airframe.
+    """Return every sortie of a log, with inferred channels, and the decision if it is the
+    airframe's.
 
-    `given` is True if the user gave the airframe; `options` are those of `read_sorties`. A log that
-    does not match is read without an airframe. Raise the errors of `read_sorties`.
+    `given` is True if the user stated the airframe; `options` are those of `read_sorties`. A log
+    that does not match is read without an airframe. Raise the errors of `read_sorties`.
     """
     craft = identified_airframe(model)
 
@@ -98,8 +98,9 @@ def claimed_flights(
 
 
 def answer_log(log: FlightLog, analysis: FlightAnalysis, limit: float) -> LogAnswer:
-    """Return the answer of a log's analysed flight; `limit` is the share of a rotor's thrust for
-    lasting use.
+    """Return the answer of a log's analysed flight, with the findings on the log.
+
+    `limit` is the share of a rotor's largest thrust that may last.
     """
     inspection = inspect_log(log, analysis.model.airframe, analysis.claim)
     findings, order = inspection.findings, inspection.motor_order
@@ -127,8 +128,10 @@ def answer_log(log: FlightLog, analysis: FlightAnalysis, limit: float) -> LogAns
 def with_statements(
     findings: Sequence[Finding], statements: Sequence[VehicleStatement], advice: Advice | None
 ) -> tuple[Finding, ...]:
-    """Return the findings with what the log shows behind each report of the vehicle; `advice` is
-    None where no verdict is given."""
+    """Append to each finding of a vehicle's report what the log shows of the reported fault.
+
+    `advice` is None where no verdict is given.
+    """
     beside = {
         (one.kind, one.subject): words
         for one in statements
@@ -141,7 +144,8 @@ def with_statements(
 
 
 def statement_words(one: VehicleStatement, advice: Advice | None) -> str:
-    """Return how the log stands beside a report of the vehicle; empty where there is no view."""
+    """Return in words if the log confirms a report of the vehicle; empty if it shows nothing of
+    it."""
     return beside_words(
         one.beside,
         named=one.named,
@@ -161,8 +165,10 @@ _SEVERITIES = {
 
 
 def verdict_findings(advice: Advice) -> tuple[Finding, ...]:
-    """Return what the report of a flight says, for `inspect`: its first line and what to do, bad
-    rotors, an ESC that misreads, a model that the speeds contradict.
+    """Return a flight's verdict as findings, for `inspect`.
+
+    They are the report's first line and action, bad rotors and arms, an ESC that misreads, and a
+    model that the speeds contradict. Severity OK if nothing is to do.
     """
     findings = [
         Finding("rotors", Severity.GRAVE, fault_found(advice, episode)) for episode in advice.faults

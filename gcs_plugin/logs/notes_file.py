@@ -22,7 +22,7 @@ from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.recording import EngineerNote, FlightLog
 from thrustmargin.models.errors import LogError
 
-BESIDE = "notes.csv"  # name of the file beside a log
+BESIDE = "notes.csv"  # name of the notes file in a log's folder
 #: Letters of a text and lines of a file that are read: notes of a day are far fewer.
 MOST_LETTERS, MOST_LINES = 300, 5000
 #: s before the first and after the last row that still belong to a flight.
@@ -32,7 +32,7 @@ _CLOCK = re.compile(r"(?:(\d+):)?(\d{1,3}):(\d{1,2}(?:\.\d+)?)")
 
 @dataclass(frozen=True, slots=True)
 class _Line:
-    """One note as it is in the file: s from the first row, or Unix time in s; the other is NaN."""
+    """A note of the file: s from the first row, or Unix time in s; the other is NaN."""
 
     seconds: float
     unix_s: float
@@ -46,7 +46,7 @@ def notes_beside(log: Path) -> Path | None:
 
 
 def with_notes(logs: Sequence[FlightLog], path: Path) -> list[FlightLog]:
-    """Return the sorties of one log, each with the notes of `path` that are of its time.
+    """Return the sorties of one log, each with the notes of the file `path` in its time span.
 
     Times without a date count from the first row of the first sortie. Raises LogError for a file
     that is no table of notes, and for dates where a log has none.
@@ -65,14 +65,14 @@ def with_notes(logs: Sequence[FlightLog], path: Path) -> list[FlightLog]:
 
 
 def _of_sortie(line: _Line, log: FlightLog, start_s: float) -> EngineerNote:
-    """Return a line as a note at s from the first row of a sortie."""
+    """Convert a line to a note, at s from the first row of a sortie."""
     if math.isfinite(line.unix_s):
         return EngineerNote(line.unix_s - (log.track.start_unix_s or math.nan), line.text)
     return EngineerNote(line.seconds + start_s - log.clock_start_s, line.text)
 
 
 def _read(path: Path) -> list[_Line]:
-    """Return the lines of a file of notes; raise LogError where it is none."""
+    """Return the lines of a file of notes; raise LogError if it is no such file."""
     try:
         text = path.read_text("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
@@ -85,7 +85,10 @@ def _read(path: Path) -> list[_Line]:
 
 
 def _lines(rows: Iterable[Sequence[str]], name: str) -> Iterable[_Line]:
-    """Yield the notes of the rows after the head; leave out empty rows."""
+    """Yield the notes of the rows below the header, each a time and a text; skip empty rows.
+
+    Raise LogError for a row without a valid time, and for more than MOST_LINES rows.
+    """
     for number, row in enumerate(rows, 2):
         if number > MOST_LINES:
             raise LogError(f"{name}: more than {MOST_LINES} lines")
@@ -103,7 +106,10 @@ def _lines(rows: Iterable[Sequence[str]], name: str) -> Iterable[_Line]:
 
 
 def _time(text: str) -> tuple[float, float]:
-    """Return s from the first row and Unix time in s, of which one is NaN; both for no time."""
+    """Parse a time; return s from the first row, and Unix time in s: one of them is NaN.
+
+    Both are NaN if the text is no time.
+    """
     if found := _CLOCK.fullmatch(text):
         hours, minutes, seconds = (float(part or 0) for part in found.groups())
         return 3600.0 * hours + 60.0 * minutes + seconds, math.nan

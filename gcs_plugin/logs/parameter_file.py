@@ -20,7 +20,7 @@ _MOST_BYTES = 4 << 20
 
 
 def read_parameters(path: Path) -> dict[str, float]:
-    """Read every parameter of the file by name; raise LogError if there is none."""
+    """Read a parameter file; return values by name in capitals. Raise LogError if there is none."""
     try:
         if regular(path).stat().st_size > _MOST_BYTES:
             raise LogError(f"{path.name} is too large for a parameter file")

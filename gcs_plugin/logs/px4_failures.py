@@ -28,9 +28,10 @@ _FLAGS: Mapping[str, tuple[EventKind, str]] = {
 
 
 def px4_failure_events(topics: Mapping[str, Sequence[Topic]]) -> tuple[VehicleEvent, ...]:
-    """Return the failures that PX4 reports, in order of time: one for each time a flag is set.
+    """Return the failures that PX4 reports, sorted by time: one for each time a flag is set.
 
-    Motors count from 1 in the subject. A mask of motors takes the place of the flag `fd_motor`.
+    Motors in the subject count from 1. Where a mask of motors is logged, it replaces the flag
+    `fd_motor`.
     """
     made = [event for topic in topics.get(DETECTOR, ())[:1] for event in _detected(topic)]
     made += [event for topic in topics.get("esc_status", ())[:1] for event in _of_escs(topic)]
@@ -38,7 +39,10 @@ def px4_failure_events(topics: Mapping[str, Sequence[Topic]]) -> tuple[VehicleEv
 
 
 def _detected(topic: Topic) -> Iterator[VehicleEvent]:
-    """Yield the events of the failure detector."""
+    """Yield the events of PX4's failure detector, one each time a flag is set.
+
+    A mask of motors, if it ever has a bit, replaces the flag `fd_motor`.
+    """
     time_s = _column(topic, "timestamp") * 1e-6
     mask = topic.get("motor_failure_mask")
     masked = mask is not None and bool(np.any(mask != 0))

@@ -32,7 +32,7 @@ class Beginning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogFormat:
-    """One log format; a module of this folder with a `FORMAT` is its reader."""
+    """A log format; a module of this folder with a `FORMAT` is its reader."""
 
     name: str
     known_by: str  # what one is and how it shows, for people: "a PX4 log (.ulg, ...)"
@@ -46,8 +46,8 @@ class LogFormat:
 def read_log(path: str | Path, **options: Any) -> FlightLog:
     """Read one vehicle's flight from a .tlog, DataFlash .BIN or .log, PX4 .ulg or .csv file.
 
-    Of a log with several sorties it is the one that was longest in the air; its `sorties` states
-    how many there are. `options` and what is raised as of `read_sorties`, which gives all.
+    Of a log with several sorties the one longest in the air is returned; its `sorties` is their
+    number. `options` and errors are those of `read_sorties`, which returns all.
 
         >>> log = read_log("sitl_logs/campaign/v4_m16_q2.5.tlog")
         >>> log.track.rotor_speed_rpm.shape
@@ -67,18 +67,19 @@ def read_sorties(
     """Read every sortie of one vehicle in a log, in order, numbered.
 
     A sortie ends with a restart of the vehicle, or on the ground: disarmed, for long, or with a
-    fuller tank or battery afterwards. Where nothing flew, it is the longest stretch.
+    fuller tank or battery afterwards. Where nothing flew, the longest recording is returned.
 
     `vehicle` is the system id (default: the one that reports rotor speeds, and of several the one
-    that has the rotors of the airframe, unless that is not `sought`). `any_vehicle` reads one that
-    is no multirotor, too. The other `options` are those of `telemetry.vehicle_events.Options`:
-    `airframe` gives the number of rotors, the tank and the liquid; `sampling` puts other channels
-    onto the rows by interpolation ("linear") or as a live listener would ("hold"); `tank` names the
-    source of the tank level as `telemetry.tank_source` lists them; `tank_start_kg` is what a tank
-    without a gauge held at the start of the log. `load` and `load_end`, kg on board at the start
-    and at the end, take the place of any gauge, `air_temperature` in K that of the autopilot's own
-    reading. Raises LogError when the file holds no flight or is of another vehicle, AirframeError
-    when the airframe has another number of rotors.
+    that has the rotors of the airframe, unless that is not `sought`). With `any_vehicle` other
+    vehicles than multirotors are read too. The other `options` are those of
+    `telemetry.vehicle_events.Options`: `airframe` gives the number of rotors, the tank and the
+    liquid; `sampling` puts other channels onto the rows by interpolation ("linear") or as a live
+    listener would ("hold"); `tank` names the source of the tank level as `telemetry.tank_source`
+    lists them; `tank_start_kg` is the mass in a tank without a gauge at the start of the log.
+    `load` and `load_end`, kg on board at the start and at the end, replace any gauge,
+    `air_temperature` in K replaces the autopilot's own reading. Raises LogError when the file
+    contains no flight or is of another vehicle, AirframeError when the airframe has another number
+    of rotors.
 
         >>> len(read_sorties("sitl_logs/campaign/v4_m16_q2.5.tlog"))
         1
@@ -126,7 +127,8 @@ def _fitting_vehicle(path: Path, options: Options) -> int | None:
 def _read_as(
     path: Path, vehicle: int | None, options: Options
 ) -> tuple[LogFormat, tuple[FlightLog, ...]]:
-    """Return the first format that can read the log, and its sorties."""
+    """Return the first format that can read the log, and its sorties; raise LogError if none
+    can."""
     for kind in formats(path):
         try:
             return kind, kind.read(path, vehicle, options)
@@ -139,8 +141,9 @@ def _read_as(
 
 
 def formats(path: Path) -> list[LogFormat]:
-    """Return the formats to try, most probable first; raise LogError for a folder, an empty file or
-    other text.
+    """Return the formats to try, most probable first.
+
+    Raise LogError for a folder, an empty file or text of no known format.
     """
     if path.is_dir():
         raise LogError(f"{path} is a folder; give a log file in it")

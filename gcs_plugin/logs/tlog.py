@@ -60,7 +60,7 @@ def tlog_boots(
 ) -> Iterator[Recording]:
     """Yield a recording of one vehicle of a .tlog for each run between restarts.
 
-    `vehicle` is a system id; None takes the one that reports rotor speeds, then the one with most
+    `vehicle` is a system id; None takes the one that reports rotor speeds, else the one with most
     messages. `on_arrival` dates each message as a live listener would. Raise LogError if there is
     no MAVLink in the file or no such vehicle.
     """
@@ -119,9 +119,8 @@ def tlog_boots(
 def _boot(
     path: Path, frames: Frames, mine: Bools, pilot: int, clock: Clock, came_twice: int
 ) -> Recording:
-    """Return the recording of one vehicle, whose frames are `mine` (n,), in one run of its
-    clock.
-    """
+    """Return the recording of one vehicle, whose frames `mine` (n,) flags, in one run of its
+    clock."""
     component, chosen = frames.component, int(frames.system[np.argmax(mine)])
     inside = mine.copy()
     inside[: clock.first_row] = False
@@ -220,9 +219,8 @@ def _choose(path: Path, frames: Frames, vehicles: list[int], number: int | None)
 def _main_component(
     frames: Frames, mine: Bools, component: NDArray[np.uint8], autopilots: list[int]
 ) -> int:
-    """Return the autopilot among the components of one vehicle: the one that sends most
-    ATTITUDE.
-    """
+    """Return the component id of a vehicle's autopilot: among `autopilots`, else all, that which
+    sends most ATTITUDE, else most GLOBAL_POSITION_INT; without both, the first or the busiest."""
     for candidates in (mine & np.isin(component, autopilots), mine):
         for name in ("ATTITUDE", "GLOBAL_POSITION_INT"):
             sources = component[candidates & (frames.id == message_ids()[name])]
@@ -235,8 +233,7 @@ def _main_component(
 
 
 def _parameters(frames: Frames, mine: Bools, last_row: int) -> tuple[dict[str, float], bool]:
-    """Return parameters by name, last values up to the row, and whether the vehicle's list is
-    complete.
+    """Return the parameters by name, last values up to the row; also True if the list is complete.
 
     Parameters sent only after the row have their first value.
     """
@@ -254,9 +251,11 @@ def _named_values(fields: Columns | NDArray[np.void]) -> Iterator[tuple[str, flo
 
 
 def _waypoints(frames: Frames, chosen: int, last_row: int) -> tuple[PlanItem, ...]:
-    """Return the mission last transferred completely before the row, by item number.
+    """Return the mission last transferred completely up to row `last_row`, by item number; empty if
+    none was.
 
-    Items without a received count replace known ones.
+    `chosen` is the vehicle's system id. An item whose MISSION_COUNT was not received replaces the
+    known item of its number.
     """
     system = frames.system
     events: list[tuple[int, str, np.void]] = []
@@ -281,7 +280,7 @@ def _waypoints(frames: Frames, chosen: int, last_row: int) -> tuple[PlanItem, ..
 
 
 def _texts(streams: dict[str, Stream]) -> tuple[tuple[float, str], ...]:
-    """Return time, s, and text of the STATUSTEXT lines; pieces of a long line are joined."""
+    """Return (time in s, text) of each STATUSTEXT; pieces of a long text are joined."""
     stream = streams.get("STATUSTEXT")
     if stream is None:
         return ()

@@ -107,9 +107,8 @@ class _Rows:
         self.least[number], self.most[number], self.needs[number] = least, most, needed
 
     def behind(self, start: int, kept: bytearray) -> int:
-        """Return the offset behind consecutive valid data rows from `start`; needed ones are
-        recorded.
-        """
+        """Return the offset after the consecutive valid data rows from `start`, and record the
+        needed ones."""
         begun = None
         while begun != start and self.data[start + 2 : start + 3] == b"D":
             begun = start
@@ -129,9 +128,9 @@ class _Rows:
         return start
 
     def _look(self, start: int) -> None:
-        """Find candidate rows, some within others, from an offset on.
+        """Find candidate rows, which may overlap, from an offset on.
 
-        The window is twice the length that the last one was good for, so that the time grows
+        The window is twice the length over which the last one was valid, so that the time grows
         linearly.
         """
         self._note_needed()
@@ -152,9 +151,9 @@ class _Rows:
         self.passed[:], self.stop = False, 0
 
     def topic_rows(self, topics: Mapping[int, tuple[int, int]]) -> dict[int, NDArray[np.uint8]]:
-        """Return the recorded rows of each topic, uint8 (rows, bytes).
+        """Return the recorded rows of each topic, uint8 (rows, bytes), by topic id.
 
-        `topics` maps an id to its row size and first offset.
+        `topics` maps an id to its row size, bytes, and the file offset from which its rows count.
         """
         self._note_needed()
         heads, of_topics = np.concatenate(self.needed), {}
@@ -171,14 +170,14 @@ class _Rows:
 
 @dataclass(slots=True)
 class _Log:
-    """The definitions by which messages are checked, from those before them."""
+    """Definitions by which the next message is checked, collected from the messages before it."""
 
     data: bytes
     rows: _Rows
     formats: dict[bytes, list[tuple[bytes, int, bytes]]] = field(default_factory=dict)
 
     def end(self, begin: int) -> int:
-        """Return the end of the message at an offset; 0 if it is invalid."""
+        """Return the offset behind the message at `begin`; 0 if it is invalid."""
         data = self.data
         if begin + 3 > len(data):
             return 0
@@ -216,9 +215,8 @@ class _Log:
         return end if good else 0
 
     def size_of(self, name: bytes, depth: int = 0) -> tuple[int, int] | None:
-        """Return the row size of a topic in bytes, without and with padding at its end; None if
-        unknown.
-        """
+        """Return the row size of a topic, bytes, without and with padding at its end; None if
+        unknown."""
         total = padding = 0
         for kind, count, field_name in self.formats.get(name, ()):
             one = _BYTES.get(kind)
@@ -276,9 +274,8 @@ def whole_messages(data: bytes, topics: Container[str]) -> WholeMessages:
 
 
 def _next_whole(log: _Log, start: int) -> int:
-    """Return the first offset from which several messages in a row, or all to the end, are
-    valid.
-    """
+    """Return the first offset from which several consecutive messages, or all to the end, are
+    valid."""
     size = len(log.data)
     for match in _TYPE.finditer(log.data, start + 2):
         place = end = match.start() - 2
@@ -292,9 +289,9 @@ def _next_whole(log: _Log, start: int) -> int:
 
 
 def _keyed(body: bytes) -> bool:
-    """Return whether a body begins with a key, followed by a value of the size of its type.
+    """Return True if a body begins with a key, followed by a value of the size of its type.
 
-    A wrong one would swallow thousands of bytes of what follows.
+    A false key would swallow thousands of the bytes after it.
     """
     size = body[0] if body else 0
     key = _KEY.fullmatch(body[1 : 1 + size])
@@ -305,7 +302,7 @@ def _keyed(body: bytes) -> bool:
 
 
 def _is_text(body: bytes) -> bool:
-    """Return whether a body is one line of text of valid length."""
+    """Return True if a body is one line of text of valid length."""
     return len(body) <= _LONGEST_TEXT and _TEXT.fullmatch(body) is not None
 
 
@@ -313,9 +310,9 @@ MAGIC = b"ULog\x01\x12\x35"
 
 
 def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Signals]:
-    """Read the needed topics of a PX4 log and their signals.
+    """Read the needed topics of a PX4 log, as a recording and its signals.
 
-    Raise LogError if the file is damaged beyond reading or `vehicle` is not its own.
+    Raise LogError if the file is damaged beyond reading or `vehicle` is not the log's.
     """
     from pyulog import ULog
 

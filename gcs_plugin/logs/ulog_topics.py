@@ -82,7 +82,8 @@ def _throttle(topic: Topic, so_far: UlogMotors) -> UlogMotors:
 
 
 def _outputs(instances: Sequence[Topic], parameters: Mapping[str, float]) -> UlogMotors:
-    """Return the motor outputs of the instance that has most of them."""
+    """Return the motor outputs of the topic instance with most of them; none if fewer than
+    _FEWEST."""
     best: tuple[list[Signal], Statement | None] = ([], None)
     for number, topic in enumerate(instances):
         signals = _of_instance(topic, number, parameters)
@@ -97,7 +98,8 @@ def _outputs(instances: Sequence[Topic], parameters: Mapping[str, float]) -> Ulo
 def _of_instance(
     topic: Topic, number: int, parameters: Mapping[str, float]
 ) -> tuple[list[Signal], Statement]:
-    """Return the throttle by motor of one instance, and in words the order of its outputs."""
+    """Return the output of each motor in one topic instance, and in words the order of its
+    outputs."""
     bank = "MAIN" if number == 0 else "AUX"
     names = [name for k in range(_MOST_OUTPUTS) if (name := f"output[{k}]") in topic]
     values = [in_si(topic, name, "1") for name in names]
@@ -136,7 +138,10 @@ _ESC_FIELDS = (
 
 
 def _with_escs(motors: UlogMotors, topic: Topic) -> UlogMotors:
-    """Add ESC channels by motor number from 0, whatever their place in the message."""
+    """Add ESC channels by motor (0-based), wherever the motor stands in the message.
+
+    Copies of another motor are dropped with a note.
+    """
     signals: list[Signal] = []
     notes: list[Statement] = []
     seen: dict[int, int] = {}  # motor -> its place
@@ -316,7 +321,7 @@ TOPICS = (
 
 
 def with_vectors(topic: Topic) -> Topic:
-    """Return the topic with its vectors as columns (n, k), besides their elements."""
+    """Return the topic with vectors as columns (n, k), besides the columns of their elements."""
     vectors = {}
     for vector, width in VECTORS.items():
         elements = [f"{vector}[{i}]" for i in range(width)]

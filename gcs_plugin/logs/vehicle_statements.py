@@ -20,7 +20,7 @@ from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.rotor_faults import FaultEpisode
 from thrustmargin.models.physics.smoothing import known_mean
 
-#: s by which a fault that the program finds may begin or end beside the report.
+#: s by which a fault that the program finds may begin or end before or after the report.
 NEAR_S = 30.0
 #: s within which an error code and a text are one report.
 TOGETHER_S = 1.0
@@ -37,13 +37,13 @@ _NO_REPORT = (EventKind.ARMED, EventKind.DISARMED, EventKind.RESOLVED, EventKind
 
 
 class Corroboration(StrEnum):
-    """Relation of the log to a report of the vehicle."""
+    """How the log confirms or contradicts a report of the vehicle."""
 
     AGREES = "agrees"  # the same motor by speeds
     OTHER_MOTOR = "other motor"  # another one by speeds
     MOTOR_FOUND = "motor found"  # the report names none, the log does
     EXCHANGED = "exchanged"  # two motors each follow the output of the other: no name is sure
-    ALL_HARD = "all hard"  # all motors near full output, none stands out
+    ALL_HARD = "all hard"  # all motors near full output, none more than the others
     HARDEST = "hardest"  # the named motor works hardest, and its speed follows
     FOLLOWS = "follows"  # speed of the named motor follows its output
     CONTROL_LOST = "control lost"
@@ -55,7 +55,7 @@ class Corroboration(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleStatement:
-    """One report of a vehicle, or several alike, beside what its log shows; motors from 0."""
+    """A vehicle's report, or several alike, with what its log shows of the fault; motors from 0."""
 
     kind: EventKind
     subject: str
@@ -75,10 +75,10 @@ def vehicle_statements(
     losses: Sequence[LossOfControl] = (),
     yaw_reserve: Floats | None = None,
 ) -> tuple[VehicleStatement, ...]:
-    """Return the reports of a flight in order of their first time, each beside what the log shows.
+    """Return the vehicle's reports in order of their first time, each compared with its log.
 
-    `faults` and `losses` are what was found in the flight, `yaw_reserve` (T,) the share of yaw
-    authority that was left; None where no airframe is known.
+    `faults` and `losses` are those found in the flight, `yaw_reserve` (T,) the unused share of yaw
+    authority; None where no airframe is known.
     """
     alike: dict[tuple[EventKind, str], list[VehicleEvent]] = {}
     for event in events:
@@ -90,7 +90,7 @@ def vehicle_statements(
 
 
 def _doubled(same: Sequence[VehicleEvent], groups: Iterable[Sequence[VehicleEvent]]) -> bool:
-    """Return whether error codes repeat what texts of the same kind say at the same times."""
+    """Return True if error codes repeat texts of the same kind at the same times."""
     if not all(event.text.startswith("ERR ") for event in same):
         return False
     texts = [
@@ -109,7 +109,8 @@ def _statement(
     losses: Sequence[LossOfControl],
     yaw_reserve: Floats | None,
 ) -> VehicleStatement:
-    """Return the statement of events of one kind and subject."""
+    """Compare the vehicle's events `same`, all of one kind and subject, with the log at the time of
+    the first."""
     first = same[0]
     named = ()
     if first.kind in _OF_MOTORS and first.subject.isdigit():
@@ -137,8 +138,11 @@ def _statement(
 def _of_motors(
     time_s: float, named: tuple[int, ...], track: FlightTrack, faults: Sequence[FaultEpisode]
 ) -> tuple[Corroboration, tuple[int, ...], float]:
-    """Return how the log stands beside a report on motors, the motors it shows, and the output of
-    the named one."""
+    """Compare a report on motors with the log.
+
+    Return the result, the motors that the log shows as faulty, and the output of the first named
+    one (NaN without a name).
+    """
     seen = motor_evidence(track, time_s)
     value = seen.outputs[named[0]] if named else math.nan
     found = _found(time_s, seen, faults)
@@ -159,8 +163,8 @@ def _of_motors(
 
 
 def _found(time_s: float, seen: MotorEvidence, faults: Sequence[FaultEpisode]) -> tuple[int, ...]:
-    """Return the motors that were found bad about a time: by the flight's faults, else by what
-    stands or is slow then."""
+    """Return the faulty motors at about a time: by the flight's faults, else those stopped or
+    slow."""
     for episode in faults:
         end_s = math.inf if episode.end_s is None else episode.end_s
         if episode.begin_s - NEAR_S <= time_s <= end_s + NEAR_S:
@@ -174,7 +178,8 @@ def _found(time_s: float, seen: MotorEvidence, faults: Sequence[FaultEpisode]) -
 def _of_yaw(
     time_s: float, track: FlightTrack, yaw_reserve: Floats | None
 ) -> tuple[Corroboration, float]:
-    """Return the mean share of the yaw authority that was left about a report."""
+    """Return if the yaw reserve near a report at `time_s`, s, is known, and its mean, 0 to 1;
+    NaN unknown."""
     if yaw_reserve is None:
         return Corroboration.NOT_COMPARED, math.nan
     near = np.abs(track.time_s - time_s) <= YAW_S

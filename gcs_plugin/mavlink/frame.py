@@ -43,7 +43,7 @@ HEADER_PADDING = 10
 
 
 class Frame(NamedTuple):
-    """One frame as sent, with its arrival time and link."""
+    """A frame as sent, with its arrival time and link."""
 
     data: bytes  # magic byte to checksum or signature
     id: int
@@ -142,8 +142,8 @@ def examine(
 ) -> tuple[FrameKind, Header | None]:
     """Classify the bytes from `start` of the first `size`; `data` has HEADER_PADDING more.
 
-    `gap` bytes lie between two frames (the time stamps of a .tlog). `closed`: another frame may
-    begin behind the last byte, as behind a datagram or a file. `cleared` is the state from
+    `gap` is the number of bytes between two frames (the time stamp in a .tlog). `closed`: another
+    frame may begin after the last byte, as after a datagram or a file. `cleared` is the state from
     examining the bytes before `start`, and is updated.
     """
     verdict, head = _checked(data, start, size)
@@ -169,10 +169,11 @@ def examine(
 def _inner_frame(
     data: bytes, low: int, high: int, size: int, closed: bool, cleared: Cleared
 ) -> FrameKind:
-    """Return GOOD or UNFINISHED by the first frame that begins between `low` and `high`, else
-    NOTHING.
+    """Return GOOD or UNFINISHED for the first such frame that begins at offsets `low` to `high` of
+    `data`, else NOTHING.
 
-    With `closed` an unfinished frame does not count.
+    With `closed` an unfinished frame does not count. `cleared` keeps the offset up to which none
+    begins.
     """
     inner = max(low, cleared.end)
     while inner < high and (magic := _MAGIC.search(data, inner, high)):
@@ -187,7 +188,11 @@ def _inner_frame(
 
 
 def _checked(data: bytes, start: int, size: int) -> tuple[FrameKind, Header | None]:
-    """Classify bytes by header and checksum alone: any frame of unknown id is UNVERIFIED."""
+    """Classify bytes by header and checksum alone, without the frame after: any frame of unknown id
+    is UNVERIFIED.
+
+    The header is None if it is incomplete or has no magic byte.
+    """
     magic = data[start]
     if magic not in (V1, V2):
         return FrameKind.NOTHING, None
@@ -211,10 +216,10 @@ def _checked(data: bytes, start: int, size: int) -> tuple[FrameKind, Header | No
 
 
 class Walk:
-    """A pass through bytes from frame to frame; `position` is the present offset,
-    before the stamp if any.
+    """A pass through bytes from frame to frame.
 
-    `expected` is where a frame should begin: behind the last one, good or damaged.
+    `position` is the present offset, before the stamp if any; `expected` is where a frame should
+    begin: after the last one, good or damaged.
     """
 
     def __init__(self, at: int = 0, expected: int | None = None, cleared: int = 0) -> None:
@@ -225,11 +230,11 @@ class Walk:
     def frames(
         self, data: bytes, stop: int, size: int, *, gap: int = 0, closed: bool, wait: bool
     ) -> Iterator[tuple[FrameKind, int, Header]]:
-        """Yield class, offset (of the stamp, else the frame) and header of frames that begin before
+        """Yield class, offset (of the stamp, else the frame) and header of frames starting before
         `stop`.
 
         They are good and unverified frames, and those with a wrong checksum where a frame was
-        expected. With `wait`, stop at the first that may be completed by more bytes.
+        expected. With `wait`, stop at the first that more bytes may complete.
         """
         while self.position + gap < stop:
             start = self.position + gap
@@ -258,7 +263,7 @@ class Walk:
 def frame_of(data: bytes, *, stamp_us: int = 0, link: int = 0) -> Frame | None:
     """Return the Frame of these bytes.
 
-    None unless they are one whole frame, with a correct checksum or an unknown id.
+    None unless they are exactly one frame, with a correct checksum or an unknown id.
     """
     verdict, head = examine(data + bytes(HEADER_PADDING), 0, len(data), closed=True)
     if verdict not in (FrameKind.GOOD, FrameKind.UNVERIFIED) or head is None:
@@ -269,7 +274,7 @@ def frame_of(data: bytes, *, stamp_us: int = 0, link: int = 0) -> Frame | None:
 
 
 def build_frame(data: bytes, verdict: FrameKind, head: Header, stamp_us: int, link: int) -> Frame:
-    """Return the Frame of exactly these bytes, already classified."""
+    """Return the Frame of exactly these bytes, from their class and header."""
     place = 4 if data[0] == V2 else 2
     sequence, system, component = data[place : place + 3]
     good = verdict is FrameKind.GOOD

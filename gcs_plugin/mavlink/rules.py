@@ -31,7 +31,7 @@ FEW = 64  # messages, of which Python is quicker than numpy to say what numbers 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """One source of one channel: these fields of this message become that channel.
+    """Rule of one source of a channel: how fields of a message become the channel.
 
     `unit` is that of all `fields`, or is one unit for each. `meaning` is what the channel is where
     its name is more special, `note` what else people should know of this source. `unknown` are wire
@@ -68,7 +68,7 @@ class Rule:
 
 
 class Signal(NamedTuple):
-    """One source of one channel as reported: `time_s` (n,) sorted, `values` (n,) or (n, k) in SI.
+    """One source of a channel as reported: `time_s` (n,) sorted, `values` (n,) or (n, k) in SI.
 
     It is a tuple, because a listener makes hundreds a second and a frozen dataclass takes three
     times as long.
@@ -92,7 +92,8 @@ def in_si(columns: Columns, name: str, unit: str) -> Floats:
 def quantity(rule: Rule, columns: Columns, si: Callable[[Any, str, str], Floats] = in_si) -> Floats:
     """Return the rule's channel in SI, (n,) for one field or (n, k) for several; NaN where unknown.
 
-    `si` converts a field to SI; columns that know more of their units than the rule pass their own.
+    `si` converts a field to SI; columns with units of their own, as DataFlash has, pass their
+    method.
     """
     if rule.convert is not None:
         return rule.convert(columns)
@@ -109,7 +110,8 @@ def quantity(rule: Rule, columns: Columns, si: Callable[[Any, str, str], Floats]
 
 
 def _of_one_unit(rule: Rule, unit: str, columns: Columns) -> Floats:
-    """Return the rule's channel as `quantity` does, with all fields at once for speed."""
+    """Return the rule's channel in SI, (n,) or (n, k), as `quantity` does for fields of one
+    unit; wire values in `unknown` become NaN."""
     value = np.array([columns[name] for name in rule.fields], dtype=np.float64)
     for code in rule.unknown:
         value[value == code] = np.nan
@@ -122,8 +124,9 @@ def _of_one_unit(rule: Rule, unit: str, columns: Columns) -> Floats:
 def decode(
     rule: Rule, columns: Columns
 ) -> Iterator[tuple[int | None, NDArray[np.bool_] | slice, Floats]]:
-    """Yield index, rows and values in SI of each source that the rule distinguishes in its
-    message.
+    """Yield index, rows and values in SI of each source that the rule's message contains.
+
+    The index is None and the rows are all for a rule without `index`. Infinite values become NaN.
     """
     with np.errstate(invalid="ignore"):
         values = quantity(rule, columns)

@@ -55,9 +55,7 @@ _ROWS = 1 << 13  # checksummed at once: keeps the working set in the processor's
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Frames:
-    """The whole frames of known id and good checksum, in file order, and the stretches between
-    them.
-    """
+    """The frames of known id and good checksum, in file order, and the byte ranges between them."""
 
     data: Bytes  # the file followed by PADDING zeros
     start: Index  # (n,) offset of the magic byte
@@ -81,7 +79,7 @@ class Frames:
         return replace(self, **{name: getattr(self, name)[kept] for name in names})
 
     def unstamped(self) -> bool:
-        """Return whether most frames begin right where the one before ends, without room for a
+        """Return True if most frames begin right where the one before ends, without room for a
         stamp.
         """
         if self.start.size < 2:
@@ -101,8 +99,9 @@ def gather(data: Bytes, start: Index, width: int) -> Bytes:
 
 
 def columns(frames: Frames, rows: Index, layout: Layout) -> NDArray[np.void]:
-    """Return the fields of the frames `rows`, all of `layout`, as a structured array (n,);
-    trimmed zeros are restored.
+    """Return the fields of the frames `rows`, all of `layout`, as a structured array (n,).
+
+    Trailing zeros that MAVLink 2 trims are restored.
     """
     width = layout.dtype.itemsize
     start = frames.start[rows]
@@ -116,7 +115,10 @@ def columns(frames: Frames, rows: Index, layout: Layout) -> NDArray[np.void]:
 
 
 def named(frames: Frames, name: str, where: Bools | bool = True) -> tuple[Index, NDArray[np.void]]:
-    """Return the rows of the messages called `name` among those flagged (n,), and their fields."""
+    """Return the row numbers (n,) of the messages called `name`, and their fields (n,).
+
+    Only frames flagged in `where` count.
+    """
     number = message_ids()[name]
     rows = np.flatnonzero(where & (frames.id == number))
     return rows, columns(frames, rows, layouts()[number])
@@ -187,7 +189,8 @@ def scan(data: Bytes, size: int, *, stamp: int = STAMP) -> Frames:
 def _good_in_chunk(
     data: Bytes, size: int, low: int, stamp: int
 ) -> tuple[Index, NDArray[np.uint16], NDArray[np.uint16]]:
-    """Return offsets, ids and lengths of the good frames that begin in a chunk."""
+    """Return offsets, message ids and lengths (n,) of the frames with a good checksum that begin
+    in the chunk at offset `low`. `stamp` is the length of the time stamp before a frame, bytes."""
     part = data[low : min(low + _CHUNK, size)]
     start = np.flatnonzero((part == V1) | (part == V2)).astype(np.int64) + low
     start = start[start >= stamp]
@@ -221,9 +224,8 @@ def _checked(data: Bytes, start: Index, covered: Index, extra: Bytes) -> NDArray
 
 
 def _without_overlap(start: Index, end: Index) -> NDArray[np.bool_] | None:
-    """Return a mask that drops frames found inside another (a chance match); None if there are
-    none.
-    """
+    """Return a mask (n,) without frames that begin inside another (chance matches); None if
+    there are none. `start` and `end` (n,) are offsets."""
     clash = start[1:] < end[:-1]
     if not clash.any():
         return None
@@ -246,8 +248,11 @@ def gaps_between(start: Index, end: Index, size: int, stamp: int = 0) -> list[tu
 def _explain_gaps(
     data: Bytes, gaps: list[tuple[int, int]], size: int, stamp: int
 ) -> tuple[list[tuple[int, int]], int, list[tuple[int, int]]]:
-    """Return skipped (offset, length), the count of bad checksums, and unverified (offset, id)
-    in the gaps.
+    """Examine the bytes between good frames, the `gaps` (start, end), for frames of unknown id or a
+    wrong checksum.
+
+    Return the skipped (offset, length), the count of wrong checksums, and (offset, id) of frames of
+    unknown id.
     """
     skipped: list[tuple[int, int]] = []
     unverified: list[tuple[int, int]] = []
@@ -309,7 +314,7 @@ class FrameSplitter:
         return len(self._rest)
 
     def feed_datagram(self, data: bytes, stamp_us: int) -> list[Frame]:
-        """Return the frames of one datagram, which starts a new frame unless it can only be a
+        """Return the frames of one datagram, which begins a new frame unless it can only be a
         continuation.
 
         A frame cut short in the datagram before must not delay a good one in this.
@@ -332,7 +337,7 @@ class FrameSplitter:
     def feed(self, data: bytes, stamp_us: int, *, closed: bool = False) -> list[Frame]:
         """Return the frames completed by these bytes of a stream (TCP, serial).
 
-        `closed`: the next bytes begin a new frame.
+        `closed`: the bytes after these begin a new frame.
         """
         counts, link = self.counts, self.link
         counts.bytes += len(data)
@@ -368,8 +373,8 @@ def steadied(
     """Return stamps (n,), µs, corrected where the computer's clock was set; unchanged if it was
     not.
 
-    `boot_ms` (n,) is the clock since boot that a message of `system` (n,) carries, NaN where none.
-    Without it only a step back is recognised, and it is counted as no time.
+    `boot_ms` (n,) is the clock since boot that a message of `system` (n,) contains, NaN without
+    one. Without any only a step back is recognised, and it is counted as no time.
     """
     steps = np.diff(stamps_us)
     clocked = np.flatnonzero(np.isfinite(boot_ms))
@@ -389,8 +394,10 @@ def _went_by(
     clocked: NDArray[np.intp],
     row: int,
 ) -> int | None:
-    """Return the time, µs, from a row to the next by the clock of a vehicle received before and
-    after; None if unknown.
+    """Return the time, µs, between row `row` and the next by the clock of a vehicle.
+
+    `clocked` are the rows with a boot time, `boot_ms`. The vehicle must have been received before
+    and after; None without one.
     """
     place = int(np.searchsorted(clocked, row, side="right"))
     if place == 0:

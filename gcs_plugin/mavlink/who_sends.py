@@ -48,7 +48,7 @@ def of_vehicles(heartbeats: Columns) -> Bools:
 
 
 def copies(frames: Frames) -> Bools:
-    """Flag frames (n,) that repeat an earlier frame of their sender, in number and bytes.
+    """Flag frames (n,) that repeat an earlier frame of their sender, in sequence number and bytes.
 
     Sequence numbers wrap at 256, and a vehicle at rest may then send equal bytes. So the numbers
     are unwrapped, by the shorter way from each frame to the next: a copy up to 127 frames late has
@@ -79,8 +79,8 @@ def copies(frames: Frames) -> Bools:
 def _equal(frames: Frames, one: Index, other: Index) -> Bools:
     """Flag pairs of frames (n,) with equal bytes, checksum included and signature left out.
 
-    `one` and `other` (n,) are the frames' rows in `frames`. A router signs what it forwards
-    anew.
+    `one` and `other` (n,) are the frames' rows in `frames`. A router replaces the signature of the
+    frames that it forwards.
     """
     sizes = layout_table().size
     length = header(frames.data, frames.start[one], sizes).covered + 3
@@ -99,7 +99,7 @@ FEWEST = 100
 
 
 class _Sign(NamedTuple):
-    """A value by which two vehicles in one stream are recognised."""
+    """A measured value that jumps between two levels if two vehicles send in one stream."""
 
     what: str  # for people
     message: str
@@ -136,10 +136,10 @@ _SIGNS = (
 
 
 def two_of_one_id(frames: Frames, where: Bools) -> str:
-    """Return the value that alternates between two levels, as with two vehicles of one id; empty if
-    none.
+    """Return, in words, the value that alternates between two levels, as with two vehicles of one
+    id.
 
-    `where` (n,) flags the frames of its autopilot.
+    Empty if none does. `where` (n,) flags the frames of its autopilot.
     """
     for sign in _SIGNS:
         fields = named(frames, sign.message, where)[1]

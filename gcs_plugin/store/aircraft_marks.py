@@ -33,7 +33,8 @@ FEWEST_SENSORS = 2  # likewise of device ids
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Marks:
-    """The marks by which a log shows its aircraft; empty where the log does not have them."""
+    """Values in a log that identify its aircraft, such as serial number, sensor ids and
+    calibration; empty if missing."""
 
     board: str = ""  # serial number of the autopilot
     vehicle: int = 0  # MAVLink system id; 0 unknown
@@ -44,7 +45,7 @@ class Marks:
 
     @property
     def any(self) -> bool:
-        """Return whether the log shows anything but a system id and a layout."""
+        """Return True if the log shows anything but a system id and a layout."""
         return bool(self.board or self.sensors or self.accelerometer or self.compass)
 
 
@@ -62,7 +63,8 @@ class MarksMatch(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recognition:
-    """The aircraft of a log: its name, or the names among which the user must choose, and why."""
+    """Which known aircraft flew a log: `name`, or None and in `open` the (name, MarksMatch) among
+    which the user must choose. Both empty for a new aircraft."""
 
     name: str | None = None
     open: tuple[tuple[str, MarksMatch], ...] = ()
@@ -79,7 +81,8 @@ def marks_of(log: FlightLog) -> Marks:
         layout = None
 
     def chosen(pattern: re.Pattern[str], *, neutral: tuple[float, ...]) -> dict[str, float]:
-        """Return the parameters of a pattern that differ from their neutral values."""
+        """Return the parameters whose names match `pattern` and whose values are not in
+        `neutral`."""
         return {
             name: float(value)
             for name, value in sorted(parameters.items())
@@ -106,7 +109,12 @@ def serial_of_texts(log: FlightLog) -> str:
 
 
 def match(log: Marks, known: Marks) -> MarksMatch:
-    """Compare the marks of a log with those of a known aircraft."""
+    """Compare the marks of a log (serial number, device ids, calibration) with those of a known
+    aircraft.
+
+    SAME: equal serial number, or calibration. COPIED, RECALIBRATED, OTHER_LAYOUT, UNMARKED: the
+    user must choose. OTHER: another aircraft.
+    """
     boards = log.board and known.board
     layouts = log.layout and known.layout and log.layout != known.layout
     calibrated = [
@@ -131,7 +139,7 @@ def match(log: Marks, known: Marks) -> MarksMatch:
 def _equal(
     one: Mapping[str, float], other: Mapping[str, float], *, fewest: int = FEWEST_VALUES
 ) -> bool | None:
-    """Return whether the values that two logs share are equal; None with fewer than `fewest`."""
+    """Return True if the values that two logs share are equal; None with fewer than `fewest`."""
     shared = one.keys() & other.keys()
     if len(shared) < fewest:
         return None
@@ -139,10 +147,11 @@ def _equal(
 
 
 def recognise(log: Marks, known: Iterable[tuple[str, tuple[Marks, ...]]]) -> Recognition:
-    """Return which of the known aircraft, each a name with the marks it had, a log is of.
+    """Return which known aircraft a log belongs to; `known` gives each name and the marks of its
+    earlier logs.
 
-    Without a name and without open ones the log is of a new aircraft. The best of an aircraft's
-    marks counts; two aircraft that match alike are both open.
+    The best match of an aircraft's marks counts. If exactly one aircraft is the SAME, its name is
+    returned; else all that match are `open`. With neither, the log is of a new aircraft.
     """
     found: dict[str, MarksMatch] = {}
     for name, marks in known:

@@ -84,7 +84,7 @@ UNTRUSTED = (NotTaught.FAULT, NotTaught.LOST, NotTaught.NO_VERDICT, NotTaught.RE
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AircraftFlight:
-    """One flight of an aircraft: its conditions, its figures, and what it taught; NaN unknown.
+    """A flight of an aircraft: its conditions, figures and effect on the state; NaN unknown.
 
     Each field is a column of `schema.FLIGHTS` by the same name.
     """
@@ -107,7 +107,7 @@ class AircraftFlight:
     battery_ohm: float = NAN  # of the whole pack
     battery_ohm_error: float = NAN  # standard error
     charge_used_ah: float = NAN  # in flight
-    mission: FlownMission | None = None  # beside its forecast by the state before the flight
+    mission: FlownMission | None = None  # compared with its forecast by the state before the flight
     coverage: float = NAN  # share of speeds inside the interval of the state before the flight
     bias: float = NAN  # mean of ln measured over predicted speed
     fault_kinds: tuple[str, ...] = ()  # of each bad rotor or motor, as "propeller"
@@ -129,13 +129,14 @@ class AircraftFlight:
 
     @property
     def trusted(self) -> bool:
-        """Return whether its readings say something of the sound aircraft's power and missions."""
+        """Return True if the flight may be used to learn the power and the missions of the sound
+        aircraft."""
         return self.not_taught not in UNTRUSTED
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
-    """A repair or change that somebody noted, at a Unix time, s."""
+    """A repair or change noted by a person, at a Unix time, s."""
 
     unix_s: float
     changed: str  # the part, in the user's words
@@ -154,7 +155,7 @@ class _Record:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KnownAircraft:
-    """One aircraft of the hangar with its flights and events, as its files say them."""
+    """An aircraft of the hangar with its flights and events, as stored in its files."""
 
     folder: Path
     name: str
@@ -176,24 +177,26 @@ class KnownAircraft:
 
     @property
     def lessons(self) -> tuple[FlightOffsets, ...]:
-        """Return the offsets of the flights that teach, by time."""
+        """Return the rotor speed offsets of the flights that update the aircraft's state, by time;
+        without the training flights."""
         rows = (row for row in self.flights if not row.trained and row.not_taught is None)
         return tuple(row.offsets for row in rows if row.offsets is not None)
 
     @property
     def last_training(self) -> FlightOffsets | None:
-        """Return the offsets of the last flight that the model was made from; None if unknown."""
+        """Return the rotor speed offsets of the last flight on which the model was trained; None if
+        unknown."""
         made = [row.offsets for row in self.flights if row.trained and row.offsets is not None]
         return made[-1] if made else None
 
     @property
     def repairs(self) -> tuple[float, ...]:
-        """Return the Unix times, s, of the noted changes."""
+        """Return the Unix times, s, of the repairs and changes noted."""
         return tuple(event.unix_s for event in self.events)
 
     @property
     def sound_flights(self) -> tuple[AircraftFlight, ...]:
-        """Return the flights on which what is known of it rests: those that taught."""
+        """Return the fault-free flights, which the aircraft's state and models are based on."""
         return tuple(row for row in self.flights if row.not_taught is None)
 
     @property
@@ -203,20 +206,20 @@ class KnownAircraft:
         return len({local_day(row.started_unix_s, row.longitude_deg) for row in rows})
 
     def flights_before(self, start_unix_s: float) -> tuple[AircraftFlight, ...]:
-        """Return the last RECENT flights before a Unix time whose readings are trusted.
+        """Return the last RECENT flights before a Unix time, s, whose readings are trusted.
 
-        Those are the flights without a bad part, lost control or rotor speeds that are not trusted.
-        Power and battery do not depend on the load, so a flight of another load counts.
+        A flight with a bad part, lost control or wrong rotor speeds is not trusted. Power and
+        battery do not depend on the load, so a flight of another load counts.
         """
         rows = [row for row in self.flights if row.started_unix_s < start_unix_s and row.trusted]
         return tuple(rows[-RECENT:])
 
     def clearance(self) -> Clearance:
-        """Return what the last RECENT flights mean for the next take-off.
+        """Return the consequence of the last RECENT flights for the next take-off.
 
-        A flight that grounds the aircraft does so until a repair is noted after it. Then, and where
-        a later flight taught, so that its rotors were seen sound, it is a condition; with both it
-        is over. The conditions besides are those of the last flight.
+        A flight that grounds the aircraft does so until a repair is noted or a later flight is
+        found sound; after lost control only a repair counts. With one of both, the fault is still a
+        condition; with both it is settled. The other conditions are those of the last flight.
         """
         rows = self.flights[-RECENT:]
         conditions: list[Condition] = []
@@ -243,7 +246,8 @@ class KnownAircraft:
         return Clearance(conditions=tuple(conditions))
 
     def power_before(self, start_unix_s: float = math.inf) -> PowerLaw | None:
-        """Return the power law by the flights before a Unix time; None where none has a current."""
+        """Return the power law by the flights before a Unix time, s; None if none of them has a
+        current."""
         return power_law(
             [
                 FlightPower(
@@ -256,10 +260,11 @@ class KnownAircraft:
         )
 
     def arms_before(self, start_unix_s: float = math.inf) -> ArmLaw | None:
-        """Return the figures of each arm in the flights before a Unix time, since the last repair.
+        """Return the figures of each arm in the flights before a Unix time, s, since the last
+        repair.
 
         Flights in which a part of an arm may have been bad are left out: a fault must not become
-        what is expected. None without such a flight.
+        the reference. None without such a flight.
         """
         since = max((one for one in self.repairs if one < start_unix_s), default=-math.inf)
         figures = [
@@ -271,20 +276,20 @@ class KnownAircraft:
 
     @property
     def arms_since_repair(self) -> tuple[ArmFigures, ...]:
-        """Return the figures of each arm in all flights since the last repair, by time."""
+        """Return each arm's figures in all flights since the last repair, by time."""
         since = max(self.repairs, default=-math.inf)
         rows = (row for row in self.flights if row.started_unix_s >= since)
         return tuple(row.arms for row in rows if row.arms is not None)
 
     def experience_before(self, start_unix_s: float = math.inf) -> Experience | None:
-        """Return how missions before a Unix time differed from their forecasts; None where too few
-        were flown.
-        """
+        """Return how missions before a Unix time differed from their forecasts; None if too few
+        were flown."""
         rows = self.flights_before(start_unix_s)
         return experience([row.mission for row in rows if row.mission is not None])
 
     def battery_before(self, start_unix_s: float = math.inf) -> KnownBattery:
-        """Return the battery as the flights before a Unix time had it."""
+        """Return rest voltage and resistance of the battery, from the flights before a Unix
+        time."""
         rows = self.flights_before(start_unix_s)
         return known_battery(
             [row.rest_voltage for row in rows],
@@ -292,14 +297,15 @@ class KnownAircraft:
         )
 
     def steps(self, before_unix_s: float = math.inf) -> WalkSizes:
-        """Return the sizes of the walk's steps by the lessons before a time."""
+        """Return the standard deviations of the random walk of the offsets, fitted to flights
+        before a Unix time, s."""
         lessons = [one for one in self.lessons if one.start_unix_s < before_unix_s]
         return fit_steps(lessons, last_training=self.last_training, repairs=self.repairs)
 
     def state_before(
         self, start_unix_s: float, rotors: int, longitude_deg: float = NAN
     ) -> ModeState:
-        """Return the mode state in which a flight that starts at a Unix time is predicted."""
+        """Return the mode state with which to predict a flight that starts at a Unix time, s."""
         return state_before(
             self.lessons,
             self.steps(start_unix_s),
@@ -311,12 +317,15 @@ class KnownAircraft:
         )
 
     def model(self) -> RotorModel:
-        """Load the model as it was made. Raises ModelError where the file is damaged."""
+        """Load the model as trained, without later flights. Raises ModelError if the file is
+        damaged."""
         return load_model(self.model_file)
 
     def model_before(self, start_unix_s: float, longitude_deg: float = NAN) -> RotorModel:
-        """Load the model with the state and the power law by which a flight that starts at a Unix
-        time is predicted; without a state where the model has no interval to widen.
+        """Load the model with the state and power law that apply to a flight starting at a Unix
+        time, s.
+
+        Without a state if the model has no interval that it could widen.
         """
         made = self.model()
         model = replace(
@@ -332,7 +341,7 @@ class KnownAircraft:
         return replace(model, state=self.state_before(start_unix_s, rotors, longitude_deg))
 
     def walk(self) -> tuple[WalkStep, ...]:
-        """Return the walk over all lessons, with the steps that they show together."""
+        """Return the random walk's filter steps over all flights that update the state."""
         return walk(
             self.lessons, self.steps(), last_training=self.last_training, repairs=self.repairs
         )
@@ -380,7 +389,7 @@ class Hangar:
         )
 
     def recognise(self, marks: Marks) -> Recognition:
-        """Return which aircraft of the hangar a log with these marks is of."""
+        """Return which aircraft of the hangar has these marks."""
         records = (
             _read(self.aircraft_folder(name) / "aircraft.json", _Record, SCHEMA)
             for name in self.names()
@@ -390,7 +399,10 @@ class Hangar:
     def keep(
         self, name: str, marks: Sequence[Marks], *, made_unix_s: float, training: Sequence[str]
     ) -> None:
-        """Write the record of an aircraft, replacing an older one."""
+        """Write the record of an aircraft, replacing an older one.
+
+        `made_unix_s` is when its model was trained, `training` the keys of the flights used.
+        """
         distinct = tuple(one for k, one in enumerate(marks) if one not in marks[:k])
         record = _Record(
             schema=SCHEMA,
@@ -402,12 +414,12 @@ class Hangar:
         _write(self.aircraft_folder(name) / "aircraft.json", to_json_values(record))
 
     def add_flight(self, name: str, row: AircraftFlight) -> None:
-        """Write one flight of an aircraft, replacing what was known of that flight."""
+        """Write one flight of an aircraft, replacing an older record of the flight."""
         path = self.aircraft_folder(name) / "flights" / f"{row.flight}.json"
         _write(path, {"schema": FLIGHT_SCHEMA, **to_json_values(row)})
 
     def forget(self, name: str, flight: str) -> bool:
-        """Remove one flight of an aircraft; return whether it was there."""
+        """Remove one flight of an aircraft; return True if it was stored."""
         path = self.aircraft_folder(name) / "flights" / f"{flight}.json"
         there = path.exists()
         path.unlink(missing_ok=True)
@@ -420,7 +432,7 @@ class Hangar:
 
 
 def checked_name(name: str) -> str:
-    """Return the name. Raises DataError where it cannot be that of a folder everywhere."""
+    """Return `name`. Raises DataError if it is not a valid folder name on every system."""
     if not NAME.fullmatch(name):
         raise DataError(
             f"--aircraft {name!r}: give letters, digits and . _ - such as north-field-2"
@@ -445,7 +457,8 @@ def _files(folder: Path) -> list[Path]:
 
 
 def _read(path: Path, kind: type[Kind], schema: str) -> Kind:
-    """Read one file of the hangar. Raises DataError where it is damaged or of another schema."""
+    """Read a JSON file of the hangar into the dataclass `kind`. Raises DataError if it is damaged
+    or of another schema."""
     try:
         data = json.loads(regular(path).read_text("utf-8"))
         if not isinstance(data, dict) or data.get("schema") != schema:
@@ -461,7 +474,7 @@ def _read(path: Path, kind: type[Kind], schema: str) -> Kind:
 
 
 def _write(path: Path, values: Any) -> None:
-    """Write JSON whole or not at all. Raises DataError where the disk refuses."""
+    """Write JSON atomically. Raises DataError if the disk cannot be written."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(path) as draft:

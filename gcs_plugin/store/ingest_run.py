@@ -80,7 +80,7 @@ class _Task:
 
 
 def is_address(path: str) -> bool:
-    """Return whether `path` is an address of fsspec, such as s3://season/logs, and no file path."""
+    """Return True if `path` is an address of fsspec, such as s3://season/logs, and no file path."""
     return "://" in path
 
 
@@ -167,11 +167,11 @@ def ingest_logs(
     """Store the flights of every log that is not in the store yet, or of all logs if `again`.
 
     `read` gets a log and its digest, stages the log's flights and returns their names. It and the
-    store are pickled for other processes. `executor` starts the processes, and starts them anew
-    after one died; `at_once` is the number of logs in work. `show` gets a log's name, the bytes
-    done and the bytes of all logs. The caller holds the store's lock; `check_lock` raises
-    DataError if it is lost. `refused` are names and reasons of logs to list as rejected. `hide`
-    maps digests to pseudonyms in an anonymous store.
+    store are pickled for other processes. `executor` starts the processes, and restarts them after
+    one died; `at_once` is the number of logs in work. `show` gets a log's name, the bytes done and
+    the bytes of all logs. The store must be locked; `check_lock` raises DataError if the lock is
+    lost. `refused` are names and reasons of logs to list as rejected. `hide` maps digests to
+    pseudonyms in an anonymous store.
     """
     begun = time.monotonic()
     if store.on_disk and Path(store.path(DRAFTS)).exists():
@@ -253,10 +253,10 @@ def ingest_logs(
 
 
 def store_flights(store: SeasonStore, flights: Sequence[SeasonFlight], *, wait_s: float) -> None:
-    """Put flights into the tables of a store, in the place of what they have of these flights.
+    """Write flights to the tables of a store, replacing earlier data of these flights.
 
-    Waits for another writer for `wait_s` at most. Raises DataError where it still writes then, and
-    where the disk refuses.
+    Waits up to `wait_s` s for another writer. Raises DataError if it still writes then, or the disk
+    refuses.
     """
     try:
         with writer_lock(store, wait_s=wait_s):
@@ -271,7 +271,7 @@ def store_flights(store: SeasonStore, flights: Sequence[SeasonFlight], *, wait_s
 
 
 def _reject(outcome: IngestOutcome, task: _Task, reason: str) -> None:
-    """Add a log to the rejected ones, with the reason less the log's name in front."""
+    """Add a log to the rejected ones, with the reason without the log's name at its beginning."""
     for named in (task.log.path, task.log.name):
         reason = reason.removeprefix(f"{named}: ").removeprefix(f"{named} ")
     outcome.rejected.append(
@@ -290,7 +290,10 @@ def _merge_all(
     check_lock: Callable[[], None],
     show: Callable[[str, int, int], None],
 ) -> None:
-    """Merge all staged flights into the tables, a process for each aircraft and month."""
+    """Merge all staged flights into the tables, one job of `pool` for each aircraft and month.
+
+    Raises DataError if a process dies or the lock is lost.
+    """
     waiting = staged_partitions(store)
     total, done = sum(map(len, waiting.values())), 0
     check_lock()
@@ -307,7 +310,7 @@ def _merge_all(
 def _write_rejected(
     store: SeasonStore, outcome: IngestOutcome, known: set[str], *, hidden: bool
 ) -> None:
-    """Write the table of rejected logs of all runs, each once, less those stored since.
+    """Write the table of rejected logs of all runs, each once, without those stored since.
 
     `known` are the digests of stored logs. `hidden`: names and reasons are left out.
     """

@@ -33,7 +33,7 @@ LEAST_KNOWN = 0.9  # share of a flight with a current, from which on its charge 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LearntFlight:
-    """One flight of a known aircraft: its analysis by the state before it, and its row."""
+    """A flight of a known aircraft: its analysis by the state before it, advice, and record."""
 
     analysis: FlightAnalysis
     advice: Advice
@@ -49,10 +49,11 @@ def learnt_flight(
     flight: str,
     limit: float = 0.5,
 ) -> LearntFlight:
-    """Analyse a flight of a known aircraft by its state before the flight, and make its row.
+    """Analyse a flight of a known aircraft by its state before the flight, and make the flight's
+    record.
 
-    `model` is the aircraft's own; `flight` is the digest of the log. A log that does not state when
-    it was flown is predicted by the state after the last flight, and teaches nothing.
+    `model` is the aircraft's own; `flight` is the digest of the log. A log without a date is
+    predicted by the state after the last flight, and does not update the state.
     """
     track = log.track
     start_unix_s = NAN if track.start_unix_s is None else track.start_unix_s
@@ -130,7 +131,7 @@ def _after_last(aircraft: KnownAircraft) -> float:
 
 
 def step_of(aircraft: KnownAircraft, offsets: FlightOffsets) -> WalkStep:
-    """Return the step that a flight makes in the walk of its aircraft, by the flights before it."""
+    """Return the walk's step at a flight of an aircraft, from the flights before it."""
     earlier = [
         one
         for one in aircraft.lessons
@@ -146,11 +147,11 @@ def step_of(aircraft: KnownAircraft, offsets: FlightOffsets) -> WalkStep:
 def change_of(
     step: WalkStep, analysis: FlightAnalysis, aircraft: KnownAircraft, log_name: str
 ) -> AircraftChange | None:
-    """Return how a flight differs from the flights of its aircraft before it; None where it does
-    not, and where its model has no interval.
+    """Return how a flight differs from earlier flights of its aircraft.
 
-    A change stays until somebody notes it, as long as flights differ from the state before it by
-    more than the walk allows since then. The offsets are summed from the last noted repair on.
+    None where it does not, or where its model has no interval. A change is reported until somebody
+    notes it, as long as flights differ from the state before it by more than the walk allows since
+    then. The offsets are summed from the last noted repair on.
     """
     model, flight = analysis.model, step.flight
     if model.interval is None:
@@ -186,7 +187,8 @@ def change_of(
 
 
 def _against(step: WalkStep, aircraft: KnownAircraft, since_unix_s: float) -> WalkStep:
-    """Return the step of a flight, compared with the state before the flight of a Unix time."""
+    """Return the step of a flight, compared with the state of the aircraft before the flight at
+    `since_unix_s`, Unix time; its `surprise` is in standard errors."""
     flight = step.flight
     earlier = [one for one in aircraft.lessons if one.start_unix_s < flight.start_unix_s]
     walked = walk(
@@ -206,7 +208,7 @@ def _against(step: WalkStep, aircraft: KnownAircraft, since_unix_s: float) -> Wa
 
 
 def not_taught(advice: Advice, offsets: FlightOffsets | None) -> NotTaught | None:
-    """Return why a flight does not update the state of its aircraft; None where it does."""
+    """Return the reason why a flight does not update the state of its aircraft; None if it does."""
     if advice.faults:
         return NotTaught.FAULT
     if advice.losses or FlightLevel.LOST in advice.levels:
@@ -256,8 +258,9 @@ def _mean_power(analysis: FlightAnalysis) -> float:
 
 
 def _charge_used(analysis: FlightAnalysis) -> float:
-    """Return the charge used in flight, Ah, by the current; NaN where less than nine tenths of the
-    flight has one.
+    """Return the charge used in flight, Ah, by the current.
+
+    NaN where less than nine tenths of the flight have one.
     """
     track = analysis.track
     seconds = np.where(track.flying, np.gradient(track.time_s), 0.0)

@@ -40,7 +40,7 @@ KEYS = {how.key: name for name, how in DAY_FIELDS.items() if how.option}
 
 @dataclass(frozen=True, slots=True)
 class _Kept:
-    """One remembered value: as people write it, and s since 1970 at which it was stated."""
+    """A remembered value, in the unit people write, and when it was stated, s since 1970."""
 
     value: float
     stated_s: float
@@ -123,9 +123,9 @@ def remembered_day(now_s: float | None = None) -> Day:
 
 
 def remember(day: Day, now_s: float | None = None) -> None:
-    """Keep what the user stated of a day, beside what was stated within KEPT_S before.
+    """Store the values that the user stated of a day, with those stated within KEPT_S before.
 
-    Raises OSError when the file cannot be written, DataError when the one there is damaged.
+    Raises OSError when the file cannot be written, DataError when the present one is damaged.
     """
     now_s = time.time() if now_s is None else now_s
     stated = {one.name: value for one in fields(day) if (value := getattr(day, one.name)).known}
@@ -151,7 +151,8 @@ def remember(day: Day, now_s: float | None = None) -> None:
 
 
 def _read(path: Path) -> dict[str, _Kept]:
-    """Return the kept values by key; none without a file. Raises DataError for a damaged file."""
+    """Return the stored values by key; empty without a file. Raises DataError for a damaged
+    file."""
     if not path.exists():
         return {}
     try:

@@ -108,7 +108,7 @@ ROTORS = 12
 
 @dataclass(frozen=True, slots=True)
 class StoredColumn:
-    """One column: its name, unit, meaning, and the kind of its values.
+    """A column: its name, unit, meaning, and the kind of its values.
 
     `kind` is "number", "whole", "text", "bool", or a list: "words" (of text), "wholes" or "rotors"
     (of numbers). Rows also have "single" and "small" (8 bits), sums "arrays".

@@ -71,7 +71,7 @@ def checked_aircraft(name: str) -> str:
 def aircraft_identity(log: FlightLog, given: str | None = None) -> AircraftIdentity:
     """Return the aircraft's name: `given`, or one made of serial number, board number or system id.
 
-    A system id is no sure name: it is 1 on every aircraft whose owner did not change it.
+    A system id is an unreliable name: it is 1 on every aircraft whose owner did not change it.
     """
     if given is not None:
         return AircraftIdentity(given, "given")
@@ -111,10 +111,12 @@ FILL_COLUMNS = ("fill_kg", "fill_limit_kg", "fill_low_kg")
 
 
 def safe_fill(fill_kg: Any, fill_limit_kg: Any, fill_low_kg: Any) -> Any:
-    """Return the safe fills (F,) kg of stored flights, null where only an older number is stored.
+    """Return the safe fills, kg, an Arrow array (F,) of F stored flights; null for flights stored
+    by older versions.
 
-    Versions before `fill_limit_kg` stored the fill at the limit as `fill_kg`. Such a row has a
-    `fill_low_kg` and no `fill_limit_kg`; its safe fill is unknown.
+    The arguments are columns (F,) of `flights`. Before `fill_limit_kg` existed, `fill_kg` was the
+    fill at the limit. Such a row has a `fill_low_kg` and no `fill_limit_kg`; its safe fill is
+    unknown.
     """
     import pyarrow.compute
 
@@ -150,12 +152,12 @@ def _create_flights(
 def query(
     store: SeasonStore, sql: str, words: Mapping[str, Callable[[str], Any]] = NO_WORDS
 ) -> pa.Table:
-    """Return the answer of one SELECT over `flights`, `rows`, `sums` and `rejected`.
+    """Return the result of one SELECT over `flights`, `rows`, `sums` and `rejected`.
 
-    `words` maps columns of `flights` to functions that make them of the column `answer`; where
-    those return None, or there is no `answer`, the stored text is shown. Raises DataError
-    with duckdb's reason where `sql` is no SELECT, and for an answer of more than MOST_ROWS rows.
-    Ctrl-C ends a query that runs too long.
+    `words` maps columns of `flights` to functions that make them from the column `answer` (JSON);
+    where these return None, or there is no `answer`, the stored text is used. Raises DataError with
+    duckdb's reason where `sql` is no SELECT, and for a result of more than MOST_ROWS rows. Ctrl-C
+    ends a query that runs too long.
     """
     require("--sql", "duckdb")
     import duckdb
@@ -180,7 +182,7 @@ def query(
 
 
 def _run_interruptibly(connection: duckdb.DuckDBPyConnection, sql: str) -> pa.Table:
-    """Return the answer of `sql`, at most MOST_ROWS + 1 rows, and let Ctrl-C interrupt it.
+    """Return the result of `sql`, at most MOST_ROWS + 1 rows, and let Ctrl-C interrupt it.
 
     duckdb blocks the thread that runs it, so the main thread, which receives Ctrl-C, only waits.
     """
@@ -233,7 +235,7 @@ class SeasonStore:
 
     @property
     def on_disk(self) -> bool:
-        """Return whether the store is in a folder of this machine, mounted ones included."""
+        """Return True if the store is in a folder of this machine, mounted ones included."""
         protocol = self.files.protocol
         return "file" in ((protocol,) if isinstance(protocol, str) else protocol)
 

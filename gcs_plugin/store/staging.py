@@ -63,7 +63,7 @@ class SeasonFlight:
 
     @property
     def rows_file(self) -> str:
-        """Return the name of the file for the flight's rows, each for a third of a month.
+        """Return the name of the file for the flight's rows, one file for each third of a month.
 
         That is large enough to be read fast and small enough to be rewritten. Undated flights are
         divided by the first digit of their name.
@@ -152,8 +152,8 @@ def staged_partitions(store: SeasonStore) -> dict[tuple[str, str], list[str]]:
 def drop_replaced(store: SeasonStore, waiting: dict[tuple[str, str], list[str]]) -> None:
     """Delete stored data that staged flights replace and that `merge` would not overwrite.
 
-    That is a flight stored under another aircraft or month, sums of a flight that has none now, and
-    sorties of a log that is divided into other sorties now. `waiting` is `staged_partitions`.
+    These are a flight stored under another aircraft or month, sums of a flight that has none now,
+    and sorties of a log that is divided into other sorties now. `waiting` is `staged_partitions`.
     """
     new = {Path(key).stem: key for keys in waiting.values() for key in keys}
     stored = store.table("flights", columns=["flight", "aircraft", "month"]).to_pylist()
@@ -172,7 +172,7 @@ def drop_replaced(store: SeasonStore, waiting: dict[tuple[str, str], list[str]])
 
 
 def drop_flight(store: SeasonStore, flight: str) -> None:
-    """Delete one flight from all tables and from the flights that wait to be merged."""
+    """Delete one flight from all tables and from the staged flights."""
     for key in store.keys(STAGED):
         if Path(key).stem == flight:
             store.delete(key)
@@ -318,7 +318,7 @@ def _merge_rows(store: SeasonStore, draft: Path, target: str, member: str, keys:
     """Write to `draft` the rows at `target` with the staged flights `keys`, replacing old ones.
 
     The arguments are those of `_merge_table`. The file has one row group per flight, sorted by
-    name; one flight is in memory at a time.
+    name; one flight is in memory at a time. Raises DataError if the table is damaged.
     """
     new = {Path(key).stem: key for key in keys}
     with _open_table(store, target) as file:

@@ -47,7 +47,10 @@ def _refusal(store: SeasonStore, holder: str) -> DataError:
 
 @contextmanager
 def _disk_lock(store: SeasonStore, wait_s: float) -> Iterator[Callable[[], None]]:
-    """Lock a store on a disk; a file beside the lock has the holder's name."""
+    """Lock a store on a disk; a file next to the lock contains the holder's name.
+
+    Raises the refusal if it is still locked after `wait_s` s.
+    """
     from filelock import FileLock, Timeout
 
     path = Path(store.path(LOCK))
@@ -75,7 +78,11 @@ def _process_name() -> str:
 
 @contextmanager
 def _bucket_lease(store: SeasonStore) -> Iterator[Callable[[], None]]:
-    """Lock a store in a bucket by an object that a thread renews."""
+    """Lock a store in a bucket by an object that a thread renews; yield a function that raises
+    DataError if the lock is lost.
+
+    Raises DataError if another process holds the lock.
+    """
     own = uuid.uuid4().hex
     path, lost, done = store.path(LOCK), threading.Event(), threading.Event()
 
@@ -125,7 +132,10 @@ def _bucket_lease(store: SeasonStore) -> Iterator[Callable[[], None]]:
 
 
 def _lock_age_s(store: SeasonStore, own: str) -> float:
-    """Return the age of the lock, s by the bucket's clock; infinite if the lock is gone."""
+    """Return the age of the lock, s by the bucket's clock; infinite if there is no lock.
+
+    `own` is this process's key, under which an object is written to read that clock.
+    """
     now = store.path(f"{LOCK}.{own}")
     store.files.pipe_file(now, b"")
     try:

@@ -60,8 +60,9 @@ class Clock:
     on_arrival: bool = False  # every message has the time at which a listener got it
 
     def times(self, fields: NDArray[np.void], rows: Index) -> Floats:
-        """Return the times (n,), s since boot, of messages: their own clock where it agrees, else
-        the estimate.
+        """Return the times (n,), s since boot, of messages: the time they carry, else the estimate.
+
+        A carried time is used only where it agrees with the estimate.
         """
         estimate = self.estimate_s[rows]
         own = own_clock(fields)
@@ -88,11 +89,10 @@ def own_clock(fields: NDArray[np.void]) -> Floats | None:
 
 
 def unix_minus_clock(system_time: Columns) -> float | None:
-    """Return the difference, s, of Unix time minus vehicle's clock, from the first SYSTEM_TIME that
-    knows it.
+    """Return Unix time minus the vehicle's clock, s, from the first SYSTEM_TIME with a Unix time.
 
-    None if no message does. The first one is used, not a mean, so that a listener has an equal
-    value.
+    None if no message has one. The first one is used, not a mean, so that a live listener gets an
+    equal value.
     """
     known = np.flatnonzero(gps_times(system_time))
     if known.size == 0:
@@ -111,12 +111,12 @@ def gps_times(system_time: Columns) -> Bools:
 def vehicle_clocks(
     name: str, frames: Frames, pilot: Bools, stamps_s: Floats, *, listened: Bools | None = None
 ) -> Iterator[Clock]:
-    """Yield one clock for each run between restarts of the component whose frames `pilot` (n,)
+    """Yield one clock for each run between restarts of the autopilot, whose frames `pilot` (n,)
     marks.
 
-    `stamps_s` (n,) are the ground's times. Frames in `listened` (n,), if given, get the time that a
-    live listener would give them. Raise LogError if two clocks alternate, as when two vehicles
-    share a system id.
+    `stamps_s` (n,) are the ground's times, s. Frames in `listened` (n,), if given, get the time
+    that a live listener would give them. Raise LogError if two clocks alternate, as when two
+    vehicles share a system id.
     """
     stamps_s = _repaired(stamps_s)
     own = np.full(stamps_s.size, np.nan)
@@ -145,8 +145,11 @@ def vehicle_clocks(
 def _clock_of(
     stretch: Stretch, rows: Index, own: Floats, stamps_s: Floats, listened: Bools | None
 ) -> Clock:
-    """Return the clock of one stretch of the clocked frames `rows` (m,), whose own clocks are `own`
-    (m,).
+    """Return the clock of one run between restarts.
+
+    `rows` (m,) are the frames with a clock of their own, `own` (m,) these clocks, s; `stamps_s`
+    (n,) the ground's times of all frames. Frames in `listened` (n,), if given, get the time that a
+    live listener would give them.
     """
     last = stamps_s.size - 1
     a, b = stretch.first, stretch.last + 1
@@ -221,7 +224,7 @@ class ArrivalClock:
 
     @property
     def known(self) -> bool:
-        """Return whether a clocked message has arrived."""
+        """Return True if a clocked message has arrived."""
         return bool(self.offsets)
 
     def now_s(self, stamp_us: int) -> float:
@@ -266,8 +269,7 @@ class ArrivalClock:
 
 
 def _held_back(known: NDArray[np.int64], stamps: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return stamps (n,) minus the median offset, clipped between the newest clock and shortly
-    after it.
+    """Return stamps (n,) minus the median offset, clipped to just after the newest clock.
 
     The clip keeps the vehicle's times in a burst after a stalled link, or in a recording played
     fast. After COAST s without a clocked message the stamps extrapolate the clock. `known` (3, n)
@@ -282,14 +284,15 @@ def _held_back(known: NDArray[np.int64], stamps: NDArray[np.int64]) -> NDArray[n
 def arrival_times(
     clock: ArrivalClock, stamps_us: NDArray[np.int64], own_s: Floats
 ) -> tuple[Floats, NDArray[np.int64], ArrivalClock, tuple[tuple[int, Statement], ...]]:
-    """Compute the vehicle's time of each message, s, as a listener has it; strictly increasing in
-    each boot.
+    """Compute the time of each message, s, on the vehicle's clock, as known when it arrived.
 
-    `stamps_us` (n,) are the ground's times, `own_s` (n,) the clocks that messages carry, NaN where
-    none. Also return the boot number (n,) of each message, -1 where it is uncertain (a clock went
-    back); the clock after them; and notes with their stamps, µs. The times do not depend on how the
-    messages are cut into batches. Messages before the first clocked one are dated back from it.
-    Raise ValueError if no clock is known and no message carries one.
+    `stamps_us` (n,) are the ground's times, µs; `own_s` (n,) the vehicle's clock, s, that a message
+    carries, NaN where it carries none. Return the times (n,), strictly increasing within a boot;
+    the boot numbers (n,); the clock to pass with the next batch; and notes, each with its stamp,
+    µs. The boot number is -1 for messages from a clock's step back until later clocks decide if the
+    vehicle restarted. Cutting the messages into batches does not change the times, if the first
+    batch has a clock: earlier messages of that batch are dated back from it. Raise ValueError if
+    `clock` is not known yet and no message carries one.
     """
     stamps = 1000 * stamps_us.astype(np.int64)
     clocked = np.flatnonzero(np.isfinite(own_s)).tolist()
@@ -326,9 +329,8 @@ def _rising(delayed: NDArray[np.int64], last: int) -> NDArray[np.int64]:
 
 
 def _steps(offset: Floats) -> Index:
-    """Return the rows at which the ground's clock was set: the offset changes by over FORWARD for
-    good.
-    """
+    """Return the rows after which the offset stays changed by over FORWARD s: the ground's clock
+    was set."""
     if offset.size < 5:
         return np.empty(0, dtype=np.int64)
     smooth = median_of_five(offset)
@@ -336,9 +338,7 @@ def _steps(offset: Floats) -> Index:
 
 
 def _running_median(offset: Floats) -> Floats:
-    """Return the median of each value and the eight before it; the first values use those after
-    them.
-    """
+    """Return the median of each value and the WINDOW - 1 before it; the first values share one."""
     window = min(WINDOW, offset.size)
     middle = np.median(np.lib.stride_tricks.sliding_window_view(offset, window), axis=1)
     return np.concatenate([np.full(window - 1, middle[0]), middle])

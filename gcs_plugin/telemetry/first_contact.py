@@ -37,7 +37,7 @@ def first_contact(
     texts: Sequence[str] = (),
     autopilot: str = "unknown",
 ) -> FirstContact | None:
-    """Return the results of a flight, whole or so far, of an unknown aircraft.
+    """Return what a flight, whole or so far, reveals about an unknown aircraft.
 
     None if the aircraft is known, if less than LEAST_FLIGHT_S is in flight, or if neither outputs
     nor speeds are reported.
@@ -97,9 +97,9 @@ def highest_voltage(track: FlightTrack) -> float:
 
 
 def open_questions(reported: ReportedAirframe, *, gauge: bool) -> tuple[str, ...]:
-    """Return the keys of QUESTIONS that only the owner can answer; without a gauge also the load.
+    """Return the keys of the QUESTIONS that the parameters leave open, which the owner must answer.
 
-    A guessed number of cells is asked for too.
+    The load is included without a tank `gauge`; so is a guessed number of cells.
     """
     nominal = reported.quantities.get("nominal_voltage")
     questions = {

@@ -63,8 +63,8 @@ def assemble(recording: Recording, signals: Signals, options: Options) -> Flight
 def tabulate(recording: Recording, signals: Signals, options: Options) -> FlightRows:
     """Return the rows of one vehicle's flight, without rotors if it is no multirotor.
 
-    Raise LogError if nothing in it makes a flight, AirframeError if the airframe has another number
-    of rotors.
+    Raise LogError if no row can be made, AirframeError if the airframe has another number of
+    rotors.
     """
     name = clean(recording.path.name)
     facts = vehicle_facts(
@@ -103,7 +103,7 @@ def tabulate(recording: Recording, signals: Signals, options: Options) -> Flight
 
 
 def log_of_rows(rows: FlightRows, recording: Recording, signals: Signals) -> FlightLog:
-    """Return the log of the flight's rows, with channel reports, events and texts."""
+    """Build the log of a flight from its rows, with channel reports, events and texts."""
     track, motors = rows.track, rows.motors
     start_s = float(rows.clock_s[0])
     # What is reported and not in the table, then what a reader met and could not use.
@@ -190,7 +190,8 @@ def log_of_track(
 
 
 def _with_absences(track: FlightTrack) -> FlightTrack:
-    """Add notes of missing rotor speeds to the track."""
+    """Add a note on motors without rotor speeds, and a statement if the speeds' resolution is
+    coarse."""
     if not track.reports("rotor_speed_rpm"):
         silent = "rotor_speed_rpm" not in track.sources
         note = state("no ESC telemetry" if silent else "no ESC telemetry that measures")
@@ -233,7 +234,7 @@ def _unused_reason(name: str, silent: Iterable[Signal], rows: FlightRows) -> str
 def channel_report(
     track: FlightTrack, name: str, signals: list[Signal], unused: Statement | None = None
 ) -> ChannelReport:
-    """Return rate and pauses of the channel's reports, and the range of its values in the table.
+    """Return rate and pauses of a channel's reports, and the range of its values in the track.
 
     `unused` is the reason for a channel without values.
     """

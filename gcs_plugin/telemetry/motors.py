@@ -63,8 +63,9 @@ class MotorMap:
     any_port: bool = False  # outputs are numbered on whichever port drives them
 
     def rotor_speed(self, signals: Signals) -> list[Signal | None]:
-        """Return one signal of absolute speed a motor, None if no ESC reports; CAN sends reversed
-        ones below 0.
+        """Return a signal of speed, rpm, for each motor; None for one whose ESC reports none.
+
+        The sign is dropped: CAN sends reversed motors below 0.
         """
         escs = by_index(signals, "esc_rpm")
         of_rotors = (escs.get(esc) for esc in self.escs)
@@ -74,10 +75,11 @@ class MotorMap:
         ]
 
     def esc_readings(self, signals: Signals, channel: str) -> list[Signal | None]:
-        """Return one signal of an ESC channel such as `esc_current` a motor, None without a value.
+        """Return a signal of an ESC channel such as `esc_current` for each motor, None without a
+        value.
 
-        A reading of 0 is NaN: it is what an ESC without that sensor reports. A true 0 A, of a motor
-        that stands, shows nothing of the arm.
+        A reading of 0 becomes NaN: it is what an ESC without that sensor reports. A true 0 A, of a
+        stopped motor, shows nothing of the arm.
         """
         escs = by_index(signals, channel)
         found = []
@@ -91,10 +93,11 @@ class MotorMap:
     def throttle(
         self, signals: Signals, parameters: Mapping[str, float], before: Span = NOTHING_SENT
     ) -> list[Signal | None]:
-        """Return the motor outputs, 0 to 1, by the autopilot's pulse range, or that of another
+        """Return a signal of output, 0 to 1, for each motor, by the range of its pulses or other
         protocol.
 
-        `before` is the span of earlier values.
+        None for a motor without values. `before` is the span of earlier values, which decides the
+        protocol too.
         """
         direct = by_index(signals, "throttle")
         if direct:
@@ -121,8 +124,9 @@ class MotorMap:
         return [output_pulses(signals, first + output) for output in self.outputs]
 
     def _port(self, signals: Signals) -> int:
-        """Return the first of PX4's ports that drives all motors; outputs count from 0 on each
-        port.
+        """Return the number of PX4's first port that drives all motors; 0 if none does, or off PX4.
+
+        Outputs count from 0 on each port.
         """
         ports = {int(s.index or 0) for s in signals.get("servo_us", ())} if self.any_port else ()
         for port in sorted(ports):
@@ -152,7 +156,7 @@ class MotorMap:
     def esc_source(self, found: list[Signal | None]) -> Provenance:
         """Return the source of the readings of all ESCs, with how ESCs were matched to motors.
 
-        `found` must contain a signal.
+        `found` has one signal for each motor, None without readings; at least one is needed.
         """
         first, *others = dict.fromkeys(s.source for s in found if s is not None)
         if others:
@@ -258,8 +262,10 @@ def _with_clauses(one: Statement, *clauses: str, **values: str) -> Statement:
 
 
 def _px4_bank(parameters: Mapping[str, float], count: int) -> tuple[dict[int, int], str]:
-    """Return motor -> output on the PX4 bank that has all motors, and the bank; empty if none
-    has.
+    """Return motor -> output on the PX4 bank (MAIN or AUX) that has all motors, and the bank's
+    name.
+
+    Empty if no bank has all.
     """
     for bank in ("MAIN", "AUX"):
         outputs = px4_motor_outputs(parameters, bank)
@@ -278,12 +284,12 @@ def turned_escs(signals: Signals) -> frozenset[int]:
 
 
 def _escs_of(outputs: tuple[int, ...], turned: Collection[int]) -> tuple[int, ...]:
-    """Return the ESC on each output, by the numbering under which most ESCs have turned.
+    """Return the ESC number of each output, by the numbering under which most ESCs have turned.
 
     From ArduPilot 4.5 on an ESC has the number of its output. Earlier ones count from the first
-    auxiliary output, or through the outputs that have one. If as many ESCs with other numbers
-    turned as there are motors, they are assigned in order; if only some are others, the assignment
-    is unknown (-1).
+    auxiliary output, or only through the outputs that have an ESC. If as many ESCs with other
+    numbers turned as there are motors, they are assigned in order; if only some have other numbers,
+    the assignment is unknown (-1).
     """
     numberings = [outputs]
     if outputs and min(outputs) >= _FIRST_AUX:
@@ -303,9 +309,8 @@ def _listed(outputs: Iterable[int]) -> str:
 
 
 def counted_by_reports(facts: VehicleFacts, signals: Signals) -> VehicleFacts:
-    """Return the facts with the rotor count by the ESCs that turned or the motors driven, if 3 or
-    more.
-    """
+    """Add the rotor count by the ESCs that turned, or else by the motors driven, if it is 3 or
+    more."""
     driven = {k for k, s in by_index(signals, "throttle").items() if np.any(s.values > 0)}
     for numbers, kind in (
         (turned_escs(signals), "ESCs that report"),

@@ -61,8 +61,12 @@ def airborne(
     channels: Mapping[str, Floats],
     airframe: Airframe | None = None,
 ) -> Airborne:
-    """Return which of T rows are off the ground, the last one only if no landing is reported after
-    it: many logs end with that report, less than a row later."""
+    """Flag which of T rows are off the ground; also return the evidence used. `clock_s` (T,) is the
+    vehicle's clock, `channels` the rows' channels.
+
+    The last row is on the ground if a landing is reported after it: many logs end with that report,
+    less than a row later.
+    """
     result = _airborne(signals, clock_s, channels, airframe)
     if not result.flying[-1:].any() or not _down_after(signals, float(clock_s[-1])):
         return result
@@ -72,8 +76,10 @@ def airborne(
 
 
 def _disarmed_since(signals: Signals, landed: Signal, clock_s: Floats) -> Bools:
-    """Return (T,) where the vehicle was disarmed after its last report of being landed or not: what
-    crashed reports no landing."""
+    """Flag rows (T,) where the vehicle was disarmed after its last report of landed or in the air.
+
+    A crashed vehicle reports no landing.
+    """
     armed = best(signals, "armed")
     if armed is None:
         return np.zeros(clock_s.size, dtype=np.bool_)
@@ -87,9 +93,10 @@ def _disarmed_since(signals: Signals, landed: Signal, clock_s: Floats) -> Bools:
 
 
 def _down_after(signals: Signals, end: float) -> bool:
-    """Return whether the last report says landed, or disarmed, and is of `end` s or later.
+    """Return True if the vehicle's last report says landed, or disarmed, and is of `end` s or
+    later.
 
-    Use only the last value of the best source of each. Return False without any report.
+    Only the last value of the best source of each of the two counts. False without any report.
     """
     for channel, down in (("landed", (ON_GROUND,)), ("armed", (0.0,))):
         heights = best(signals, channel)
@@ -106,10 +113,10 @@ def _airborne(
     channels: Mapping[str, Floats],
     airframe: Airframe | None,
 ) -> Airborne:
-    """Return which of T rows are off the ground: never disarmed rows, nor rows with idle outputs.
+    """Flag which of T rows are off the ground; rows disarmed or with idle outputs never are.
 
-    Of the others, those by the landed state; without it, those above half of the thrust in cruise
-    by rotor speeds or outputs; without these, those more than 1 m above home.
+    The rest follow the landed state; without it, thrust above IDLE_SHARE of that in cruise by rotor
+    speeds or outputs; without these, a height of more than 1 m above home.
     """
     on = _motors_on(signals, clock_s)
     if not on.any():
@@ -196,11 +203,11 @@ def _by_landed_state(landed: Signal) -> Provenance:
 
 
 def _borne(channels: Mapping[str, Floats], rows: int) -> Bools:
-    """Flag rows (T,) in which the specific force is that of gravity and the aircraft neither climbs
-    nor sinks.
+    """Flag rows (T,) in which the ground may bear the aircraft: no fall, and no climb or sink.
 
-    With half of the thrust in cruise the legs then bear the rest: in the air it would fall, or sink
-    so fast that drag bears it.
+    The specific force is above AT_REST g and the vertical speed below STEADY m/s. False where
+    either is unknown. An aircraft in the air with half of the thrust in cruise would fall, or sink
+    fast.
     """
     nothing = np.full((rows, 3), NAN)
     force = np.linalg.norm(channels.get("specific_force_frd", nothing), axis=1)
@@ -209,7 +216,7 @@ def _borne(channels: Mapping[str, Floats], rows: int) -> Bools:
 
 
 def _motors_on(signals: Signals, clock_s: Floats) -> Bools:
-    """Flag rows (T,) at which the vehicle is not reported disarmed."""
+    """Flag rows (T,) at which the vehicle is not reported as disarmed."""
     armed = best(signals, "armed")
     if armed is None:
         return np.ones(clock_s.size, dtype=np.bool_)
@@ -227,7 +234,7 @@ def _motors_on(signals: Signals, clock_s: Floats) -> Bools:
 def _idle_throughout(above_idle: Bools, clock_s: Floats) -> Bools:
     """Flag rows (T,) more than IDLE_S from the nearest row above idle.
 
-    A shorter time at idle is a fast descent.
+    A shorter time at idle may be a fast descent.
     """
     when = clock_s[above_idle]
     if when.size == 0:
@@ -239,9 +246,8 @@ def _idle_throughout(above_idle: Bools, clock_s: Floats) -> Bools:
 
 
 def _stayed_down(height: Floats, on: Bools) -> bool:
-    """Return whether no known height (T,) while armed was CLEAR above the last one before
-    arming.
-    """
+    """Return True if no known height (T,), m, while armed exceeds the last one before arming by
+    more than CLEAR; False if either is unknown. `on` (T,) flags armed rows."""
     first = int(np.argmax(on))
     ground, later = height[:first], height[first:][on[first:]]
     known, risen = ground[np.isfinite(ground)], later[np.isfinite(later)]
@@ -251,9 +257,8 @@ def _stayed_down(height: Floats, on: Bools) -> bool:
 def _too_slow(
     squares: Floats, rotors: int, height: Floats | None, airframe: Airframe | None
 ) -> bool:
-    """Return whether the largest mean squared speed, rpm², lifts too little, and the height never
-    rose.
-    """
+    """Return True if even the largest of `squares` (T,), rpm², lifts too little, and the height
+    (T,), m, never rose; False without airframe or speeds."""
     if airframe is None or not np.isfinite(squares).any():
         return False
     most = airframe.thrust_coefficient * rotors * float(np.nanmax(squares))
@@ -330,9 +335,11 @@ def airborne_so_far(
 
 
 def _clear_of_ground(flying: Bools, height: Floats) -> Bools:
-    """Return `flying` without the ends of each stretch whose height is still the ground's.
+    """Unflag, at both ends of each stretch of `flying` (T,), the rows not more than CLEAR m above
+    the ground.
 
-    Where the log begins or ends in the air the ground is unknown, and nothing is removed.
+    The ground's height is that of the stretch's first or last known row. Nothing is unflagged where
+    the log begins or ends in the air.
     """
     result = flying.copy()
     for first, end in stretches(flying):
@@ -353,12 +360,12 @@ def _clear_of_ground(flying: Bools, height: Floats) -> Bools:
 
 
 def _body(channels: Mapping[str, Floats], squares: Floats, output: Floats | None = None) -> Floats:
-    """Return the columns (T, 15) that `held` takes, NaN where a channel is missing.
+    """Return the columns (T, 15) that `checks.held` takes, NaN where a channel is missing.
 
     These are height_agl, attitude (3), velocity_ned (3), the mean square of the rotor speeds,
     output, specific_force_frd (3), asked_attitude (2) and the altitude of the pressure, m.
-    `squares` (T,) is 0 where rotors stand, which is NaN here as no speed; `output` (T,) is NaN
-    if not given.
+    `squares` (T,) is one mean square of all rotors' speeds, and its zeros become NaN: a stopped
+    rotor reports nothing. `output` (T,) is NaN if not given.
     """
     nothing = np.full((squares.size, 3), NAN)
     return np.column_stack(
@@ -391,9 +398,8 @@ class PlaceOfZero:
 
 
 def position_sources(signals: Signals, zero: PlaceOfZero | None) -> tuple[Signal, ...]:
-    """Return the sources of the position: latitude and longitude from the origin, then the local
-    one.
-    """
+    """Return the sources of the position, m NED, best first: geographic about `zero`, then
+    local."""
     sources = []
     fixes = best(signals, "geodetic")
     if fixes is not None and zero is not None:
@@ -412,7 +418,8 @@ def position_sources(signals: Signals, zero: PlaceOfZero | None) -> tuple[Signal
 def place_of_zero(
     signals: Signals, clock_s: Floats, flying: Bools, before: PlaceOfZero | None = None
 ) -> PlaceOfZero | None:
-    """Return home as it was at take-off, else the estimator's origin, else the first fix.
+    """Return the origin of positions: home as at take-off, else the estimator's origin, or first
+    fix; None without one. `flying` (T,) flags rows in flight.
 
     An origin `before` that a take-off has fixed is replaced only by a better kind.
     """

@@ -26,7 +26,7 @@ _ESC_OFFSET = 0.3
 def power(
     signals: Signals, sampling: Sampling, notes: list[Statement]
 ) -> dict[str, Iterable[Signal]]:
-    """Return the sources of the flight battery's voltage and current: its message, SYS_STATUS, the
+    """Return the flight battery's voltage and current, each from its message, SYS_STATUS and the
     ESCs.
 
     Append to `notes` if further batteries have a flight battery's voltage.
@@ -57,7 +57,8 @@ def power(
 
 
 def stated_battery(signals: Signals) -> StatedBattery:
-    """Return cells, nominal voltage and capacity that the flight battery last reported."""
+    """Return cells, nominal voltage and capacity that the flight battery last reported; 0 where it
+    did not."""
     statements = {
         name: by_index(signals, f"battery_{name}") for name in ("cells", "nominal", "capacity")
     }
@@ -109,8 +110,7 @@ def _of_escs(channel: str, signals: Signals, sampling: Sampling) -> Iterator[Sig
 
 
 def esc_voltage_offsets(signals: Signals, outputs: Sequence[int]) -> tuple[float, ...]:
-    """Return the constant offset, V, of each motor's ESC voltage from the others'; NaN where there
-    is none.
+    """Return the constant offset, V, of each motor's ESC voltage from the others'; NaN without one.
 
     All ESCs share one battery: the drop along a cable grows with the load, the offset of an
     instrument does not. At least three ESCs are needed, and all but one must agree.

@@ -38,7 +38,8 @@ class NotThisFormat(LogError):
 
 
 class Stream(NamedTuple):
-    """One message type: `time_s` (n,) s of the vehicle's clock, and its fields as columns (n, ...).
+    """Messages of one type: `time_s` (n,), s of the vehicle's clock, and fields as columns (n,
+    ...).
 
     Rows are in the order of the file; time may repeat or step back a little (reordering).
     """
@@ -49,7 +50,7 @@ class Stream(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """One place in a file where bytes were skipped."""
+    """A place in a file where bytes were skipped."""
 
     byte: int  # offset in the file
     length: int  # bytes skipped
@@ -74,7 +75,7 @@ class LogQuality:
 
 
 def mission_item(message: str, item: np.void) -> PlanItem:
-    """Return the plan item of one MISSION_ITEM_INT or MISSION_ITEM message."""
+    """Return the plan item of a MISSION_ITEM_INT or MISSION_ITEM message, named `message`."""
     scale, places = (1e-7, 7) if message == "MISSION_ITEM_INT" else (1.0, 15)
     where = tuple(round(float(item[k]) * scale, places) for k in ("x", "y"))
     one, two, three, four = (float(item[f"param{k}"]) for k in (1, 2, 3, 4))
@@ -87,9 +88,8 @@ def mission_item(message: str, item: np.void) -> PlanItem:
 
 
 def placed(latitude: float, longitude: float) -> tuple[float, float]:
-    """Return latitude and longitude, degrees, or 0, 0 if either is not finite, as in a vehicle's
-    list.
-    """
+    """Return latitude and longitude, degrees; (0, 0), as vehicles send for no place, if either is
+    not finite."""
     return (latitude, longitude) if math.isfinite(latitude + longitude) else (0.0, 0.0)
 
 
@@ -126,7 +126,7 @@ def channel_values(channel: ChannelReport) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class EngineerNote:
-    """A note that somebody made of a flight, at s from its first row."""
+    """A note that a person made of a flight, at s from its first row."""
 
     time_s: float
     text: str
@@ -142,7 +142,7 @@ class LogHeader:
     parameters: Mapping[str, float] = field(default_factory=dict)
     waypoints: tuple[PlanItem, ...] = ()
     messages: tuple[tuple[float, str], ...] = ()  # (s, text)
-    #: Texts of the same boot from before this sortie: frame and version hold until a restart.
+    #: Texts of the same boot from before this sortie: frame and version are valid until a restart.
     earlier_texts: tuple[str, ...] = ()
     events: tuple[VehicleEvent, ...] = ()  # of a recording: those without a text
     vehicle: int = 1
@@ -178,7 +178,7 @@ class Recording(LogHeader):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class FlightLog(LogHeader):
-    """One sortie of a log; times are s from the first row of its track.
+    """A sortie of a log; times are s from the first row of its track.
 
     Most logs contain one sortie.
     """
@@ -195,7 +195,7 @@ class FlightLog(LogHeader):
     sortie: int = 1  # its number in the log, of `sorties` in all
     sorties: int = 1
     unflown: tuple[Statement, ...] = ()  # the rest of the log
-    engineer_notes: tuple[EngineerNote, ...] = ()  # of a file beside the log, in order of time
+    engineer_notes: tuple[EngineerNote, ...] = ()  # of the log's notes file, in order of time
 
     @property
     def name(self) -> str:
@@ -236,10 +236,9 @@ class FlightLog(LogHeader):
 
 
 def serial_digits(text: str) -> str:
-    """Return the hexadecimal digits of a serial number, in lower case, without zero bytes at its
-    end.
+    """Return a serial number's hexadecimal digits, in lower case, without trailing zero bytes.
 
-    Empty if the text is no such number, or all zeros.
+    Empty if the text is not hexadecimal, or all zeros.
     """
     text = text.strip().lower()
     if len(text) % 2 or not re.fullmatch("[0-9a-f]+", text):
@@ -312,7 +311,7 @@ def restarts(time_s: Floats, stretches: Sequence[Stretch]) -> tuple[tuple[float,
 
 
 def without_leaps(time_s: Floats) -> Floats:
-    """Return times (n,) with single outliers (a damaged time field) replaced by NaN."""
+    """Return `time_s` (n,) with single outliers (a damaged time field) replaced by NaN."""
     step = np.diff(time_s)
     odd = np.flatnonzero((step < -BACKWARD) | (step > FORWARD))
     if time_s.size < 5 or odd.size == 0:

@@ -24,7 +24,7 @@ _BLOCK = 1 << 14
 
 
 def within(channel: str, values: Floats) -> bool:
-    """Return whether there are values and all are in the channel's range."""
+    """Return True if there are values and all are in the channel's range."""
     limit = TRACK_CHANNELS[channel]
     return bool(
         values.size
@@ -34,14 +34,14 @@ def within(channel: str, values: Floats) -> bool:
 
 
 def plausible(channel: str, values: Floats) -> Floats:
-    """Return the values with those out of the channel's range, or not finite, as NaN."""
+    """Return the values, with NaN for those out of the channel's range or not finite."""
     limit = TRACK_CHANNELS[channel]
     good = (values >= limit.low) & (values <= limit.high)
     return values if good.all() else np.where(good, values, np.nan)
 
 
 def all_true(flags: Bools) -> bool:
-    """Return whether all flags are True; five times as fast as `all` for few flags."""
+    """Return True if all flags are True; five times as fast as `all` for few flags."""
     return int(np.count_nonzero(flags)) == flags.size
 
 
@@ -73,7 +73,8 @@ def sample(channel: str, signal: Signal, time_s: Floats, sampling: Sampling) -> 
 
 
 def _reports(channel: str, signal: Signal) -> tuple[Floats, Floats]:
-    """Return times and values of the reports in range; the last of several at one time."""
+    """Return times (n,) and values (n,) or (n, k) of the reports in range; the last of several
+    at one time."""
     limit, values, time_s = TRACK_CHANNELS[channel], signal.values, signal.time_s
     if within(channel, values) and all_true(time_s[1:] > time_s[:-1]):
         return time_s, values
@@ -85,7 +86,8 @@ def _reports(channel: str, signal: Signal) -> tuple[Floats, Floats]:
 
 
 def _averaged(when: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Return means over GRID, so that vibration faster than the rows is not aliased."""
+    """Return means of times and values over GRID s, so that vibration faster than the rows is not
+    aliased."""
     bins = np.floor(when / GRID)
     edges = np.concatenate([[0], np.flatnonzero(np.diff(bins)) + 1])
     counts = np.diff(edges, append=when.size).astype(np.float64)
@@ -132,7 +134,7 @@ def _masked(values: Floats, keep: Bools) -> Floats:
 def first_known(
     channel: str, sources: Iterable[Signal], time_s: Floats
 ) -> tuple[Floats | None, list[Signal]]:
-    """Return the channel as a listener has it at `time_s` (T,), and the sources used.
+    """Return a channel's values at `time_s` (T,) as a live listener has them, and the sources used.
 
     At each row it is the value of the first source, in the order given, with a recent report. None
     without any source.
@@ -167,9 +169,9 @@ def last_before(signal: Signal, time_s: Floats) -> Floats:
 
 
 def thinned(time_s: Floats, after_s: float = -np.inf) -> Floats:
-    """Return strictly increasing times with at least ROW_SPACING between them, the first kept.
+    """Drop times (n,), s, so that the others are ROW_SPACING or more apart; the first one stays.
 
-    The first is at least ROW_SPACING after `after_s`, the row before.
+    The first is at least ROW_SPACING after `after_s`, the last row so far. NaN are dropped.
     """
     time_s = increasing(time_s[np.isfinite(time_s)])
     time_s = time_s[np.searchsorted(time_s, after_s + ROW_SPACING) :]
@@ -184,9 +186,8 @@ def thinned(time_s: Floats, after_s: float = -np.inf) -> Floats:
 
 
 def increasing(values: Floats) -> Floats:
-    """Return the sorted distinct values, as `np.unique` but faster if they are increasing
-    already.
-    """
+    """Return the sorted distinct values (m,) of (n,), as `np.unique` but faster if they are
+    increasing already."""
     if all_true(values[1:] > values[:-1]):
         return values
     step = np.diff(values)

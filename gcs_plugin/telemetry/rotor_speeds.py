@@ -25,7 +25,7 @@ from thrustmargin.models.statement import Statement, state
 
 IDLE = 0.12  # of the motor output; ArduPilot's motors turn when armed at 0.1
 SPIN_UP = 1.0  # s for which the output must be above idle before a stopped rotor is a surprise
-FEW_BESIDE = 0.1  # of the readings of another rotor: fewer are left out beside those
+FEW_BESIDE = 0.1  # of the readings of another rotor: with fewer they are dropped
 SILENT = 0.05  # of the rows with a speed: from here on a rotor without one is reported
 FRESH = 2.0  # s for which a motor output is believed without being repeated
 _TAIL = TRACK_CHANNELS["rotor_speed_rpm"].max_age  # s of readings that later rows may still use
@@ -41,7 +41,8 @@ class RotorMemory:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MeasuredSpeeds:
-    """The valid readings, one signal a rotor, and those rejected; None where no ESC reports."""
+    """The valid readings, one signal a rotor (None without an ESC), and the times of rejected
+    ones."""
 
     signals: list[Signal | None]
     rejected: Mapping[tuple[int, int], Floats]  # (rotor, why) -> times of the readings
@@ -57,7 +58,8 @@ def measured_speeds(
     heard_s: float = -np.inf,
     memory: Sequence[RotorMemory] = (),
 ) -> MeasuredSpeeds:
-    """Return the readings of `speeds` (rpm, one signal a rotor) that measure the rotor's speed.
+    """Divide the readings of `speeds` (rpm, one signal a rotor) into true rotor speeds and rejected
+    ones.
 
     `outputs` are the motor outputs from 0 to 1. Readings up to `heard_s`, on the signals' clock,
     were processed by an earlier call, whose state is `memory`. `look_ahead`: the signals are of the
@@ -109,7 +111,8 @@ def measured_speeds(
 def _after_tail(
     tail: Signal | None, new: Signal, since: float, times: dict[int, tuple[Floats, Floats]]
 ) -> tuple[Signal, Signal]:
-    """Return the measured readings appended to `tail`, and the part of them from `since` on.
+    """Return the readings of `new`, rpm, appended to `tail`, and the part of them from `since`, s,
+    on.
 
     `times` caches the joined times, because rotors that report together share them.
     """
@@ -190,8 +193,9 @@ def _known(signal: Signal) -> Signal:
 
 
 def _demand(output: Signal | None, time_s: Floats) -> tuple[Floats, Bools]:
-    """Return the motor output (n,) at each time, NaN if unknown, and whether it has been above idle
-    for SPIN_UP s.
+    """Return the motor output (n,) at each time, NaN if unknown, and a flag (n,).
+
+    The flag is True where the output has been above idle for SPIN_UP s.
     """
     if output is None:
         return np.full(time_s.size, np.nan), np.zeros(time_s.size, dtype=np.bool_)
@@ -205,9 +209,8 @@ def _demand(output: Signal | None, time_s: Floats) -> tuple[Floats, Bools]:
 
 
 def last_speeds(known: Sequence[Signal | None], time_s: Floats) -> Floats:
-    """Return the last absolute speed (R, n), rpm, of each rotor at each time; NaN where none is
-    known.
-    """
+    """Return each rotor's last absolute speed (R, n), rpm, at each time; NaN before its first
+    reading."""
     last = np.full((len(known), time_s.size), np.nan)
     for values, signal in zip(last, known, strict=True):
         if signal is not None and signal.time_s.size:
@@ -217,7 +220,7 @@ def last_speeds(known: Sequence[Signal | None], time_s: Floats) -> Floats:
 
 
 def median_speeds(values: Floats) -> Floats:
-    """Return the median (n,) of the finite values over the first axis; NaN where there are none."""
+    """Return the median (n,) of the finite values over the first axis; NaN where none is finite."""
     if not values.size:
         return np.full(values.shape[1], np.nan)
     stack = np.sort(values, axis=0)  # NaN at the end; np.nanmedian takes ten times as long

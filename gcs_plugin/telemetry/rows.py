@@ -114,9 +114,9 @@ def flight_rows(
     unix_minus_clock: float | None = None,
     notes: Iterable[Statement] = (),
 ) -> FlightRows | None:
-    """Return every channel on the rows that the signals make; None if they make none.
+    """Resample every channel of the signals to common rows; return None if there are no rows.
 
-    Time counts from the very first row; `unix_minus_clock`, s, plus the vehicle's clock is Unix
+    Time counts from the flight's first row; `unix_minus_clock`, s, plus the vehicle's clock is Unix
     time. The `notes` given come before those on the rows. With sampling "hold" no row depends on a
     later report, and with `row_state` the rows of consecutive batches equal those of the whole
     flight, if `signals` includes the last KEPT seconds before a batch. Raise LogError if the tank
@@ -285,13 +285,12 @@ def flight_rows(
 def row_times(
     signals: Signals, rotors: Sequence[Signal | None], row_state: RowState, sampling: Sampling
 ) -> Floats:
-    """Return the vehicle's clock (T,) of the rows: the reports of a trigger, thinned to at most 10
-    Hz.
+    """Return the times (T,) of the rows, s of the vehicle's clock: the reports of a trigger signal.
 
-    `rotors` are the speeds, one signal a rotor. The trigger is the speed of rotor 1; after SILENT s
-    without one, that of the next rotor; then attitude; then any report of the flight. A recorded
-    flight (sampling "linear") prefers the rotor with most reports. It begins with the first rotor
-    speed, if any, or at arming if that was long before.
+    They are thinned to at most 10 Hz. `rotors` are the speeds, one signal a rotor. The trigger is
+    the speed of rotor 1; after SILENT s without one, that of the next rotor; then attitude; then
+    any report of the flight. A recorded flight (sampling "linear") prefers the rotor with most
+    reports. It begins with the first rotor speed, if any, or at arming if that was long before.
     """
     reported = [s for s in rotors if s is not None]
     if sampling == "hold" and reported:
@@ -332,9 +331,8 @@ def _known_times(signals: Iterable[Signal]) -> Floats:
 
 
 def _covers(triggers: Floats, since_s: float, signals: Signals) -> bool:
-    """Return whether the trigger pauses for at most SILENT s from `since_s` to the newest
-    report.
-    """
+    """Return True if the trigger times (n,), s, pause for at most SILENT s from `since_s` to the
+    newest report."""
     first = int(np.searchsorted(triggers, since_s, side="right")) - 1
     newest = max(
         float(s.time_s[-1])

@@ -51,8 +51,8 @@ def signals_by_channel(signals: Iterable[Signal]) -> Signals:
 
 
 def best(signals: Signals, channel: str) -> Signal | None:
-    """Return the first source of a channel that covers at least 90 % of the time of the
-    best-covering one.
+    """Return a channel's first source that covers at least 90 % of the time of the best-covering
+    one.
 
     None if no source has a finite value.
     """
@@ -69,7 +69,7 @@ def best(signals: Signals, channel: str) -> Signal | None:
 
 
 def rejected_sources(there: Iterable[Signal], used: Signal) -> tuple[Rejected, ...]:
-    """List the sources of a channel other than `used`, each with the reason."""
+    """List the sources of a channel other than `used`, each with the reason why it is not used."""
     rejected, before = [], True
     for signal in there:
         if signal is used:
@@ -83,10 +83,11 @@ def rejected_sources(there: Iterable[Signal], used: Signal) -> tuple[Rejected, .
 
 
 def by_index(signals: Signals, channel: str) -> dict[int | str, Signal]:
-    """Return the sources of one channel by output number, battery id or name.
+    """Return the sources of one channel by their index: output number, battery id or name.
 
-    Of several with one index the first with a value other than 0 is used. Those of a battery are
-    joined, because BATTERY_STATUS_V2 replaces BATTERY_STATUS once a ground station requests it.
+    Of several sources with one index the first with a value other than 0 is used. Those of a
+    battery are joined, because BATTERY_STATUS_V2 replaces BATTERY_STATUS once a ground station
+    requests it.
     """
     by_number: dict[int | str, Signal] = {}
     for signal in signals.get(channel, ()):
@@ -101,7 +102,7 @@ def by_index(signals: Signals, channel: str) -> dict[int | str, Signal]:
 
 
 def _together(first: Signal, second: Signal) -> Signal:
-    """Join the reports of two sources of one quantity into one signal."""
+    """Merge the reports of two sources of one quantity into one signal, sorted by time."""
     for one, other in ((first, second), (second, first)):
         if not known_rows(other.values).any():
             return one
@@ -112,10 +113,10 @@ def _together(first: Signal, second: Signal) -> Signal:
 
 
 def mavlink_signals(streams: dict[str, Stream], airspeed: Provenance) -> Signals:
-    """Return the signals of every MAVLink message in `streams`; `airspeed` is the source of
-    VFR_HUD's.
+    """Return the signals of every MAVLink message in `streams`, by channel.
 
-    `streams` is emptied in the process to limit memory.
+    `airspeed` is the source of VFR_HUD's airspeed. `streams` is emptied in the process to limit
+    memory.
     """
     signals = sorted(decoded(streams, airspeed), key=lambda item: item[0])
     return signals_by_channel(
@@ -124,8 +125,9 @@ def mavlink_signals(streams: dict[str, Stream], airspeed: Provenance) -> Signals
 
 
 def decoded(streams: dict[str, Stream], airspeed: Provenance) -> Iterator[tuple[int, Signal]]:
-    """Yield each signal of the messages in `streams` with the rank of its source; `streams` is
-    emptied.
+    """Yield each signal of the messages in `streams` with the rank of its source, 0 the best.
+
+    `streams` is emptied in the process.
     """
     while streams:
         message, stream = streams.popitem()
@@ -182,7 +184,8 @@ class _Times:
         return self._made[key][0]
 
     def shortened(self, time_s: Floats, values: Floats) -> tuple[Floats, Floats]:
-        """Drop the rows before `since`, except the last known one."""
+        """Return times (n,), s, and values (n, ...) without rows before `since`, except the last
+        known one before it."""
         first = int(time_s.searchsorted(self.since))
         known = np.flatnonzero(known_rows(values[:first]))
         last = int(known[-1]) if known.size else first
@@ -207,7 +210,8 @@ class SignalBuffer:
         self.heard: set[str] = set()
 
     def add(self, streams: dict[str, Stream], airspeed: Provenance, after_s: float) -> None:
-        """Append the reports in `streams` later than `after_s`; `streams` is emptied."""
+        """Append the reports later than `after_s`, s of the vehicle's clock, to the signals;
+        `streams` is emptied. `airspeed` is the source of the airspeed."""
         self.heard |= set(streams)
         times = _Times(after_s, after_s - self._seconds)
         for rank, new in decoded(streams, airspeed):
@@ -273,8 +277,7 @@ def ordered_signal(
 
 
 def airspeed_sources(signals: Signals, sampling: Sampling) -> Iterator[Signal]:
-    """Yield the reported airspeeds; then, if they cover less, the speed through the air from
-    velocity and wind.
+    """Yield the reported airspeeds; then, if they cover less, the speed by velocity minus wind.
 
     Without a wind that is the speed over ground. An airspeed of 0 is no airspeed, as PX4 sends it
     without a sensor: in a recorded flight if it is 0 throughout, for a listener in each report. A
@@ -305,9 +308,8 @@ def airspeed_sources(signals: Signals, sampling: Sampling) -> Iterator[Signal]:
 
 
 def pitot_present(streams: Mapping[str, Stream], parameters: Mapping[str, float]) -> bool | None:
-    """Return whether the vehicle has an airspeed sensor by its own reports; None if they do not
-    show it.
-    """
+    """Return True or False as the vehicle reports an airspeed sensor or none; None if it reports
+    neither."""
     kind = parameter(parameters, "ARSPD_TYPE")
     if np.isfinite(kind):
         return kind > 0
@@ -319,8 +321,9 @@ def pitot_present(streams: Mapping[str, Stream], parameters: Mapping[str, float]
 
 
 def hud_airspeed(autopilot: str, pitot: bool | None) -> Provenance:
-    """Return the source of VFR_HUD's airspeed, with a remark, because its meaning differs
-    between vehicles.
+    """Return the source of VFR_HUD's airspeed, with a remark on what that is.
+
+    The meaning depends on the `autopilot`, by name, and on a `pitot`, None if unknown.
     """
     if autopilot == "PX4":
         remark = "calibrated airspeed"

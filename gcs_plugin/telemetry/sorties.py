@@ -45,8 +45,8 @@ def sorties_of(
     """Return the numbered sorties of a log from its recordings and signals, one pair for each boot.
 
     An aircraft that turned over before it rose makes a sortie too. If nothing flew, return the
-    longest recording. Raise LogError if no recording makes a table, AirframeError if the airframe
-    has another number of rotors.
+    recording with most rows. Raise LogError if no recording makes a table, AirframeError if the
+    airframe has another number of rotors.
     """
     flown: list[FlightLog] = []
     idle: list[FlightLog] = []
@@ -90,9 +90,7 @@ def _unflown(seconds: Sequence[float], reasons: Sequence[str]) -> tuple[Statemen
 
 
 def _numbered(log: FlightLog) -> FlightLog:
-    """Return the log with its sortie in the name of its track, and the rest of the file in the
-    notes.
-    """
+    """Add the sortie's number to the name of its track, and notes on the rest of the file."""
     track, restarts = log.track, len(log.quality.clock_jumps)
     notes = (state("restarts", count=float(restarts)),) if restarts else ()
     name = f"{track.name}{log.sortie_suffix}"
@@ -100,14 +98,12 @@ def _numbered(log: FlightLog) -> FlightLog:
 
 
 def is_sortie(track: FlightTrack, signals: Signals) -> bool:
-    """Return whether the aircraft flew, or turned over before it could."""
+    """Return True if the aircraft flew, or turned over before it could."""
     return has_flight(track, signals) or bool(loss_of_control(track))
 
 
 def has_flight(track: FlightTrack, signals: Signals) -> bool:
-    """Return whether a row is off the ground, and the motors were neither off nor idle
-    throughout.
-    """
+    """Return True if a row is off the ground, and the motors were not off or idle throughout."""
     armed = best(signals, "armed")
     output = track.throttle[track.flying]
     off = armed is not None and not np.any(armed.values > 0)
@@ -116,10 +112,10 @@ def has_flight(track: FlightTrack, signals: Signals) -> bool:
 
 
 def flight_spans(track: FlightTrack, clock_start_s: float, signals: Signals) -> list[Span]:
-    """Return start and end, s of the vehicle's clock, of each sortie of one boot, with ground
-    around it.
+    """Return start and end, s of the vehicle's clock, of each sortie of one boot.
 
-    The first starts at -inf and the last ends at inf, to include all there is.
+    Each includes some ground before and after. The first starts at -inf and the last ends at inf,
+    to include all rows.
     """
     clock_s = clock_start_s + track.time_s
     flying = np.concatenate([[False], track.flying, [False]])
@@ -136,10 +132,10 @@ def flight_spans(track: FlightTrack, clock_start_s: float, signals: Signals) -> 
 
 
 def _stay(track: FlightTrack, clock_s: Floats, rows: slice, signals: Signals) -> Span | None:
-    """Return start and end, s of the vehicle's clock, of a stay on the ground that ends a sortie,
-    or None.
+    """Return start and end, s of the vehicle's clock, of a stay on the ground that ends a sortie.
 
-    `rows` run from the first on the ground to the first in the air again.
+    It ends one if the vehicle was disarmed, on the ground for LONG_DOWN or more, or serviced; else
+    None. `rows` run from the first on the ground to the first in the air again.
     """
     down, up = float(clock_s[rows.start]), float(clock_s[rows.stop - 1])
     # In a pause of the log it may have been disarmed before the first row on the ground.
@@ -156,9 +152,8 @@ def _stay(track: FlightTrack, clock_s: Floats, rows: slice, signals: Signals) ->
 
 
 def serviced(track: FlightTrack, clock_s: Floats, down: float, up: float) -> bool:
-    """Return whether tank or battery were fuller after a stay from `down` to `up`, s of `clock_s`
-    (T,).
-    """
+    """Return True if tank or battery were fuller after a stay from `down` to `up`, s of
+    `clock_s` (T,)."""
     before = (clock_s > down - LOOK) & (clock_s < down)
     after = (clock_s >= up) & (clock_s < up + LOOK)
     refilled = known_median(track.tank_kg[after]) - known_median(track.tank_kg[before]) >= REFILL_KG
@@ -171,7 +166,8 @@ def serviced(track: FlightTrack, clock_s: Floats, down: float, up: float) -> boo
 def _samples_between(
     signals: Signals, channel: str, start: float, end: float
 ) -> tuple[Floats, Floats]:
-    """Return times and finite values (n,) of the channel's reports from `start` to `end`."""
+    """Return times and finite values (n,) of a channel's reports from `start` to `end`; empty
+    without a report."""
     signal = best(signals, channel)
     if signal is None:
         return np.empty(0), np.empty(0)
@@ -180,9 +176,9 @@ def _samples_between(
 
 
 def _cut(recording: Recording, signals: Signals, span: Span) -> tuple[Recording, Signals]:
-    """Return the recording and the signals of one sortie.
+    """Return the recording and the signals restricted to the time span of one sortie.
 
-    Signals that report states include their last report before it.
+    Signals of states include the last report before the span.
     """
     start, end = span
     quality = recording.quality
@@ -200,7 +196,7 @@ def _cut(recording: Recording, signals: Signals, span: Span) -> tuple[Recording,
 
 
 def _parameters_at(recording: Recording, end: float) -> dict[str, float]:
-    """Return the parameters by their last values before `end`, s of the vehicle's clock.
+    """Return the parameters' last values before `end`, s of the vehicle's clock, by name.
 
     A parameter first sent later has its first value, the best known for this sortie.
     """

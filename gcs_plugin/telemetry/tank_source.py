@@ -72,8 +72,8 @@ class TankContext:
 def flight_battery(signals: Signals) -> int | None:
     """Return the id of the flight battery; None if there is none.
 
-    It is the lowest id whose median voltage is above a level sender's and above half of the
-    highest: lower ones feed the autopilot.
+    It is the lowest id whose median voltage is above that of a level sensor and above half of the
+    highest one: batteries below feed the autopilot.
     """
     volts = {n: known_median(s.values) for n, s in _heard(signals, "battery_voltage").items()}
     least = max(SENDER_VOLTAGE, 0.5 * max(volts.values(), default=0.0))
@@ -93,7 +93,7 @@ def first_level(levels: Iterator[TankLevel]) -> TankLevel:
 def tank_levels(
     signals: Signals, context: TankContext, source: str = "auto"
 ) -> Iterator[TankLevel]:
-    """Yield each tank level that the signals give by `source`, preferred first.
+    """Yield each tank level that the signals contain by `source` ("auto": any), preferred first.
 
     Raise LogError if a source that was named is not in the log.
     """
@@ -128,7 +128,7 @@ def tank_levels(
 def check_source(source: str) -> tuple[str, str]:
     """Return the kind of a tank source in capitals, and its name or number, empty if it has none.
 
-    Raise LogError if it can be no source; the check needs no signals.
+    Raise LogError if it is not a known kind; the check needs no signals.
     """
     kind, _, rest = source.strip().partition(" ")
     kind = kind.upper()
@@ -220,7 +220,8 @@ def _battery(signals: Signals, context: TankContext, chosen: int | None) -> Tank
 def _battery_level(
     percent: Signal, used: Signal | None, context: TankContext, number: int
 ) -> TankLevel:
-    """Return the level from the % of battery `number` and, where they agree, from its ml used."""
+    """Return the level from the percentage of battery `number` and, where they agree, its ml
+    used."""
     key = f"BATT{number + 1 if number else ''}_CAPACITY"
     if context.parameters.get(key, 0.0) > 0.0:
         capacity_ml = context.parameters[key]
@@ -279,7 +280,8 @@ class PumpedSoFar:
 
 
 def pumped(share: Signal, context: TankContext) -> Signal:
-    """Sum the mass, kg, that the pump has delivered by its output `share`, at each report.
+    """Return the mass, kg, that the pump has delivered by each report of its output `share` (0 to
+    1).
 
     It starts at 0, or at `context.pumped`. NaN without an airframe, because the flow is unknown.
     """
@@ -300,8 +302,9 @@ def pumped(share: Signal, context: TankContext) -> Signal:
 
 
 def pump_share(signals: Signals, context: TankContext) -> Signal | None:
-    """Return the pump's output from 0 (off) to 1 (full); None if no output is known as the
-    pump's.
+    """Return the pump's output from 0 (off) to 1 (full), NaN without a pulse.
+
+    None if no output is known as the pump's, it has no pulse at all, or its range is invalid.
     """
     if context.pump_output is None or not (sent := output_pulses(signals, context.pump_output)):
         return None

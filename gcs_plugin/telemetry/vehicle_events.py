@@ -54,12 +54,12 @@ def stated_channels(
     spraying: Floats,
     pumped_kg: Floats,
 ) -> Iterator[tuple[str, Floats, Provenance, Floats | None]]:
-    """Yield each channel that `options` state: its name, values (T,), source and standard error
-    (T,).
+    """Yield each channel that the user stated in `options`: name, values (T,), source and standard
+    error.
 
     `spraying` (T,) is 1 while the pump runs, `pumped_kg` (T,) the sum of its output; both NaN where
-    unknown. The error is None where none can be stated. An aircraft without a tank carries 0 kg
-    whatever a gauge reports, unless `options` name the gauge.
+    unknown. The error (T,) is None where none can be stated. An aircraft without a tank carries 0
+    kg whatever a gauge reports, unless `options` name the gauge.
     """
     rows = time_s.size
     if options.load is not None:
@@ -83,15 +83,14 @@ def stated_channels(
 
 
 def no_tank(options: Options) -> bool:
-    """Return whether the airframe has no tank and `options` name no gauge."""
+    """Return True if the airframe has no tank and `options` name no gauge."""
     craft = options.airframe
     return craft is not None and craft.tank_volume_l == 0.0 and options.tank in ("auto", "none")
 
 
 def stated_track(track: FlightTrack, options: Options) -> FlightTrack:
-    """Return a track read from a table, with its channels replaced by those that `options`
-    state.
-    """
+    """Return a track read from a table, with the channels that the user stated in `options`
+    replaced."""
     unknown = np.full(track.time_s.size, np.nan)
     sources, errors = dict(track.sources), dict(track.standard_errors)
     arrays: dict[str, Floats] = {}
@@ -130,7 +129,7 @@ def _load(options: Options, start: float, sums: dict[str, Floats]) -> tuple[Floa
 
 
 class EventKind(StrEnum):
-    """The subject of a vehicle's report."""
+    """The kind of a vehicle's report."""
 
     CRASH = "crash"
     LOST_CONTROL = "lost control"
@@ -163,7 +162,7 @@ class EventKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class VehicleEvent:
-    """One report of the vehicle; `subject` is the motor number or part, empty where there is none.
+    """An event that the vehicle reported; `subject` is the motor number or part, empty without one.
 
     `text` is as the vehicle sent it, empty if the report was no text.
     """
@@ -269,7 +268,7 @@ def parameter_events(
 ) -> Iterator[VehicleEvent]:
     """Yield an event for each change of a parameter that affects results, from (s, name, value).
 
-    `first` states, for the text, that the log is read with the first value instead of the last.
+    `first`: the event's text says that the log is read with the first value instead of the last.
     """
     known: dict[str, float] = {}
     which = "first" if first else "last"
@@ -290,7 +289,8 @@ def parameter_change(name: str, before: float, value: float) -> str:
 
 
 def error_events(time_s: Floats, subsystem: Floats, code: Floats) -> Iterator[VehicleEvent]:
-    """Yield the event of each ArduPilot ERR message, (n,) each; code 0 is the end of an error."""
+    """Yield the event of each ArduPilot ERR message, from columns (n,); code 0 is the end of an
+    error."""
     for when, part, number in zip(time_s.tolist(), subsystem.tolist(), code.tolist(), strict=True):
         if not np.isfinite([when, part, number]).all():
             continue
@@ -305,9 +305,10 @@ def error_events(time_s: Floats, subsystem: Floats, code: Floats) -> Iterator[Ve
 def flag_events(
     kind: EventKind, time_s: Floats, flags: Floats, subject: str, text: str
 ) -> Iterator[VehicleEvent]:
-    """Yield an event of `kind` at each report (n,) in which a bit of `flags` (n,) is newly set.
+    """Yield an event of `kind` about `subject` at each report (n,) in which a bit of `flags` (n,)
+    is newly set.
 
-    The text is `text` with the flags in hexadecimal digits. NaN is no report.
+    The event's text is `text` with the flags in hexadecimal digits. NaN is no report.
     """
     before = 0
     for when, value in zip(time_s.tolist(), flags.tolist(), strict=True):

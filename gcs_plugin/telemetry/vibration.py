@@ -30,14 +30,15 @@ LEAST_SAMPLES = 2.5
 #: Variance of a coefficient over that of a well separated rotor, above which two rotors are too
 #: close in speed to be separated.
 SEPARATED = 4.0
-SLOWEST_RPM = 300.0  # below which a rotor stands or idles
+SLOWEST_RPM = 300.0  # below which a rotor is at rest or idles
 
 
 def vibration_per_rev(signals: Signals, speeds: Sequence[Signal | None]) -> list[Signal | None]:
-    """Return one signal a rotor: the amplitude, m/s², at its own frequency in windows of WINDOW_S.
+    """Return per rotor a signal of the vibration amplitude, m/s², at the rotor's own frequency, in
+    windows of WINDOW_S.
 
-    `speeds` are the rotors' measured speeds, rpm. None for a rotor without speed, and for all where
-    no IMU samples are fast enough.
+    `speeds` are the rotors' measured speeds, rpm. None for a rotor without speed, and for all if no
+    IMU samples are fast enough.
     """
     nothing: list[Signal | None] = [None] * len(speeds)
     force = _fastest([*signals.get("fast_force_frd", ()), *signals.get("specific_force_frd", ())])

@@ -49,7 +49,7 @@ Plugin = TypeVar("Plugin")
 
 
 class VehicleLink:
-    """One open link, a context manager. Use `open` for a URL, `over` for an existing link.
+    """An open link, a context manager. Use `open` for a URL, `from_sender` for an existing link.
 
     Mutable: it owns MAVSDK's threads and sockets, which `close` ends.
     """
@@ -81,8 +81,7 @@ class VehicleLink:
 
     @classmethod
     def from_sender(cls, send: Callable[[bytes], None], *, name: str) -> Self:
-        """Open a link over a socket owned by the caller; `send` is called with whole frames for the
-        vehicle.
+        """Open a link over an existing socket; `send` is called with whole frames for the vehicle.
 
         `send` runs on MAVSDK's thread; pass received bytes to `feed`. `name` is for messages.
         """
@@ -108,10 +107,7 @@ class VehicleLink:
         self._cancelled.set()
 
     def hold(self, plugin: Plugin) -> Plugin:
-        """Keep a reference to `plugin` until `close`: MAVSDK may call back after the last answer.
-
-        Return it.
-        """
+        """Store a reference to `plugin` until `close`, and return it: MAVSDK may call back late."""
         self._held.append(plugin)
         return plugin
 
@@ -165,8 +161,10 @@ class VehicleLink:
         )
 
     def next_event(self, events: Queue[Event], what: str) -> Event:
-        """Return the next event that MAVSDK puts into `events`; raise LinkError after `SILENCE`
-        s without one.
+        """Return the next event that MAVSDK puts into `events`.
+
+        Raise LinkError after `SILENCE` s without one; `what` is the thing waited for, in the
+        message.
         """
         until = time.monotonic() + SILENCE
         while time.monotonic() < until:

@@ -113,8 +113,7 @@ def _home(
 
 def _plan_item(item: Any) -> PlanItem:
     """Return the plan item of MAVLink's integer item; in MAV_FRAME_MISSION its numbers have no
-    unit.
-    """
+    unit."""
     scale, places = (1.0, 0) if item.frame == FRAME_MISSION else (1e-7, 7)
     return PlanItem(
         number=item.seq,
@@ -142,7 +141,7 @@ def _shortest(value: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogEntry:
-    """One log on the vehicle."""
+    """A log on the vehicle."""
 
     number: int
     date: str | None  # ISO 8601 UTC; None when the vehicle had no clock

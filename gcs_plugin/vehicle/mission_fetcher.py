@@ -76,7 +76,8 @@ class MissionFetcher(Output):
         self._thread.start()
 
     def on_frames(self, frames: Sequence[Frame]) -> None:
-        """Frames as they arrive; returns at once unless a mission is being fetched."""
+        """Pass the vehicle's frames to the link that fetches a mission; do nothing while none is
+        fetched."""
         if self._link is None:
             return
         data = b"".join(frame.data for frame in frames if frame.system == self._vehicle)
@@ -85,7 +86,8 @@ class MissionFetcher(Output):
                 self._link.feed(data)
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
-        """Request new missions, and hand over those that have arrived."""
+        """Queue the requests for missions that changed, and pass missions that arrived to the
+        vehicles' monitors. `now_us` is the ground's clock, µs."""
         for number, watch in fleet.vehicles.items():
             request = self._asked.setdefault(number, _Asked())
             now = (watch.state.mission_changes, watch.telemetry.clock.boot, watch.link.back_us)
@@ -105,7 +107,7 @@ class MissionFetcher(Output):
             if watch is None:
                 continue
             if isinstance(mission, ThrustMarginError):
-                # A vehicle that holds no mission has answered.
+                # A vehicle without a mission has replied.
                 none = isinstance(mission, PlanError)
                 request.failures = 0 if none else request.failures + 1
                 wait = min(AGAIN * 2.0 ** (request.failures - 1), RAREST)

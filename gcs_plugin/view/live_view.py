@@ -65,7 +65,8 @@ class LiveHistory:
         self._boot = 0
 
     def add(self, update: Update) -> None:
-        """Add the new rows; begin anew after a restart or with another number of rotors."""
+        """Add the new rows; drop the older ones after a restart or with another number of
+        rotors."""
         rows = Speeds.of(update.analysis).rows(slice(update.first, None), update.clock_s)
         copies: Any = map(np.copy, rows)  # a view would keep its whole window alive
         now = Speeds(*copies)
@@ -81,7 +82,7 @@ class LiveHistory:
 
     @property
     def speeds(self) -> Speeds | None:
-        """All rows that are kept; None before the first."""
+        """Return the speeds in all stored rows; None before the first."""
         parts = list(self._parts)
         if not parts:
             return None
@@ -91,13 +92,13 @@ class LiveHistory:
 
 
 class HeardVehicles:
-    """The newest state of each aircraft, left by the compute thread for the drawing thread.
+    """The newest state of each aircraft, passed from the compute thread to the drawing thread.
 
     Each `VehicleSummary` is replaced as a whole and never changed, so no lock is needed; rows for
     the trails wait in a queue for each aircraft. `wake` is set when there is something new to draw;
-    `overlays` are those of the last rows; `least` is the share of thrust that must be left.
-    `clock` is the ground's, µs: ages go on by it while the
-    compute thread is busy; without it they are those of the last `round`.
+    `overlays` are those of the last rows; `least` is the share of thrust that must be left. `clock`
+    is the ground's, µs: with it ages increase while the compute thread is busy; without it they are
+    those of the last `round`.
     """
 
     def __init__(
@@ -121,7 +122,7 @@ class HeardVehicles:
 
     @property
     def summaries(self) -> list[VehicleSummary]:
-        """All aircraft with rows, in the order in which they were first heard."""
+        """Return all aircraft with rows, in the order in which they were first heard."""
         known = list(self._summaries.values())
         return known if self._clock is None else [self._aged(s, self._clock()) for s in known]
 
@@ -132,7 +133,7 @@ class HeardVehicles:
         return replace(one, age=one.update.age_s(now_us), silent=watch.link.silent(now_us))
 
     def update(self, update: Update) -> None:
-        """Take the new rows of one aircraft."""
+        """Store the new rows of one aircraft."""
         number, track = update.vehicle, update.analysis.track
         overlays = overlays_of(update.analysis, self._least)
         values = np.column_stack([overlay.values for overlay in overlays])
@@ -155,7 +156,10 @@ class HeardVehicles:
         self.wake.set()
 
     def _shown_row(self, update: Update, before: Bools | None) -> ShownRow:
-        """Return the last row, with the rotors that have too little thrust left after `before`."""
+        """Return the last row, with the rotors that have too little thrust left by hysteresis.
+
+        `before` (R,) are those of the last update.
+        """
         left = lower_ends(update.analysis)[update.first :]
         rotors = left.shape[1]
         begin = np.zeros(rotors, dtype=np.bool_)
@@ -165,7 +169,7 @@ class HeardVehicles:
         return ShownRow(update.analysis, -1, least=self._least, low=low)
 
     def round(self, fleet: Fleet, now_us: int) -> None:
-        """Take ages, alarms and missions of all aircraft."""
+        """Store ages, alarms and missions of all aircraft."""
         look = time.monotonic() - self._stale_s >= STALE_EVERY
         if look:
             self._stale_s = time.monotonic()
@@ -193,7 +197,7 @@ class HeardVehicles:
 
 @dataclass(slots=True, eq=False)
 class Aircraft:
-    """State of one vehicle that all browsers share; used by the drawing thread alone."""
+    """The state of one vehicle that all browsers share; used by the drawing thread alone."""
 
     number: int
     trail: Trail
@@ -205,7 +209,7 @@ class Aircraft:
 
 @dataclass(slots=True, eq=False)
 class Drawn:
-    """One vehicle as one tab has it; used by the drawing thread alone."""
+    """State of one vehicle's drawing in one tab; used by the drawing thread alone."""
 
     label: Any
     rotor_count: int
@@ -216,7 +220,7 @@ class Drawn:
 
 @dataclass(slots=True, eq=False)
 class LiveTab(BrowserTab):
-    """One tab of the live page, with its own colour and aircraft in focus."""
+    """A tab of the live page, with its own colour and aircraft in focus."""
 
     colour: int = 0  # number of the overlay
     focus: int | None = None  # None: the first that was heard
@@ -226,11 +230,11 @@ class LiveTab(BrowserTab):
 class LiveView(ViewPage, Output):
     """The output that draws every vehicle that a monitor hears on a page.
 
-    `status` gives lines about link and recording, `listens` are the links that are listened on,
-    `clock` the ground's time, µs; `silent` makes no
-    sound, `max_utilisation` is the limit that the advice before take-off keeps, `acknowledged`
-    hears of what the pilot acknowledged. With `browser` not None, `start` prints where the page is,
-    and opens it in the browser if True. Raises LinkError from `start` when the port is taken.
+    `status` returns lines about link and recording, `listens` are the links listened to, `clock`
+    returns the ground's time, µs; `silent` makes no sound, `max_utilisation` is the limit for the
+    advice before take-off, `acknowledged` is called with each alarm that the pilot acknowledges.
+    With `browser` not None, `start` prints where the page is, and opens it in the browser if True.
+    Raises LinkError from `start` when the port is taken.
     """
 
     name = "page"
@@ -286,18 +290,18 @@ class LiveView(ViewPage, Output):
         self.stop()
 
     def on_update(self, update: Update) -> None:
-        """Take new rows; called on the compute thread."""
+        """Store new rows; called on the compute thread."""
         self._heard.update(update)
 
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
-        """Take a change of an alarm; called on the compute thread."""
+        """Display a change of an alarm; called on the compute thread."""
         self._screen.on_event(vehicle, event)
 
     def on_plan(self, vehicle: int, text: str) -> None:
         self._screen.note(vehicle, "plan", text)
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
-        """Take ages, alarms and missions; called on the compute thread."""
+        """Store ages, alarms and missions; called on the compute thread."""
         self._heard.round(fleet, now_us)
 
     def _build(self, server: viser.ViserServer) -> None:
@@ -361,13 +365,13 @@ class LiveView(ViewPage, Output):
                 scene.show_wind(np.full(3, np.nan) if summary.old else wind_ned)
 
     def _fleet(self, _tab: str) -> list[VehicleSummary]:
-        """Return the summaries, with the advice on how much to fill for those on the ground."""
+        """Return the summaries, with the largest fill for aircraft on the ground."""
         return [self._advised(one) for one in self._heard.summaries]
 
     def _advised(self, one: VehicleSummary) -> VehicleSummary:
         """Return a summary with the largest fill, in figures and in words.
 
-        This is the one place where the page's line of the fill is made.
+        Only this function makes the page's line on the fill.
         """
         advice = self._fill.setdefault(one.number, FillAdvice(self._limit))
         largest = None if one.update is None else advice.fill(one.update.analysis)
@@ -376,9 +380,8 @@ class LiveView(ViewPage, Output):
         return replace(one, largest=largest, fill=advice.text(largest))
 
     def _live_state(self, tab: str) -> dict[str, Any]:
-        """Return what the page shows besides the aircraft: the link, and the settings of the
-        scene.
-        """
+        """Return the state of the page besides the aircraft: the link, and the settings of the
+        scene."""
         overlays, one = self._heard.overlays, self._tabs.of(tab)
         field = None
         if overlays:
@@ -390,8 +393,10 @@ class LiveView(ViewPage, Output):
         return {**shown, "waiting": self._waiting()}
 
     def _waiting(self) -> dict[str, Any]:
-        """Return what helps before the first message: what is listened on, and how a phone opens
-        this page, or by which option it can.
+        """Return what to display before the first message: the links, and how a phone opens the
+        page.
+
+        Without an address for a phone it is the option that opens the page to others.
         """
         return {
             "listens": self._listens,
@@ -418,7 +423,7 @@ class LiveView(ViewPage, Output):
         }
 
     def _connected(self, tab: str, client: int) -> None:
-        """Take viser's number of a tab's connection; called on a thread of the server."""
+        """Store viser's number of a tab's connection; called on a thread of the server."""
         if (one := self._tabs.of(tab)).name and one.wanted != client:
             one.wanted = client
             self.wake.set()
@@ -465,8 +470,10 @@ class LiveView(ViewPage, Output):
             one.label.position = position + scene.above(key)
 
     def _offset_ned(self, one: Aircraft, update: Update) -> Floats:
-        """Return (3,) m from the scene's origin, which is the first aircraft's, to the aircraft's
-        own.
+        """Return the vector (3,), m NED, from the scene's origin to that of the aircraft's
+        positions.
+
+        The scene's origin is the first aircraft's.
         """
         if one.offset_ned is None or one.boot != update.boot:
             origin = update.analysis.track.origin
@@ -530,7 +537,7 @@ class LiveView(ViewPage, Output):
 
 
 def output(context: OutputContext, value: bool) -> LiveView:  # noqa: ARG001
-    """Return the output of `--view`, the page."""
+    """Return the output of the option `--view`, the page."""
     monitor = context.monitor
     names = ("host", "port", "token", "browser", "silent", "max_utilisation")
     return LiveView(

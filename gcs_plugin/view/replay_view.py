@@ -75,7 +75,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(slots=True, eq=False, kw_only=True)
 class ReplayTab(BrowserTab):
-    """One tab of a replay, with its own time and colour."""
+    """A tab of a replay, with its own time and colour."""
 
     clock: ReplayClock
     overlay: Overlay
@@ -83,14 +83,14 @@ class ReplayTab(BrowserTab):
 
 
 class ReplayView(ViewPage):
-    """The view of one analysed flight. `start` opens it, `stop` closes it; `url` is where it is.
+    """The view of one analysed flight. `start` opens it, `stop` closes it; `url` is its address.
 
     `waypoints` are the log's mission items and `messages` its texts with their time in s from the
-    first row; `whole` returns the answer of the whole flight in the language that is spoken;
-    `overlays` are further ways to colour the route, besides those of the analysis; a `planned`
-    flight has those alone; `limit` is the largest share of a rotor's maximum thrust that may be in
-    use. After its end it rests on the worst moment.
-    Raises DataError for a flight without rows, and LinkError from `start` when the port is taken.
+    first row; `whole` returns the answer of the whole flight in the current language; `overlays`
+    are further ways to colour the route, besides those of the analysis; a `planned` flight has only
+    those; `limit` is the largest share of a rotor's maximum thrust that may be in use. After its
+    end the replay stops at the worst row. Raises DataError for a flight without rows, and LinkError
+    from `start` when the port is taken.
     """
 
     def __init__(
@@ -162,8 +162,10 @@ class ReplayView(ViewPage):
         self._tabs = Tabs(self._new_tab)
 
     def _new_tab(self, name: str) -> ReplayTab:
-        """Return a tab in the first of the colours, where and as `seek` and `pause` set the view:
-        from the begin of the flight unless they did.
+        """Return a tab in the first of the colours, at the time and state that `seek` and `pause`
+        set.
+
+        Without such a call it plays from the begin of the flight.
         """
         overlay = self._overlays[0]
         worst = self._worst_row(overlay)
@@ -174,14 +176,14 @@ class ReplayView(ViewPage):
         return ReplayTab(name, clock=clock, overlay=overlay)
 
     def _connected(self, tab: str, client: int) -> None:
-        """Take viser's number of a tab's connection; called on a thread of the server."""
+        """Store viser's number of a tab's connection; called on a thread of the server."""
         if (one := self._tabs.of(tab)).name and one.wanted != client:
             one.wanted = client
             self.wake.set()
 
     @property
     def clock(self) -> ReplayClock:
-        """Clock of programs that name no tab; each browser has its own."""
+        """Return the clock for programs that name no tab; each browser tab has its own."""
         return self._tabs.shared.clock
 
     @property
@@ -199,7 +201,7 @@ class ReplayView(ViewPage):
         self.wake.set()
 
     def play(self) -> None:
-        """Let the time pass in every browser."""
+        """Start the playback in every browser."""
         self._paused = False
         for tab in self._every_tab:
             tab.clock.play()
@@ -213,7 +215,7 @@ class ReplayView(ViewPage):
     def set_overlay(self, name: str) -> None:
         """Colour the route by the overlay of this name, in every browser.
 
-        Raises DataError when there is none.
+        Raises DataError for an unknown name.
         """
         for tab in self._every_tab:
             self._set_overlay(tab, name)
@@ -225,7 +227,7 @@ class ReplayView(ViewPage):
         self.ask(lambda: self._recolour(tab, by_name[name]))
 
     def set_camera(self, camera: Camera) -> None:
-        """Look at the whole field, or follow the aircraft, in every browser."""
+        """Show the whole field, or follow the aircraft, in every browser."""
         for tab in self._every_tab:
             self.ask(partial(self._set_camera, tab, camera))
 
@@ -251,7 +253,8 @@ class ReplayView(ViewPage):
             threading.Thread(target=self._search_later, name="replay-search", daemon=True).start()
 
     def _search_later(self) -> None:
-        """Find the alarms of a long flight, once a browser has its first picture."""
+        """Find the alarms of a long flight on a thread of its own, after the first browser has
+        drawn the page."""
         if self._opened.wait(NOBODY_S):
             self._stopping.wait(PICTURE_S)
         if self._stopping.is_set():
@@ -283,7 +286,7 @@ class ReplayView(ViewPage):
                     self._show(tab, tab.scene)
 
     def _show(self, tab: ReplayTab, scene: Scene) -> None:
-        """Show the row of a tab's clock in its scene."""
+        """Draw the row at the time of a tab's clock in its scene."""
         summary = self._summary_at(tab.clock.now())
         row = summary.row
         assert row is not None
@@ -291,9 +294,8 @@ class ReplayView(ViewPage):
         scene.show_wind(row.track.wind_ned[row.row])
 
     def _acts(self) -> Acts:
-        """Return the actions that the page may ask for, by name; each takes the text of the
-        request.
-        """
+        """Return the functions for the actions that the page may request, by name; each takes the
+        request's text and the tab's name."""
 
         def of(tab: str) -> ReplayTab:
             return self._tabs.of(tab)
@@ -317,7 +319,7 @@ class ReplayView(ViewPage):
         self.ask(lambda: self._set_camera(tab, camera))
 
     def _replay_state(self, tab: str) -> dict[str, Any]:
-        """Return what a tab shows of a replay besides the aircraft."""
+        """Return the state of a replay in a tab, besides the aircraft: time, colours and camera."""
         one = self._tabs.of(tab)
         clock, worst = one.clock, self._worst_row(one.overlay)
         return {
@@ -342,7 +344,7 @@ class ReplayView(ViewPage):
         return {"charts": charts.chart_images(self._analysis.places, self._speeds, now_s, **shown)}
 
     def _clicked(self, event: SceneClickEvent) -> None:
-        """Go to the time at which the aircraft was where the route was clicked on."""
+        """Move the tab's time to when the aircraft was at the clicked place of the route."""
         tab = self._tabs.of_client(event.client_id)
         if tab.scene is None:
             return
@@ -360,16 +362,15 @@ class ReplayView(ViewPage):
 
     @property
     def whole(self) -> FlightAnswer | None:
-        """Answer of the whole flight in the language that is spoken; None without one."""
+        """Return the answer of the whole flight in the current language; None without one."""
         language = spoken()
         if language not in self._answers:
             self._answers[language] = self._answer()
         return self._answers[language]
 
     def _summary_at(self, time_s: float) -> VehicleSummary:
-        """Return the summary at `time_s`: margin, and alarms of rotors and motors as they were in
-        flight.
-        """
+        """Return the summary at `time_s`: margin, and the alarms of rotors and motors raised by
+        then."""
         at_s = self._start_s + time_s
         at = row_at(self._analysis.track.time_s, at_s)
         row = ShownRow(self._analysis, at, least=self._least, low=self._low[at])
@@ -439,7 +440,7 @@ def run_replay(
     ready: threading.Event | None = None,
     stop: threading.Event | None = None,
 ) -> None:
-    """Open the view, print where it is, and wait for Ctrl-C. Raises LinkError when it cannot open.
+    """Open the view, print its address, and wait for Ctrl-C. Raises LinkError when it cannot open.
 
     `browser` opens it in the browser where there is a screen; `ready` is set once it is open, and
     setting `stop` ends it like Ctrl-C.

@@ -38,7 +38,7 @@ LEADS: Mapping[When, str] = {
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """One action for a person, as words without a full stop, and when it is safe."""
+    """An action for a person, in words without a full stop, and the phase in which it is safe."""
 
     part: str
     words: str
@@ -46,7 +46,7 @@ class Action:
 
     @property
     def text(self) -> str:
-        """Return the words in the chosen language, after the condition that makes the action
+        """Return the action in the selected language, preceded by the condition that makes it
         safe."""
         return say(LEADS.get(self.when, "")) + say(self.words)
 
@@ -196,7 +196,7 @@ class Phase(StrEnum):
     """The time at which a finding is read."""
 
     IN_FLIGHT = "in flight"
-    LANDED = "landed"  # the aircraft that was heard stands on the ground
+    LANDED = "landed"  # the aircraft on the link is on the ground
     RECORDED = "recorded"  # a log, a replay, a season: some time after the flight
 
 
@@ -209,8 +209,7 @@ class Urgency(StrEnum):
 
 
 class Trouble(StrEnum):
-    """The kinds of findings that ask for something, whichever command, alarm or page has found
-    one."""
+    """The kinds of findings that request an action, from any command, alarm or page."""
 
     ROTOR = "bad rotor or motor"
     CONTROL = "lost control"
@@ -239,7 +238,7 @@ class Trouble(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class TroubleAnswer:
-    """Answer to a finding in one phase: the action, its urgency, and the proof of the repair."""
+    """Response to a finding in one phase: the action, its urgency, and the proof of the repair."""
 
     urgency: Urgency
     action: Action
@@ -248,9 +247,9 @@ class TroubleAnswer:
 
 @dataclass(frozen=True, slots=True)
 class _Row:
-    """One line of the table: what a finding asks for once the flight is over, and in flight.
+    """A line of the table: the response to a finding once the flight is over, and in flight.
 
-    In flight a person can end the flight or fly on; what is to be looked at comes later.
+    In flight a person can end the flight or fly on; inspections come later.
     """
 
     after: Urgency
@@ -316,10 +315,10 @@ OF_CAVEAT: Mapping[Caveat, Trouble] = {
 
 
 def answer_to(trouble: Trouble, phase: Phase = Phase.RECORDED) -> TroubleAnswer:
-    """Return what a finding asks for, how soon, and how its repair is proved.
+    """Return the response to a finding in a phase: action, urgency, and how a repair is proved.
 
-    In flight what must not go on asks to land, or to fly by sight; what can wait keeps its action
-    for later, and its urgency says whether the pilot hears of it now.
+    In flight a finding with urgency STOP asks to land, or to fly by sight; another one has its
+    action for later, and its urgency decides if the pilot is informed now.
     """
     row = _TABLE[trouble]
     if phase is not Phase.IN_FLIGHT:
@@ -329,9 +328,9 @@ def answer_to(trouble: Trouble, phase: Phase = Phase.RECORDED) -> TroubleAnswer:
 
 
 def urgency_of(level: FlightLevel, *, left_open: bool = False) -> Urgency | None:
-    """Return how soon a flight asks for something, by its level and by whether it leaves anything
-    open; None where nothing is known.
-    """
+    """Return how urgent the action after a flight is, by the flight's level; `left_open` (a
+    question is unanswered) raises "nothing" to "before the next flight". None for an unknown
+    level."""
     if level is FlightLevel.UNKNOWN:
         return None
     found = answer_to(OF_LEVEL[level]).urgency if level in OF_LEVEL else Urgency.NOTHING
@@ -339,11 +338,11 @@ def urgency_of(level: FlightLevel, *, left_open: bool = False) -> Urgency | None
 
 
 def bad_rotor(rotors: Sequence[int], loss_low: float, phase: Phase) -> TroubleAnswer:
-    """Return the answer to rotors, from 1, that lose thrust or speed.
+    """Return the response to rotors, from 1, that lose thrust or speed.
 
-    `loss_low` is the low end of the interval of the loss, as a share of thrust. From the least loss
-    that an alarm reports nobody flies with it; a smaller one is looked at before the next day of
-    work. In flight every alarm asks to land.
+    `loss_low` is the low end of the interval of the loss, as a share of thrust. At the least loss
+    that an alarm reports or more, the aircraft must not fly; a smaller one asks for an inspection
+    before the next flight. In flight every alarm asks to land.
     """
     answer = answer_to(Trouble.ROTOR, phase)
     if phase is Phase.IN_FLIGHT:
@@ -354,7 +353,8 @@ def bad_rotor(rotors: Sequence[int], loss_low: float, phase: Phase) -> TroubleAn
 
 
 def change_propeller(rotor: int) -> Action:
-    """Return the action for the propeller of `rotor` (1-based), which a season shows as worn."""
+    """Return the action for the propeller of `rotor` (1-based), which a season's flights show as
+    worn."""
     return hands_on(
         "propeller",
         say(
@@ -374,7 +374,7 @@ def inspect_rotors(rotors: Sequence[int]) -> Action:
 
 
 def not_before_looked_at(rotors: Sequence[int]) -> Action:
-    """Return the action for `rotors` (1-based) that had an alarm in the flight."""
+    """Return the action that grounds the aircraft until `rotors` (1-based) are inspected."""
     return next_flight(
         "rotor",
         say(

@@ -50,7 +50,7 @@ _UNSEEN = {
     (False, True): " (LOG ENDS IN FLIGHT)",
 }
 _PAUSED = " (NOTHING IN THE LOG FOR {long} OF IT)"
-#: What a good answer does not rest on -> the note behind it, for the first line is read alone.
+#: What a good verdict is not based on -> the note behind it, for the first line is read alone.
 _NOTES: Mapping[Caveat, str] = {
     Caveat.GAUGE: "TANK GAUGE LEFT OUT",
     Caveat.VOLTAGE: "VOLTMETER LEFT OUT",
@@ -80,8 +80,10 @@ _PEAKS = "readings come every {seconds} s: peaks between them are not seen"
 
 
 def headline(advice: Advice) -> str:
-    """Return the first line in capitals: the gravest level, a wrong motor order, and parts that the
-    log lacks."""
+    """Return the first line in capitals: the gravest level and open caveats.
+
+    A wrong motor order and parts missing from the log are added.
+    """
     first = [level for level in (FlightLevel.DAMAGED, FlightLevel.LOST) if level in advice.levels]
     which = [FlightLevel.ORDER] if FlightLevel.ORDER in advice.levels[1:] else []
     words = "; ".join(_first_line(advice, one) for one in (*(first or advice.levels[:1]), *which))
@@ -94,9 +96,9 @@ def headline(advice: Advice) -> str:
 
 
 def open_notes(advice: Advice) -> str:
-    """Return in capitals, in brackets, what a good answer does not rest on; empty for a bad one.
+    """Return, in brackets and capitals, the caveats of a good answer; empty for a bad one.
 
-    While the aircraft flies its alarms report that.
+    Empty in flight too, where alarms report them.
     """
     if advice.in_progress or advice.level not in (FlightLevel.UNDER, FlightLevel.NEAR):
         return ""
@@ -108,7 +110,8 @@ def open_notes(advice: Advice) -> str:
 
 
 def _first_line(advice: Advice, level: FlightLevel) -> str:
-    """Return the words of one level in capitals."""
+    """Return the headline of a flight with this level, in capitals where it is bad, as `NO
+    VERDICT`."""
     use, limit = advice.use, least_words(advice.limit)
     if level is FlightLevel.DAMAGED:
         return damage_words(advice)
@@ -162,7 +165,8 @@ def _first_line(advice: Advice, level: FlightLevel) -> str:
 
 
 def _known_in_part(advice: Advice) -> str:
-    """Return the time for which load and thrust are known; empty if nearly always."""
+    """Return in words for how long load and thrust are known; empty if for nearly the whole
+    flight."""
     if not math.isfinite(advice.rotor_lost.redundancy_min):
         return "" if advice.faults else say(" (LOAD NOT KNOWN)")
     known_s, whole_s = min(advice.use.known_s, advice.rotor_lost.known_s), advice.airborne_s
@@ -179,7 +183,7 @@ def damage_words(advice: Advice) -> str:
 
 
 def _fault_line(advice: Advice, fault: RotorFault) -> str:
-    """Return one bad rotor or motor in capitals, with its amount."""
+    """Return the words on a bad rotor or motor in capitals, with its amount."""
     part, does = {
         "propeller": ("ROTOR", "LESS THRUST"),
         "motor": ("MOTOR", "SLOW FOR ITS OUTPUT"),
@@ -203,8 +207,8 @@ def _fault_line(advice: Advice, fault: RotorFault) -> str:
 
 
 def several_headline(levels: Sequence[FlightLevel], limit: float) -> tuple[FlightLevel, str]:
-    """Return the gravest level of several flights, and the capitals that count the flights with
-    it."""
+    """Return the gravest level of several flights, and a line in capitals with the count of such
+    flights."""
     level = min(levels, key=lambda one: one.gravity)
     count = levels.count(level)
     words = (
@@ -217,8 +221,11 @@ def several_headline(levels: Sequence[FlightLevel], limit: float) -> tuple[Fligh
 
 
 def suspects(advice: Advice) -> tuple[int, ...]:
-    """Return the rotors (1-based) found or possibly bad; all of them if the motor order is
-    unknown."""
+    """Return the rotors (1-based) of the flight's faults, candidates included; empty without a
+    fault.
+
+    With an unknown motor order a fault makes it all rotors.
+    """
     faults = [episode.fault for episode in advice.faults]
     if faults and not advice.rotor_names:
         return tuple(range(1, advice.rotor_count + 1))
@@ -226,7 +233,7 @@ def suspects(advice: Advice) -> tuple[int, ...]:
 
 
 def no_ground(advice: Advice) -> str:
-    """Return why a flight has no verdict, or why its bad one is contradicted; empty for other
+    """Return why a flight has no verdict, or what contradicts a bad one; empty for other
     flights."""
     if Caveat.MODEL in advice.caveats:
         return misfit_words(advice)
@@ -235,7 +242,7 @@ def no_ground(advice: Advice) -> str:
 
 
 def misfit_words(advice: Advice) -> str:
-    """Return how measured rotor speeds and model contradict each other, and what to check."""
+    """Return how measured rotor speeds contradict the model, and what to check, as a sentence."""
     found, parts = advice.misfit, []
     if found.interval_fails:
         words = (
@@ -266,7 +273,7 @@ def misfit_words(advice: Advice) -> str:
 
 
 class ActionKind(StrEnum):
-    """The kind of one step of what to do next."""
+    """Kind of a step of the advice on what to do next."""
 
     LAND = "land"
     GROUND = "do_not_fly"
@@ -291,13 +298,16 @@ class ActionKind(StrEnum):
 
 
 def action(advice: Advice) -> str:
-    """Return what to do next, the gravest first, for this flight's air and battery; empty if
-    nothing is known."""
+    """Return the actions after a flight, joined by "; ", the gravest first; empty if nothing is
+    known.
+
+    The fill in it is for this flight's air and battery.
+    """
     return "; ".join(words for _, words in action_steps(advice))
 
 
 def action_steps(advice: Advice) -> list[tuple[ActionKind, str]]:
-    """Return each step of what to do next, its kind and its words, the gravest first."""
+    """Return kind and words of each step to do next, the gravest first."""
     first: list[tuple[ActionKind, str]] = []
     land = advice.in_progress and advice.level in LAND_FIRST
     if land:
@@ -368,7 +378,8 @@ _OPEN: Mapping[Caveat, ActionKind] = {
 
 
 def _open_steps(advice: Advice) -> list[tuple[ActionKind, str]]:
-    """Return the steps by which what a flight left open is settled; none while it goes on."""
+    """Return kind and words of each step that settles a caveat of the flight; empty while it
+    lasts."""
     if advice.in_progress:
         return []
     steps = []
@@ -384,12 +395,13 @@ def _open_steps(advice: Advice) -> list[tuple[ActionKind, str]]:
 
 
 def _answer(trouble: Trouble) -> actions.TroubleAnswer:
-    """Return what a finding asks for after the flight."""
+    """Return the response to a finding after the flight."""
     return actions.answer_to(trouble, Phase.LANDED)
 
 
 def _fill_kind(advice: Advice) -> ActionKind:
-    """Return which kind of step `fill_advice` words."""
+    """Return the kind of the step that `fill_advice` puts into words: no fill known, do not
+    fill, or fill."""
     fill = advice.fill
     if fill.reason == "unsound" or not math.isfinite(fill.kg):
         return ActionKind.NO_FILL
@@ -398,13 +410,13 @@ def _fill_kind(advice: Advice) -> ActionKind:
 
 
 def _bad_rotors(advice: Advice) -> actions.TroubleAnswer:
-    """Return what the bad rotors of a flight ask for when it is over."""
+    """Return the response to the bad rotors of a flight after it."""
     low = max((episode.fault.lower for episode in advice.faults), default=0.0)
     return actions.bad_rotor(suspects(advice), max(low, LEAST), actions.Phase.RECORDED)
 
 
 def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
-    """Return (label, words) of what stands below the first line: faults, thrust, battery, one rotor
+    """Return (label, words) of the lines below the first: faults, thrust, battery, one rotor
     lost, fill."""
     use = advice.use
     found = [("alarm", fault_found(advice, episode)) for episode in advice.faults]
@@ -438,7 +450,7 @@ def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
 
 
 def misread_words(misread: MisreadSpeed) -> str:
-    """Return the clause that continues "ESC: " about a rotor whose reported speed is off by a
+    """Return the clause, to follow "ESC: ", about a rotor whose reported speed is wrong by a
     factor.
 
     With `witnessed`, the motor output is normal: the report is wrong, and thrust is computed from
@@ -461,7 +473,7 @@ def misread_words(misread: MisreadSpeed) -> str:
 
 
 def _lasting(advice: Advice) -> str:
-    """Return the least sustained thrust left, and how long it was below the limit."""
+    """Return a phrase on the least thrust left that lasted, and how long it was below the limit."""
     use, limit = advice.use, least_words(advice.limit)
     worst = left_words(1.0 - use.lasting_most, 1.0 - use.lasting_high, 1.0 - use.lasting_low)
     never = use.lasting_above_limit_s <= 0.0
@@ -522,19 +534,20 @@ def one_rotor_out(advice: Advice) -> str:
 
 
 def _spent_alone(advice: Advice) -> int:
-    """Return the rotor (1-based) that alone had no thrust left; 0 for none or an unknown motor
-    order."""
+    """Return the only rotor (1-based) that had no thrust left; 0 if none, several or the motor
+    order unknown."""
     alone = advice.use.spent_alone
     return 0 if alone is None or not advice.rotor_names else alone + 1
 
 
 def _load_known_in_part(advice: Advice) -> bool:
-    """Return whether the load is known for less than about 95 % of the flight."""
+    """Return True if the load is known for less than about 95 % of the flight."""
     return advice.rotor_lost.known_s < 0.95 * advice.airborne_s - 1.0
 
 
 def sound_again(fault: RotorFault) -> str:
-    """Return the words about a fault in the model that this flight no longer shows."""
+    """Return the sentence that a rotor is sound again although the model still contains its
+    loss."""
     return say(
         "rotor {rotor} is sound again, and the model still holds its loss of {amount}: use the "
         "model from before it, or train anew",
@@ -544,7 +557,7 @@ def sound_again(fault: RotorFault) -> str:
 
 
 def fault_found(advice: Advice, episode: FaultEpisode) -> str:
-    """Return the fault in the words of its alarm, with the time; a note if the motor order is
+    """Return the text of a fault as in its alarm, with its times; a note if the motor order is
     unknown."""
     unsure = "" if advice.rotor_names else f": {say(alarm_words.WHICH_ROTOR)}"
     return f"{alarm_words.episode_words(episode, advice.places)}{unsure}"

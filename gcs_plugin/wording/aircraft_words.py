@@ -34,7 +34,7 @@ from thrustmargin.models.physics.known_battery import KnownBattery
 
 
 def mission_words(mission: FlownMission) -> str:
-    """Return a mission as its forecast said it and as it was flown."""
+    """Return the figures of a mission in words, each as forecast and as flown."""
     parts = []
     for words, pair in (
         ("{said} s, flown {flown}", mission.seconds),
@@ -160,7 +160,8 @@ def card_lines(
 
 
 def power_and_battery_words(law: PowerLaw | None, battery: KnownBattery) -> tuple[str, ...]:
-    """Return what the flights of an aircraft show of its power and its battery; empty without."""
+    """Return a line on an aircraft's power and battery, as measured in its flights; empty
+    without any."""
     parts = []
     if law is not None:
         reach = percent(power_factors(law.error)[1] - 1.0)
@@ -178,8 +179,9 @@ def power_and_battery_words(law: PowerLaw | None, battery: KnownBattery) -> tupl
 
 
 def change_words(change: AircraftChange) -> str:
-    """Return how a flight differs from the flights of its aircraft before it, with its size, since
-    when, what the search over effects says of it, and what to do.
+    """Return how a flight differs from earlier ones of its aircraft, in words.
+
+    That is size, since when, the cause by the search over effects, and the action.
     """
     parts = [_what_changed(change)]
     if change.explanation is not None:
@@ -197,7 +199,7 @@ def change_words(change: AircraftChange) -> str:
 
 
 def _what_changed(change: AircraftChange) -> str:
-    """Return the change itself, with its size and the log since which it is there."""
+    """Return the change in words, with its size and the first log that shows it."""
     if (total := change.rotor) is not None:
         return say(
             "since {log} rotor {rotor} has come to lose {loss} of its thrust, by all {flights} "
@@ -244,7 +246,7 @@ def _what_changed(change: AircraftChange) -> str:
 
 
 def _explained(found: ChangeCause) -> str:
-    """Return what the search over effects says of the flights since a change."""
+    """Return the result of the search over effects for the flights since a change, in words."""
     if found.kind is CauseKind.NOT_SEARCHED:
         return say("too little flight to search for its cause")
     if found.kind is CauseKind.UNEXPLAINED:
@@ -272,7 +274,7 @@ def _explained(found: ChangeCause) -> str:
 
 
 def open_words(found: Sequence[tuple[str, str]]) -> str:
-    """Return the question of which aircraft a log is, from names and reasons."""
+    """Return the question of which known aircraft a log is, from pairs (name, reason)."""
     listed = "; ".join(f"{name} ({say(why)})" for name, why in found)
     return say(
         "its aircraft may be that of {listed}; give --aircraft NAME, a new name for a new aircraft",

@@ -68,8 +68,8 @@ def fault_words(
 ) -> str:
     """Return `Rotor 3 front left 12% (9-15) less thrust: land`, with the 95 % interval of the loss.
 
-    `names` are the places of the rotors; they are left out if empty or too long. Of a flight that
-    is over nobody is asked to land.
+    `names` are the places of the rotors; they are left out if empty or too long. After the flight
+    the words do not ask to land.
     """
     flies = phase is Phase.IN_FLIGHT
     if fault.rotors:
@@ -100,7 +100,7 @@ def fault_amount(fault: RotorFault) -> str:
 
 
 def episode_words(episode: FaultEpisode, names: Sequence[str] = ()) -> str:
-    """Return the fault's words with the times when it was found and ended, and the kind of
+    """Return the fault's text with the times when it was found and ended, and the kind of
     evidence."""
     words = fault_words(episode.fault, names, Phase.RECORDED)
     begin = clock(episode.begin_s)
@@ -131,8 +131,8 @@ TOO_HEAVY = (
 
 
 def outcome(uncontrolled: float, controlled: float) -> str:
-    """Return what the aircraft would do after losing a rotor, by redundancy without and with yaw
-    control."""
+    """Return in words if the aircraft would hold height and heading after losing a rotor, from
+    its redundancy (thrust left over weight) without and with yaw control; NaN counts as below 1."""
     if controlled >= 1.0:
         return "holds height and heading"
     return "holds height, but it will spin" if uncontrolled >= 1.0 else "WOULD DESCEND"
@@ -173,7 +173,7 @@ _ASKS = {
     "misfit": 4,
     "control": 5,
 }
-#: Of an arm's heat, while it stands and once its number is of the past.
+#: Of an arm's heat, while it is raised, and after its value is out of date.
 _HEAT_OF = {False: "ESC {rotor}", True: "Motor {rotor}"}
 HEAT_WAS_NEAR = "Arm {rotor} was near its temperature limit"
 DESYNC_WAS = "ESC {rotor} lost its motor's step: check its wires"
@@ -228,8 +228,8 @@ def shared_id_words(system: int) -> str:
 
 
 def see_words(rotors: Sequence[int]) -> str:
-    """Return the action of an alarm that is a consequence of bad `rotors` (1-based) with their own
-    alarm."""
+    """Return `see rotor 3`: the action of an alarm caused by bad `rotors` (1-based) that have
+    alarms of their own."""
     numbers = ", ".join(map(str, rotors))
     words = "see rotor {numbers}" if len(rotors) == 1 else "see rotors {numbers}"
     return say(words, numbers=numbers)
@@ -300,10 +300,10 @@ def battery_past(cell: float) -> str:
 
 
 def heat_words(rotor: int, kelvin: float, limit: float, seconds: float, *, motor: bool) -> str:
-    """Return `ESC 3 at 98 °C, 105 °C in 40 s: land` of an arm, from 1.
+    """Return `ESC 3 at 98 °C, 105 °C in 40 s: land` for an arm, counted from 1.
 
-    `kelvin` and `limit` are temperatures, K; `seconds` until the limit, 0 beyond it. `motor`: of
-    the motor, not the ESC.
+    `kelvin` and `limit` are temperatures, K; `seconds` until the limit, 0 beyond it. `motor`: the
+    part is the motor, not the ESC.
     """
     part = say(_HEAT_OF[motor], rotor=rotor)
     degrees = {"now": f"{kelvin - 273.15:.0f}", "limit": f"{limit - 273.15:.0f}"}
@@ -314,7 +314,8 @@ def heat_words(rotor: int, kelvin: float, limit: float, seconds: float, *, motor
 
 
 def heat_past(rotor: int) -> str:
-    """Return the words of a heat alarm of an arm, from 1, whose number is of the past."""
+    """Return the words of an arm's heat alarm, without the temperature, once that is out of
+    date."""
     return say(HEAT_WAS_NEAR, rotor=rotor)
 
 
@@ -326,7 +327,8 @@ def lead_words(rotor: int, watts: float) -> str:
 
 
 def lead_past(rotor: int) -> str:
-    """Return the words of a lead's alarm, of an arm from 1, whose number is of the past."""
+    """Return the words of the alarm of an arm's lead, without the power, once that is out of
+    date."""
     return say(LEAD_WAS_HOT, rotor=rotor)
 
 
@@ -354,8 +356,10 @@ def _of(part: str, number: int, place: str) -> str:
 
 
 def thrust_against_gauge(apart_kg: float, bad: Sequence[int] = ()) -> str:
-    """Return the alarm about thrust that carries `apart_kg` more than the gauge; `bad` rotors are
-    its cause if any."""
+    """Return the alarm that thrust carries `apart_kg` more than the gauge.
+
+    Alarms of `bad` rotors, if any, count as the cause.
+    """
     if bad:
         words = "Thrust says {apart} kg against gauge: {see}"
         return say(words, apart=f"{apart_kg:+.1f}", see=see_words(bad))
@@ -372,16 +376,16 @@ def speeds_missing(rotors: Iterable[int]) -> str:
 
 
 def asked(name: str) -> int:
-    """Return the index in ASKED of the action that the named alarm requests."""
+    """Return the index in ASKED of the action that the alarm `name` requests, 1 for an unlisted
+    alarm."""
     return _ASKS.get(name, 1)
 
 
 def alarm_line(text: str, missing: str, times: int, seconds: float) -> str:
-    """Return an alarm with its count within `seconds`, if above 1, and with the reason why it
-    cannot be confirmed, if so.
+    """Return an alarm, with its count if above 1, and why it cannot be confirmed, if so.
 
-    `missing` is a key of MISSING, or empty where nothing is missing. Count and reason may both be
-    there.
+    `missing` is a key of MISSING, or empty where nothing is missing; the alarm came `times` times
+    within `seconds`. Count and reason may both be in it.
     """
     if times > 1:
         long = duration(seconds)
@@ -392,14 +396,19 @@ def alarm_line(text: str, missing: str, times: int, seconds: float) -> str:
 
 
 def event_line(kind: str, line: str) -> str:
-    """Return the line about a change of an alarm; a raised alarm is unchanged."""
+    """Return an alarm's `line` with its change: `over: ...` if `kind` is "cleared", `confirmed
+    again: ...` if "confirmed"; unchanged otherwise."""
     words = {"cleared": "over: {line}", "confirmed": "confirmed again: {line}"}
     return say(words[kind], line=line) if kind in words else line
 
 
 def change_words(kind: str, name: str, rotor: int | None, missing: str) -> str:
-    """Return the line for ground stations about an alarm that is over, unconfirmed or confirmed
-    again."""
+    """Return the STATUSTEXT about a change of the alarm `name`: over, unconfirmed or confirmed
+    again.
+
+    `kind` is "cleared" or another; `missing`, if not empty, is a key of MISSING and makes it
+    unconfirmed; `rotor` is 1-based, None if the alarm has none.
+    """
     shown = say(SHOWN_NAMES.get(name, name))
     of = say("{alarm} (rotor {rotor})", alarm=shown, rotor=rotor) if rotor else shown
     if missing:

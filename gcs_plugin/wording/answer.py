@@ -19,7 +19,7 @@ from thrustmargin.models.model.model_misfit import Caveat
 
 @dataclass(frozen=True, slots=True)
 class FlightAnswer:
-    """The answer of a flight: in words, and as data for who draws or sorts it."""
+    """The advice of a flight in words, and as data for drawing and sorting."""
 
     headline: str = ""
     level: FlightLevel = FlightLevel.UNKNOWN
@@ -37,7 +37,8 @@ class FlightAnswer:
 
     @property
     def line(self) -> str:
-        """All of it in a line: `Flight to 2:31: BELOW THE 50 % LIMIT: nothing; up to 9 kg`."""
+        """Return all of the answer in a line: `Flight to 2:31: BELOW THE 50 % LIMIT: nothing; up
+        to 9 kg`."""
         which = say("last flight")
         if not math.isnan(self.until_s):
             which = say("flight to {clock}", clock=clock(self.until_s))
@@ -46,8 +47,9 @@ class FlightAnswer:
 
     @property
     def contact_lines(self) -> tuple[str, ...]:
-        """Return the lines about how hard the motors of an unknown aircraft worked; once it has
-        landed also what else is in the log, and what its owner is asked.
+        """Return the lines about an unknown aircraft: how hard its motors worked.
+
+        After the landing also what else the log contains, and the questions to its owner.
         """
         contact, whole = self.contact, math.isnan(self.until_s)
         if contact is None:
@@ -64,12 +66,13 @@ class FlightAnswer:
 
     @property
     def gravity(self) -> float:
-        """0 of the gravest level, and more the better it is; NaN of none."""
+        """Return the rank of the level: 0 is the gravest, larger is better; NaN where it is
+        unknown."""
         return math.nan if self.level is FlightLevel.UNKNOWN else float(self.level.gravity)
 
     @property
     def json(self) -> dict[str, Any]:
-        """Its fields, null for what is not known."""
+        """Return the fields as JSON values, null where unknown."""
         return {
             "headline": self.headline,
             "level": self.level,
@@ -84,8 +87,11 @@ class FlightAnswer:
 def answer_of(
     advice: Advice, contact: report_words.FirstContact | None = None, until_s: float = math.nan
 ) -> FlightAnswer:
-    """The answer in words; `contact` is what an aircraft that is not known shows, `until_s` the row
-    up to which it goes, NaN of a whole flight."""
+    """Put advice into words.
+
+    `contact` is the result for an unknown aircraft; `until_s` the time, s, of the last row so far,
+    NaN for a whole flight.
+    """
     return FlightAnswer(
         headline=report_words.first_line(advice, contact),
         level=advice.level,
@@ -115,8 +121,10 @@ _TO_CHECK: Mapping[Caveat, str] = {
 
 
 def brief(advice: Advice, contact: report_words.FirstContact | None = None) -> str:
-    """What to do before the next flight, else what an aircraft that is not known shows, in 50
-    letters; empty where nothing is known."""
+    """Return the action before the next flight in 50 letters, else an unknown aircraft's result.
+
+    Empty where nothing is known.
+    """
     if FlightLevel.LOST in advice.levels:
         return say(actions.GROUND_BRIEFLY)
     if FlightLevel.DAMAGED in advice.levels:

@@ -135,7 +135,7 @@ def arm_sentence(finding: ArmFinding) -> str:
 
 
 def amount_words(one: PossibleCause) -> str:
-    """Return what a cause does, with its amount and 95 % interval."""
+    """Return the effect of a cause in words, with its amount and 95 % interval."""
     more, less = AMOUNTS[one.cause]
     least, most = sorted((abs(one.lower), abs(one.upper)))
     ends = (0.0 if one.lower < 0.0 < one.upper else least, most)
@@ -147,7 +147,8 @@ def amount_words(one: PossibleCause) -> str:
 
 
 def trend_sentence(trend: PowerTrend) -> str:
-    """Return how much more power an arm needs than in the first of the flights, and what to do."""
+    """Return a sentence on an arm that needs more power than in the first of the flights, by how
+    much, and the action."""
     return say(
         "arm {arm} needs {amount} more power at its speed than {flights} flights ago; {look}",
         arm=trend.arm + 1,

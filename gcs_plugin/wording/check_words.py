@@ -288,18 +288,18 @@ _RESTS_ON: Mapping[str, str] = {
 
 
 def statement_words(one: Statement) -> str:
-    """Return the sentence of what was found; raise KeyError for a kind that has none."""
+    """Return the sentence of a check's statement; raise KeyError for a kind without one."""
     values = {name: _filled(value, name) for name, value in one.values}
     return "".join(say(SENTENCES[kind], **values) for kind in (one.kind, *one.clauses))
 
 
 def note_words(track: FlightTrack) -> list[str]:
-    """Return the notes of a track, then what checks found, one sentence each."""
+    """Return the notes of a track, then the findings of its checks, one sentence each."""
     return list(map(statement_words, (*track.notes, *track.statements)))
 
 
 def source_words(source: Provenance) -> str:
-    """Return the source of a number: names of messages stay, what describes them is translated."""
+    """Return the source of a number in words; message names are not translated."""
     remarks = "; ".join(_remark_words(remark, source) for remark in source.remarks)
     parts = ", ".join(
         source_words(part)
@@ -365,7 +365,7 @@ def value_words(value: str | Statement) -> str:
 
 
 class _Listed(Verbatim):
-    """Sentences to fill in, with commas between them, or with "and" where the format says so."""
+    """Sentences to fill in, joined by commas, or with "and" where the format says so."""
 
     def __new__(cls, parts: list[str]) -> _Listed:
         listed = super().__new__(cls, ", ".join(parts))
@@ -400,7 +400,10 @@ def _filled(value: Value, name: str = "") -> object:
 
 
 def claim_words(claim: AirframeClaim) -> str:
-    """Return on which grounds a flight is analysed with an airframe, as `airframe x, given`."""
+    """Return which airframe a flight is analysed with, and why: `airframe x, given`.
+
+    `a plan` if the airframe was given without a name.
+    """
     if claim.known_from is not None:
         return known_words(claim.known_from)
     if not claim.airframe and claim.basis == "given":
@@ -409,7 +412,8 @@ def claim_words(claim: AirframeClaim) -> str:
 
 
 def known_words(known: KnownFrom) -> str:
-    """Return on what the prediction of a known aircraft rests."""
+    """Return the known aircraft and the number of flights and days behind its predictions, in
+    words."""
     own = {"name": Verbatim(known.aircraft), "flights": known.flights, "days": known.days}
     if known.flights == 0:
         return say("aircraft {name}: no flight has taught its model yet", **own)
@@ -421,7 +425,7 @@ def known_words(known: KnownFrom) -> str:
 
 
 def grounds_words(claim: AirframeClaim) -> str:
-    """Return the grounds of a claim behind the word airframe, as `x, given`."""
+    """Return, to follow the word airframe, its name and how it was chosen: `x, given`."""
     if claim.known_from is not None:
         return known_words(claim.known_from)
     if claim.basis == "not known":
@@ -436,12 +440,12 @@ def grounds_words(claim: AirframeClaim) -> str:
 
 
 def withheld_words(claim: AirframeClaim) -> list[str]:
-    """Return why no margin is claimed, one sentence a reason."""
+    """Return the reasons why no margin is claimed, one sentence each."""
     return [statement_words(one) for one in claim.withheld]
 
 
 def described_words(claim: AirframeClaim) -> str:
-    """Return the grounds of a claim, or the reasons why there is no verdict."""
+    """Return how the airframe was chosen, or the reasons why there is no verdict."""
     if claim.withheld:
         why = Verbatim("; ".join(withheld_words(claim)))
         return say("NO VERDICT: {why}", why=why)
@@ -450,7 +454,8 @@ def described_words(claim: AirframeClaim) -> str:
 
 
 def remedy_words(claim: AirframeClaim) -> str:
-    """Return what the pilot can do about a margin that is not claimed."""
+    """Return what the pilot can do where the airframe is unknown or contradicted, so that no
+    margin is given."""
     source = Verbatim(claim.source)
     if claim.odd_voltage:
         return say(

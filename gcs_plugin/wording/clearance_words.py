@@ -38,7 +38,7 @@ GROUNDED: Mapping[FlightLevel, str] = {
 
 
 def grounding_words(before: Clearance) -> str:
-    """Return what forbids the take-off: what was found in a flight of the log, or noted of one."""
+    """Return the finding that forbids the take-off, of a flight in the log or of an earlier one."""
     flight, level = before.flight, before.level
     if flight is None:
         rotors = ""
@@ -61,7 +61,7 @@ def grounding_words(before: Clearance) -> str:
 
 
 def condition_words(condition: Condition) -> str:
-    """Return in capitals what must be true for a good answer; empty for what other words say."""
+    """Return in capitals what must be true for a good forecast; empty if other words state it."""
     caveat, flight = condition.caveat, condition.flight
     if caveat in CONDITIONS:
         return say(CONDITIONS[caveat])
@@ -89,20 +89,21 @@ def conditions_words(before: Clearance) -> str:
 
 
 def no_fill_words(before: Clearance) -> str:
-    """Return that there is no fill, because the last flights ground the aircraft."""
+    """Return the sentence that there is no fill, because the last flights ground the aircraft."""
     return say("No fill before it was looked at: {why}", why=grounding_words(before))
 
 
 def only_if_words(before: Clearance) -> tuple[str, ...]:
-    """Return the sentence with the conditions of a fill; empty without one."""
+    """Return (`ONLY IF ...`,), the conditions of a fill; an empty tuple without one."""
     conditions = conditions_words(before)
     return (say("ONLY IF {conditions}.", conditions=conditions),) if conditions else ()
 
 
 def first_steps(before: Clearance, *, grounded: bool) -> list[str]:
-    """Return a line for each thing to be done before the take-off, with how it is proved.
+    """Return a line for each thing to do before the take-off, with how it is proved.
 
-    What grounds the aircraft comes alone: what is open besides is seen to in the same look.
+    If the aircraft is `grounded`, the reason is the only line, because its inspection covers the
+    other conditions.
     """
     troubles = [actions.OF_CAVEAT[one] for one in before.caveats]
     if grounded and before.level is not None:

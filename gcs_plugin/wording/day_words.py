@@ -43,8 +43,8 @@ LEAST_WIND = 0.5  # m/s that is worth a word
 def day_briefly(day: Day) -> str:
     """Return the day in few words; empty where nothing of it is known.
 
-    `a half used battery, 30 °C, at sea level, no wind`. Of a flight only the battery is named, with
-    its time, because the air is that flight's own.
+    `a half used battery, 30 °C, at sea level, no wind`. For a flight's day it is only the battery
+    with its time, because the air is the flight's own.
     """
     battery = battery_words(day)
     if math.isfinite(day.loaded_voltage.at_s):
@@ -55,7 +55,7 @@ def day_briefly(day: Day) -> str:
 
 
 def battery_words(day: Day) -> str:
-    """Return the words of a day's battery, to follow "with"; empty where none is known.
+    """Return the words of a day's battery, to follow "with"; empty if it is unknown.
 
     `the battery at 3:20 of this flight`, `a full battery`, `a battery of 56.5 V at rest`.
     """
@@ -89,7 +89,8 @@ def _temperature(day: Day) -> _Part:
 
 
 def _place(day: Day) -> _Part:
-    """Return the pressure at the field in words, else its height."""
+    """Return the pressure of the air at the field in words and its value, else those of its
+    height above the sea; None if both are unknown."""
     if day.pressure.known:
         return number(day.pressure.value / 100.0, "hPa", 0), day.pressure
     if not day.height.known:
@@ -157,7 +158,7 @@ def day_line(day: Day, voltage: float = math.nan) -> str:
 
 
 def ask_words(name: str, step: float, kg: float) -> str:
-    """Return what the user is asked to state, and by how many kg the fill moves over a step.
+    """Return the request to state a value, with the kg by which the fill changes per step.
 
     `name` is a field of `Day`, `step` in the unit in which people write it: `Say the air
     temperature with --air-temperature: it moves the fill by 1.0 kg per 10 °C.`

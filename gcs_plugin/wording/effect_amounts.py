@@ -37,27 +37,29 @@ def rotor_words(rotor: int, names: tuple[str, ...]) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DescribedEffect:
-    """One effect, with the identification that found it."""
+    """An effect, with the identification that found it."""
 
     found: ReportedEffect
     whole: Identification
 
     def ends(self, name: str) -> tuple[float, float, float]:
-        """Return value, lower and upper end of a parameter in the flight that represents the
+        """Return (value, lower, upper) of the parameter `name`, in the flight that represents the
         effect."""
         found, row = self.found, self.found.flight
         k = [p.name for p in found.term.effect.parameters].index(name)
         return float(found.value[row, k]), float(found.lower[row, k]), float(found.upper[row, k])
 
     def of_sign(self, name: str, above: str, below: str) -> str:
-        """Return `below` if the parameter is negative, else `above`."""
+        """Return `below` if the parameter `name` is negative, else `above`."""
         return below if self.ends(name)[0] < 0.0 else above
 
     def size(
         self, name: str, unit: str = "", *, factor: float = 1.0, most: int = 2
     ) -> tuple[str, str]:
-        """Return the absolute amount of a parameter, and its interval with the same change of
-        sign."""
+        """Return the absolute amount of a parameter and its interval, in words.
+
+        A negative value and its interval change sign together.
+        """
         sign = -1.0 if self.ends(name)[0] < 0.0 else 1.0
         return within(*self.ends(name), unit, factor=sign * factor, most=most)
 
@@ -67,7 +69,7 @@ class DescribedEffect:
 
     @property
     def known(self) -> bool:
-        """Return whether the model has this effect already, so that the amount is a change."""
+        """Return True if the model has this effect already, so that the amount is a change."""
         return self.found.term.effect.name in {e.name for e in self.whole.model.effects}
 
     @property
@@ -138,7 +140,7 @@ LOST, GAINED = "{rotor} lost {amount} of its thrust", "{rotor} gained {amount} o
 
 
 def _lost(it: DescribedEffect, lost: str = LOST, gained: str = GAINED) -> Verbatim:
-    """Return the words about a rotor that lost or gained thrust, with the amount."""
+    """Return the text about a rotor that lost or gained thrust, with the amount."""
     words = it.of_sign("loss", lost, gained)
     return Verbatim(_sized(words, _percent(it, "loss"), rotor=it.rotor))
 
@@ -172,7 +174,8 @@ def weakens_each_flight(it: DescribedEffect) -> str:
 
 
 def weak_since_a_flight(it: DescribedEffect) -> str:
-    """Return the sentence about a loss that began within a series of flights and stays."""
+    """Return the sentence about a loss that began in or before one of several flights and has
+    stayed."""
     problem, at = it.whole.problem, it.ends("onset_clock")[0]
     began = problem.flight_start_unix_s - problem.first_row_s
     flown = np.flatnonzero(began <= at)
@@ -213,7 +216,8 @@ hidden_mass = Amount(
 
 
 def air_density(it: DescribedEffect) -> str:
-    """Return the sentence about air density as a difference of temperature."""
+    """Return the sentence on an error of air density, as the temperature difference, K, that
+    causes it."""
     offset = it.size("temperature_offset", "K", most=1)
     if it.known:
         warmer = "The air is {amount} warmer than the model has it"
@@ -229,7 +233,10 @@ def air_density(it: DescribedEffect) -> str:
 
 
 def wrong_gain(little: str, much: str, it: DescribedEffect) -> str:
-    """Return the sentence about an instrument whose true value is `gain` times the shown one."""
+    """Return the sentence about an instrument whose true value is `gain` times the displayed one.
+
+    `little` and `much` are the sentences for a reading too low and too high.
+    """
     value, *ends = (1.0 - 1.0 / gain for gain in it.ends("gain"))
     sign, words = (-1.0, much) if value < 0.0 else (1.0, little)
     shown = within(value, ends[0], ends[1], "%", factor=100.0 * sign, most=1)
@@ -315,8 +322,10 @@ drag = Amount(
 
 
 def load_factor(it: DescribedEffect) -> str:
-    """Return the sentence about thrust in manoeuvres; `gain` is relative to Newton's law or to the
-    model."""
+    """Return the sentence about how thrust follows the load factor in manoeuvres.
+
+    The parameter `gain` is relative to the model if that contains the effect, else to Newton's law.
+    """
     if it.known:
         more = (
             "Thrust follows the load factor of turns, climbs and gusts {amount} more than the "
@@ -345,7 +354,8 @@ def slung_load(it: DescribedEffect) -> str:
 
 
 def balance(it: DescribedEffect) -> str:
-    """Return the sentence about the centre of gravity, as it is or as a full tank moves it."""
+    """Return the sentence about the position of the centre of gravity, or its shift by a full
+    tank."""
     full = "_full" if it.found.term.effect.variant else ""
 
     def part(axis: str, above: str, below: str) -> Verbatim:

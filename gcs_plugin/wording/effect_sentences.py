@@ -50,11 +50,12 @@ def amount_of(found: ReportedEffect, whole: Identification) -> str:
 
 
 def action_of(found: ReportedEffect, whole: Identification) -> Action | None:
-    """Return the action that an effect requests, or None.
+    """Return the action that an effect asks for, or None.
 
-    A rotor with more thrust than expected requests a propeller of the same kind, a weak one what a
-    report of the flight requests. Extra drag requests nothing if the model was not trained on
-    flights, because such a model has no drag. No model is to be kept that does not lower the error.
+    A rotor with more thrust than expected asks for a propeller of the same kind, a weak one for the
+    action of a flight report. Extra drag asks for nothing if the model was not trained on flights,
+    because such a model has no drag. An effect that does not lower the error must be left out of
+    the model.
     """
     action = words_of(found.term).action
     if action is actions.LOOK_FOR_MOUNTED and not whole.model.taught:
@@ -75,7 +76,8 @@ def effect_thing(
 ) -> str:
     """Return the name of an effect in a list: `a weak rotor 1 (front right)`.
 
-    The rotors `gaining` (0-based) make more thrust than expected, so they are not called weak.
+    `rotor_names` are the places of all rotors. Rotors in `gaining` (0-based) have more thrust than
+    expected and are called strong.
     """
     rotor = "" if term.rotor is None else rotor_words(term.rotor, tuple(rotor_names))
     where = unnamed_place(term, rotor_names) if term.effect.name == NAME else ""
@@ -86,7 +88,7 @@ def effect_thing(
 
 
 def unnamed_place(term: Term | Placed, rotor_names: Sequence[str]) -> str:
-    """Return where an unnamed cause acts: `pitch along speed forward`, `yaw all along`."""
+    """Return in words where an unnamed cause acts: `pitch along speed forward`, `yaw all along`."""
     mode, channel = place_of(term.effect)
     mode = say(mode)
     if term.rotor is not None:
@@ -97,7 +99,11 @@ def unnamed_place(term: Term | Placed, rotor_names: Sequence[str]) -> str:
 
 
 def effect_things(model: RotorModel) -> tuple[str, ...]:
-    """Return the names of the effects in a model, each once, in the model's order."""
+    """Return words for each effect in a model, `a weak rotor 1 (front right)`, in the model's
+    order.
+
+    Equal words are listed once.
+    """
     names = model.airframe.rotor_names
     gaining = {
         one.rotor
@@ -109,7 +115,10 @@ def effect_things(model: RotorModel) -> tuple[str, ...]:
 
 
 def words_of(term: Term | Placed) -> EffectWords:
-    """Return the words of an effect by its key, else by its name, else by its parameters."""
+    """Return name, sentence and action of an effect, looked up by its key, then its name.
+
+    An effect in neither table gets its name, a list of its parameters and no action.
+    """
     key, name = term.effect.key, term.effect.name
     spelt = name.replace("_", " ") + ("" if term.rotor is None else " of {rotor}")
     return WORDS.get(key) or WORDS.get(name) or EffectWords(spelt, amounts.by_parameters, None)

@@ -59,10 +59,10 @@ FLIGHT_LEVELS: Mapping[FillLevel, FlightLevel] = {
 
 
 def fill_advice(fill: NextFill, limit: float, *, was_within: bool = False) -> str:
-    """Return how much to fill, for which day, and why not more.
+    """Return how much to fill, for which day, and the reason against more.
 
     `Fill at most 9.1 kg (9.1 L) with a full battery, 15 °C: with more it would descend ...`.
-    `limit` is the share of a rotor's largest thrust that may last. Where a flight `was_within` the
+    `limit` is the share of a rotor's largest thrust that may last. After a flight `was_within` the
     limits nothing must change: `Up to 9.1 kg ...`.
     """
     level = fill.level
@@ -104,8 +104,10 @@ def with_day(day: Day) -> str:
 
 
 def how_sure(fill: NextFill) -> str:
-    """Return `the limit is most likely at 9.8 kg (9.1 to 10.5); at most 12.1 kg with a full
-    battery`; empty if neither adds anything."""
+    """Return the interval of the limit, and the fill with a full battery; empty if neither differs.
+
+    `the limit is most likely at 9.8 kg (9.1 to 10.5); at most 12.1 kg with a full battery`.
+    """
     if not math.isfinite(fill.kg) or fill.kg <= 0.0 or fill.nothing_fits is not None:
         return ""
     parts = (

@@ -81,7 +81,7 @@ def lost_rows(losses: Sequence[LossOfControl]) -> str:
 
 
 def _sign(one: LossOfControl) -> str:
-    """Return one sign of a loss of control with its amount."""
+    """Return a sign of a loss of control in words, with its amount."""
     value = one.value
     words, amount = {
         LossKind.SATURATED: ("a motor at {amount} output", percent(value)),

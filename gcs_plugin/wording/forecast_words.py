@@ -96,9 +96,9 @@ LEAST_SHARE = 0.005  # of utilisation, worth a word
 
 
 def verdict(made: PlanForecast) -> str:
-    """Return the first line: whether it may take off with this fill, and the reason.
+    """Return the first line: if the aircraft may take off with this fill, and the reason.
 
-    It begins with the condition where one is open, because the line may be read no further.
+    An open condition comes first, because the line may be read no further.
     """
     advice = made.advised.advice
     use, limit = advice.use, least_words(advice.limit)
@@ -149,7 +149,10 @@ def verdict(made: PlanForecast) -> str:
 
 
 def _no_verdict(made: PlanForecast) -> str:
-    """Return why there is no verdict: by the flight before, else by the plan."""
+    """Return the words for a plan without a verdict, in capitals.
+
+    If the aircraft's earlier flight is the reason they state why, else only that there is none.
+    """
     before = made.clearance.flight
     if made.clearance.level is not FlightLevel.UNKNOWN or before is None:
         return NO_VERDICT
@@ -161,13 +164,16 @@ def _no_verdict(made: PlanForecast) -> str:
 
 
 def before_words(made: PlanForecast) -> tuple[str, ...]:
-    """Return the lines about what is to be done before take-off, and how that is proved."""
+    """Return the lines about what to do before take-off, and how that is proved."""
     return tuple(_cut(first_steps(made.clearance, grounded=made.grounded)))
 
 
 def weakest_words(weakest: Weakest | None) -> str:
-    """Return the place with the least thrust left, and what takes it: `Weakest in the turn at item
-    5: thrust left 31 % (27 to 35); 22 % go to 15.0 kg on board, 12 % to the turn.`"""
+    """Return the place with the least thrust left, and the shares of thrust in use by cause.
+
+    `Weakest in the turn at item 5: thrust left 31 % (27 to 35); of the thrust go 22 % to the 15.0
+    kg on board, 12 % to the turn.`
+    """
     if weakest is None:
         return say("Weakest place unknown.")
     parts = [
@@ -216,7 +222,7 @@ _PLACES: Mapping[str, str] = {
 
 
 def place_words(made: PlanForecast) -> tuple[str, ...]:
-    """Return lines about places short of thrust, and slopes; what leads into the ground first."""
+    """Return lines about places short of thrust, and slopes; legs into the ground come first."""
     order = {kind: rank for rank, kind in enumerate(reversed(tuple(_PLACES)))}
     found = sorted(made.places, key=lambda place: (order[place.kind], -place.amount))
     words = [
@@ -310,7 +316,8 @@ def sortie_words(made: PlanForecast) -> tuple[str, ...]:
 
 
 def _field_words(made: PlanForecast, litres: float) -> str:
-    """Return the line about the needs of the whole field, with this fill and the largest."""
+    """Return the line on the whole field: `litres` needed, and sorties with the planned and with
+    the largest fill."""
     sorties, liquid = made.needs.sorties, _liquid(made)
     with_area = math.isfinite(made.swath)
     field = f" ({area(sum(s.lines for s in sorties) * made.swath)})" if with_area else ""
@@ -338,8 +345,10 @@ def _times(count: int) -> str:
 
 
 def _sortie(which: int, one: Sortie, liquid: float, swath: float) -> str:
-    """Return ` sortie 2: items 10 to 17, 4.1 L, 0.42 ha, 3 min 10 s, 120 Wh`; no area without a
-    swath width."""
+    """Return ` sortie 2: items 10 to 17, 4.1 L, 0.42 ha, 3 min 10 s, 120 Wh`.
+
+    `liquid` is its density, kg/L; `swath` is m, and NaN leaves the area out.
+    """
     field = f"{area(one.lines * swath)}, " if math.isfinite(swath) else ""
     items = say(
         "  sortie {which}: items {first} to {last}",
@@ -352,7 +361,8 @@ def _sortie(which: int, one: Sortie, liquid: float, swath: float) -> str:
 
 
 def power_words(made: PlanForecast) -> tuple[str, ...]:
-    """Return the line of the voltage on landing and of the grounds of power; empty with neither."""
+    """Return the lines on the voltage at landing and on the source of the power; empty without
+    both."""
     volts, law = made.landing_voltage, made.advised.analysis.model.power
     parts = []
     if math.isfinite(volts[2]):
@@ -370,7 +380,7 @@ def power_words(made: PlanForecast) -> tuple[str, ...]:
 
 
 def as_flown_words(made: PlanForecast) -> tuple[str, ...]:
-    """Return the line of time and utilisation as earlier missions were flown; empty without."""
+    """Return the line of time and utilisation corrected by earlier missions; empty without any."""
     known = made.as_flown
     if known is None:
         return ()
@@ -389,8 +399,7 @@ def as_flown_words(made: PlanForecast) -> tuple[str, ...]:
 
 
 def landing_volts(ends: tuple[float, float, float]) -> str:
-    """Return a voltage with its interval, V; a lower end of NaN is a battery that may be used
-    up."""
+    """Return a voltage with its interval, V; NaN as the lower end: the battery may be used up."""
     middle, low, high = ends
     if math.isfinite(low):
         return joined(within(middle, low, high, "V"))
@@ -404,7 +413,7 @@ def landing_volts(ends: tuple[float, float, float]) -> str:
 def way_back_words(made: PlanForecast) -> str:
     """Return the point of no return by battery, or the smallest reserve if home stays in reach.
 
-    It is the earliest one of the interval; the expected one stands beside it.
+    It is the earliest one of the interval, with the expected one in brackets.
     """
     back = made.way_back
     if not math.isfinite(back.spare_wh):
@@ -461,7 +470,8 @@ def _only_if(made: PlanForecast) -> str:
 
 
 def _as_far(made: PlanForecast) -> str:
-    """Return what the verdict leaves out, for the same line, because that line is read alone."""
+    """Return the limits of the verdict in capitals, to be appended to it; empty if there are
+    none."""
     parts = []
     if made.wind_left_out and made.turns_left_out:
         parts.append(say(", LEAVING OUT WIND AND TURNS, WHICH TAKE MORE THRUST"))
@@ -492,7 +502,7 @@ def _cut(lines: Sequence[str], most: int = 6) -> list[str]:
 
 
 def _has_tank(made: PlanForecast) -> bool:
-    """Return whether the aircraft has a tank."""
+    """Return True if the aircraft has a tank."""
     return made.advised.analysis.model.airframe.tank_volume_l > 0.0
 
 
@@ -513,5 +523,6 @@ def gate_limit(limit: float) -> str:
 
 
 def gate_sag(resistance: float) -> str:
-    """Return how the gate's table lets the battery sag; `resistance` of the pack in ohm."""
+    """Return by which pack resistance the gate's table lets the battery sag; `resistance` in
+    ohm."""
     return f", by {number(1e3 * resistance, 'mOhm', 0)} of the pack"

@@ -45,7 +45,7 @@ _PART: Mapping[str, str] = {
 
 
 def in_the_air(name: str, rotors: Sequence[int], place: str = "") -> str:
-    """Return what an alarm asks of the pilot now: `LAND: rotor 3 front left`.
+    """Return the action that an alarm asks of the pilot now: `LAND: rotor 3 front left`.
 
     `rotors` are its rotors, from 1, and `place` that of a single one. Empty for an alarm whose own
     text already is the action.
@@ -57,7 +57,11 @@ def in_the_air(name: str, rotors: Sequence[int], place: str = "") -> str:
 
 
 def which_rotors(name: str, rotors: Sequence[int], place: str = "") -> str:
-    """Return `rotor 3 front left`, `motor 2` or `rotors 1 and 3` of an alarm's name and rotors."""
+    """Return `rotor 3 front left`, `motor 2` or `rotors 1 and 3` for an alarm's name and rotors,
+    from 1.
+
+    Empty without rotors.
+    """
     if not rotors:
         return ""
     words = _PART.get(name)
@@ -69,10 +73,11 @@ def which_rotors(name: str, rotors: Sequence[int], place: str = "") -> str:
 
 
 def alarm_then(fault: RotorFault, places: Sequence[str] = ()) -> str:
-    """Return the alarm of a moment of a recorded flight: `alarm then: rotor 3, 12 % less thrust`.
+    """Return an alarm of a recorded flight, in the past: `alarm then: rotor 3, 12 % less thrust`.
 
-    What it asked the pilot for is left out: nobody can land a recording. `places` are those of all
-    rotors, empty where they are not known. Of which of several rotors it is, it has no amount.
+    The action is left out: nobody can land a recording. `places` are those of all rotors, empty
+    where they are not known. If only several possible rotors are known, they are listed without an
+    amount.
     """
     rotors = tuple(rotor + 1 for rotor in fault.rotors or (fault.rotor,))
     place = places[rotors[0] - 1] if len(rotors) == 1 and places else ""
@@ -85,8 +90,8 @@ def alarm_then(fault: RotorFault, places: Sequence[str] = ()) -> str:
 def glance(advice: Advice) -> str:
     """Return the action of a flight in a few words: `OK, 9.8 L next`, `FILL 8.6 L`.
 
-    A flight in progress that should end asks to land. Empty where nothing is known, and where a
-    good answer leaves something open: only the full sentence says that.
+    A flight in progress that should end asks to land. Empty where nothing is known, and for a good
+    answer with open caveats, which needs the full sentence.
     """
     levels, land = advice.levels, advice.in_progress
     if FlightLevel.LOST in levels:
@@ -113,8 +118,8 @@ def glance(advice: Advice) -> str:
 
 
 def _alone(advice: Advice) -> tuple[int, ...]:
-    """Return the rotor, from 1, that alone had no thrust left; empty for none, or where it is not
-    known which is which."""
+    """Return the rotor, from 1, that alone had no thrust left; empty for none, or an unknown
+    motor order."""
     alone = advice.use.spent_alone if FlightLevel.NO_THRUST in advice.levels else None
     return () if alone is None or not advice.rotor_names else (alone + 1,)
 
@@ -138,10 +143,10 @@ def short_amount(kg: float, liquid_density: float = math.nan, *, up: bool = Fals
 
 
 def before_take_off(fill: NextFill, on_board_kg: float) -> tuple[str, bool]:
-    """Return the banner of an aircraft that stands on the ground before its flight, and whether
-    it must not take off so.
+    """Return the banner of an aircraft on the ground before its flight, and True if it must not
+    take off.
 
-    `on_board_kg` is NaN where nothing reports it. Empty, False without a known fill.
+    `on_board_kg` is NaN where nothing reports it. Empty and False without a known fill.
     """
     if fill.reason == "unsound":
         return say("DO NOT FLY: a rotor or motor is bad"), True

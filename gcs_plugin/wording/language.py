@@ -33,7 +33,8 @@ _ASKED: ContextVar[str] = ContextVar("language", default="")
 
 @contextmanager
 def speaking(code: str) -> Iterator[None]:
-    """Speak another language in this thread or task: that of the page that is answered.
+    """Choose another language within the `with` block, for this thread or task: that of a web
+    request.
 
     A code that is none of LANGUAGES changes nothing.
     """
@@ -59,7 +60,7 @@ def spoken() -> str:
 
 @cache
 def _catalogue(language: str) -> dict[str | None, dict[str, str]]:
-    """Return the translations of a language by context, as `translations`."""
+    """Return the translations of a language by context (None or "page"), then by English text."""
     import polib  # English needs none of it
 
     file = resources.files(__package__ or "") / f"{language}.po"
@@ -72,8 +73,8 @@ def _catalogue(language: str) -> dict[str | None, dict[str, str]]:
 def translations(language: str, context: str | None = None) -> dict[str, str]:
     """Return the sentences of a language by their English; empty for English itself.
 
-    `context` is the msgctxt of the entries: None for what `say` translates, "page" for the words
-    of the live page.
+    `context` is the msgctxt of the entries: None for sentences of `say`, "page" for the words of
+    the live page.
     """
     return {} if language == LANGUAGES[0] else _catalogue(language).get(context, {})
 
@@ -94,9 +95,9 @@ def say(english: str, /, *listed: object, **values: object) -> str:
 
 
 class Sentence(str):
-    """A text in the program's language that knows itself in every other one.
+    """A text in the program's language that carries its translations into all LANGUAGES.
 
-    It is made where its numbers are, long before a page of another language asks for it.
+    It is made where its numbers are computed, before the language of a page's reader is known.
     """
 
     __slots__ = ("_by_language",)
@@ -104,7 +105,7 @@ class Sentence(str):
 
     @classmethod
     def of(cls, make: Callable[[], str]) -> Sentence:
-        """Return the text that `make` gives, which is called once for each language."""
+        """Return the text that `make` returns, made once for each language."""
         texts = {}
         for language in LANGUAGES:
             with speaking(language):
@@ -114,12 +115,12 @@ class Sentence(str):
         return made
 
     def now(self) -> str:
-        """Return the text in the language that is spoken now."""
+        """Return the text in the language selected now."""
         return self._by_language[spoken()]
 
 
 def in_spoken(text: str) -> str:
-    """Return a text in the language that is spoken now, where it is a `Sentence`."""
+    """Return a `Sentence` in the language selected now; another text unchanged."""
     return text.now() if isinstance(text, Sentence) else text
 
 
@@ -135,8 +136,10 @@ class Verbatim(str):
 
 
 def sentence(capitals: str) -> str:
-    """Return a line of capitals in small letters if the language is English; else return it
-    unchanged, because small letters would hide what is a noun."""
+    """Return a line of capitals in small letters if the language is English, else unchanged.
+
+    In German small letters would hide which words are nouns.
+    """
     if spoken() == LANGUAGES[0]:
         return capitals.lower()
     return capitals
@@ -148,8 +151,10 @@ def decimal(text: str) -> str:
 
 
 def _comma(value: object) -> object:
-    """Return a text or number with the decimal sign and the `to` of intervals in the language;
-    other values unchanged."""
+    """Write a text or number with the language's decimal sign and its word for `to` in intervals.
+
+    Return other values unchanged.
+    """
     if isinstance(value, float):
         return _Number(value)
     if not isinstance(value, str) or isinstance(value, Verbatim):
@@ -172,7 +177,7 @@ SMALLER: Mapping[str, tuple[float, str]] = {
 
 
 def known(value: float | None) -> TypeGuard[float]:
-    """Return whether `value` is a finite number."""
+    """Return True if `value` is a finite number."""
     return value is not None and math.isfinite(value)
 
 
@@ -231,10 +236,10 @@ def within(
     """Return an amount and its interval, `8 %` and `(7.8 to 8.2)`, with no more digits than it
     allows.
 
-    The last digit shown is the first digit of the half width, with at most `most` decimals. One
-    more is shown if both ends would look alike or one would look like 0. Amounts below SMALL are
-    shown in a smaller unit, `2.7 g` for 0.0027 kg, unless `beside`, the largest amount in the same
-    table, is not below it. The second text is empty without an interval.
+    The last digit is that of the first digit of the half width, with at most `most` decimals. One
+    more is used if both ends would look alike or one would look like 0. Amounts below SMALL have a
+    smaller unit, `2.7 g` for 0.0027 kg, unless `beside`, the largest amount in the same table, is
+    not below it. The second text is empty without an interval.
     """
     largest = max(abs(value), abs(low), abs(high)) * abs(factor)
     if unit in SMALLER and largest < SMALL:
@@ -258,9 +263,9 @@ def within(
 
 
 def shown_unit(unit: str, name: str = "") -> tuple[float, str]:
-    """Return the factor and the unit that show a number of a file's `unit` to people.
+    """Return the factor and the unit in which a number in a file's `unit` is displayed.
 
-    Shares are shown in per cent, except a parameter whose `name` contains "exponent".
+    Shares are displayed in per cent, except a parameter whose `name` contains "exponent".
     """
     if unit == "1" and "exponent" in name:
         return 1.0, ""
@@ -374,8 +379,8 @@ def channel_title(channel: str) -> str:
 
 
 def chance(probability: float, flights: int = 0) -> str:
-    """Return a probability as `60 %`, never as 0 or 100 %; with `by 3 flights` if `flights` is
-    given."""
+    """Return a probability as `60 %`, never as 0 or 100 %; with `by 3 flights` for `flights`
+    above 0."""
     share = say("over 99 %" if probability > 0.5 else "under 1 %")
     if 0.01 <= probability <= 0.99:
         share = percent(probability)

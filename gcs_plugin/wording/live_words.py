@@ -42,7 +42,8 @@ HOME = "Home"
 
 @cache
 def page_words(language: str) -> dict[str, dict[str, str]]:
-    """Return the words of the live page in a language: "words" by key, "names" by the label sent.
+    """Return the words of the live page: "words" by key, "names" by the label that the page
+    receives.
 
     Words keep their {placeholders}. Raises FileNotFoundError for a language that is none of
     LANGUAGES.
@@ -57,7 +58,7 @@ def page_words(language: str) -> dict[str, dict[str, str]]:
 
 
 def brief_claim(claim: AirframeClaim) -> str:
-    """Return in a few words why a vehicle counts as one of its airframe: without the evidence."""
+    """Return which airframe a vehicle is analysed with, without the evidence for it."""
     if claim.basis == "recognised":
         name = Verbatim(claim.airframe)
         return say("airframe {name}: nobody named it, and the flight fits it", name=name)
@@ -70,8 +71,8 @@ def wind_words(speed: float) -> str:
 
 
 def margin_ahead(share: float) -> str:
-    """Return the sustained thrust left on the rest of the route; turns and climbs need more for
-    moments."""
+    """Return the sentence on the thrust left (`share`) on the rest of the route in steady
+    flight."""
     return f"rest of the route: thrust left {left_words(share)}, less for moments in turns"
 
 
@@ -83,8 +84,8 @@ def model_with(effects: Sequence[str]) -> str:
 
 
 def measured_share(basis: str, share: float) -> str:
-    """Return the words for rotor speeds that are measured, or else known, for `share` of the
-    time."""
+    """Return `BASIS for 80 %, predicted for the rest`; `basis` names the source of the rotor
+    speeds, `share` is the part of the time that has them."""
     return say(
         "{basis} for {share}, predicted for the rest", basis=say(basis), share=percent(share)
     )
@@ -109,7 +110,7 @@ class WhyUnknown:
     option: str = ""
 
     def text(self, asked: Collection[str] = ()) -> str:
-        """Return the reason for people; options in `asked` are on already and are not advised."""
+        """Return the reason for people; an option in `asked` is in use already, and not advised."""
         words = say(self.words)
         if not self.option:
             return words
@@ -137,7 +138,7 @@ NO_ROWS = WhyUnknown(
     "heard, but neither rotor speeds, motor outputs, attitude nor position with its clock", RATES
 )
 
-#: Figures that can be unknown, by the name beside the reason.
+#: Figures that can be unknown, by the name printed with the reason.
 MEASURED_MARGIN, PREDICTED_MARGIN = "measured thrust left", "predicted thrust left"
 TANK, TANK_BY_THRUST, TIME_TO_EMPTY = "tank", "tank by thrust", "time to empty"
 ROUTE_AHEAD, FULL_MARGIN = "route ahead", "thrust left with a full tank"
@@ -217,7 +218,7 @@ def not_heard_on(urls: Iterable[str]) -> str:
 
 
 def last_heard(number: int, unix_s: float) -> str:
-    """Return when a vehicle that has left was last heard, by this computer's time of day."""
+    """Return the line on when a vehicle was last heard, by this computer's local time."""
     at = time.strftime("%H:%M", time.localtime(unix_s))
     return f"vehicle {number} was last heard at {at}"
 
@@ -286,7 +287,8 @@ def by_source(source: Provenance) -> str:
 
 
 def messages_words(frames: int, lost: Mapping[str, int], refused_why: str = "") -> str:
-    """Return the line about received frames, lost ones by the counters of LOST, and refusals."""
+    """Return the line with the number of frames, the lost ones by cause (keys of LOST), and why
+    frames were refused, if any."""
     parts = [f"{lost[name]} {say(words)}" for name, words in LOST.items() if lost.get(name)]
     line = say("{count} messages", count=frames) + (f" ({', '.join(parts)})" if parts else "")
     return line + (say("; refused: {why}", why=refused_why) if refused_why else "")

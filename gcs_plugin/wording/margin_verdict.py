@@ -41,10 +41,10 @@ def verdict_facts(
     basis: str,
     not_flown: str = "",
 ) -> Facts:
-    """Return the facts that a pilot needs beside the first line, one a line.
+    """Return the facts that a pilot needs below the first line, one a line.
 
-    `not_flown` says why the log has no flight to check; empty where it has one, and `basis` what
-    thrust utilisation rests on.
+    `not_flown` is the reason why the log has no flight to check; empty where it has one. `basis` is
+    the source of the thrust utilisation, in words.
     """
     airframe = ("airframe", grounds_words(claim))
     found = tuple(("alarm", fault_found(advice, one)) for one in advice.faults)
@@ -77,9 +77,11 @@ def _to_do(advice: Advice) -> Facts:
 
 
 def _beyond(worst: UtilisationPeak) -> Facts:
-    """Return that a rotor made more thrust than the airframe allows, and what may be wrong.
+    """Return the fact that a rotor made more thrust than the airframe allows, and the likely
+    errors.
 
-    The poles of a motor turn eRPM into speeds, and have no part in speeds made from outputs.
+    Empty if none did. Motor poles are an error only for measured speeds, which they convert from
+    eRPM.
     """
     if not worst.utilisation_low > 1.0:  # one reading of sensors that scatter shows nothing
         return ()
@@ -97,7 +99,7 @@ def _beyond(worst: UtilisationPeak) -> Facts:
 
 
 def load_facts(track: FlightTrack) -> Facts:
-    """Return the load on board and its source, where no gauge reports it."""
+    """Return the load on board and its source; empty if a gauge reports it or no load is known."""
     source = track.source("tank_kg")
     known = track.tank_kg[track.flying & np.isfinite(track.tank_kg)]
     reported = source.kind is not SourceKind.STATED and source.meaning is not Meaning.HOVER_THRUST
@@ -110,7 +112,10 @@ def load_facts(track: FlightTrack) -> Facts:
 
 
 def voltage_facts(analysis: FlightAnalysis) -> Facts:
-    """Return that the voltage is unknown for a part of the flight, and its replacement."""
+    """Return the fact that the voltage is unknown for a part of the flight, and its replacement.
+
+    Empty if it is known throughout.
+    """
     track, craft = analysis.track, analysis.model.airframe
     unknown_s = float(track.row_seconds[track.flying & ~(track.voltage > 0.0)].sum())
     if analysis.withheld or unknown_s <= 0.05 * track.flying_s:
@@ -122,7 +127,8 @@ def voltage_facts(analysis: FlightAnalysis) -> Facts:
 
 
 def unseen_facts(track: FlightTrack) -> Facts:
-    """Return the parts of the flight that the log lacks: before it, in its pauses, after it."""
+    """Return the fact that lists parts of the flight missing in the log (before, pauses, after);
+    empty if none."""
     words = [say("begins in flight: what was before is unseen")] if track.flying[:1].any() else []
     for begin_s, long_s in zip(*pauses_in_flight(track), strict=True):
         pause = {"long": language.duration(float(long_s)), "clock": language.clock(float(begin_s))}
@@ -171,7 +177,9 @@ def peak_words(peak: UtilisationPeak) -> str:
 
 
 def estimate(figure: Estimate, unit: str = "", decimals: int = 1, factor: float = 1.0) -> str:
-    """`41 (38 to 45) rpm`, with the digits that the interval allows; without one no bracket."""
+    """Return `41 (38 to 45) rpm`, rounded to the digits that the interval allows, at most
+    `decimals`; without an interval no bracket, "unknown" without a value. `factor` multiplies
+    all three."""
     ends = figure.value, figure.low, figure.high
     if not language.known(figure.value):
         return language.UNKNOWN
@@ -181,9 +189,9 @@ def estimate(figure: Estimate, unit: str = "", decimals: int = 1, factor: float 
 
 
 def _outputs_go_on(analysis: FlightAnalysis) -> str:
-    """Return that motor outputs go on where speeds stop, and are not used for a silent ESC.
+    """Return the clause that motor outputs continue where speeds stop, but are not used.
 
-    Empty where no ESC was ever heard: the log has no ESC telemetry to look at.
+    Empty if they do not, or if no ESC ever reported, so that there is no ESC telemetry to check.
     """
     heard = np.isfinite(analysis.utilisation) & ~analysis.from_outputs
     if not heard.any():
@@ -197,7 +205,11 @@ def _outputs_go_on(analysis: FlightAnalysis) -> str:
 def basis_words(
     analysis: FlightAnalysis, measured_s: float, known_s: float, airborne_s: float
 ) -> str:
-    """Return the source of a flight's thrust utilisation, with the seconds of each."""
+    """Return the source of a flight's thrust utilisation in words.
+
+    `measured_s` and `known_s` are the seconds in which it is measured and known, of `airborne_s` in
+    the air.
+    """
     if known_s == 0.0:
         return say("nothing measured, nothing predicted")
     missing = airborne_s - known_s

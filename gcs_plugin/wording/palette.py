@@ -59,7 +59,8 @@ class ColourScale:
 
     @property
     def labels(self) -> tuple[tuple[float, str], ...]:
-        """Return values and their names, in order, in the language that is spoken."""
+        """Return (value, label) of each mark and of the limit, ascending, in the selected
+        language."""
         named = [(value, say(text)) for value, text in self.marks]
         if self.limit is not None:
             number = f"{percent_down(self.limit)}{self.unit}"
@@ -103,9 +104,10 @@ GROUND_SPEED = ColourScale(
 
 
 def thrust_left(least: float = 0.5) -> ColourScale:
-    """Return the scale of thrust left, whose colours turn at `least`, the share that must be left.
+    """Return the scale of thrust left, whose colours change at `least`, the share that must be
+    left.
 
-    It is the one of the page, the 3D scene, replays, reports and forecasts.
+    The page, the 3D scene, replays, reports and forecasts all use it.
     """
     return ColourScale(
         title="Thrust left, worst rotor",
@@ -131,8 +133,7 @@ REDUNDANCY = ColourScale(
 
 
 def residual_scale(limit_rpm: float) -> ColourScale:
-    """Return the diverging scale of measured minus predicted rotor speed, from -limit_rpm to
-    limit_rpm."""
+    """Return the diverging scale of measured minus predicted rotor speed, within +- limit_rpm."""
     colours = ((92, 190, 222), (36, 112, 190), (98, 90, 126), (214, 84, 16), (238, 165, 45))
     at = np.linspace(-limit_rpm, limit_rpm, len(colours)).tolist()
     return ColourScale(
@@ -211,7 +212,7 @@ _EXPOSURE = 1 / 0.6
 
 
 def sent_for(seen: ArrayLike) -> Colours:
-    """Return the line colours (..., 3) to send for colours `seen` on the screen, as close as 8 bits
+    """Return the line colours (..., 3) to send so that the screen displays `seen`, as 8 bits
     allow."""
     a, b, c, d, e = _CURVE
     target = np.clip(_linear(seen) @ np.linalg.inv(_OUTPUT).T, 0.0, None)

@@ -141,7 +141,7 @@ _OFF: Mapping[str, tuple[str, str, int]] = {
 
 
 def off_sentence(off: Off) -> str:
-    """Return one difference between plan and flight: `took off with 16.0 kg, 13.0 kg assumed`."""
+    """Return a difference between plan and flight: `took off with 16.0 kg, 13.0 kg assumed`."""
     sentence, unit, digits = _OFF[off.what]
     flown, forecast = off.amount.flown, off.amount.forecast
     words = say(
@@ -156,8 +156,8 @@ def off_sentence(off: Off) -> str:
 
 
 def stretch_words(stretch: StretchBeside) -> str:
-    """Return a stretch as flown, with the forecast in brackets: `leg to item 5: 23 s (22 s),
-    ...`."""
+    """Return the values flown on one leg, the forecast ones in brackets: `leg to mission item 5: 23
+    s (22 s), ...`."""
     used = stretch.utilisation_mean, stretch.utilisation_peak
     mean, least = (f"{left_words(1.0 - p.flown)} ({left_words(1.0 - p.forecast)})" for p in used)
     figures = (
@@ -176,8 +176,12 @@ def stretch_words(stretch: StretchBeside) -> str:
 def beside_words(
     off: Sequence[Off], stretches: Sequence[StretchBeside], *, left_at: int | None
 ) -> str:
-    """Return one sentence about a flight compared with its forecast: `as forecast`, or the
-    differences."""
+    """Return a flight compared with its forecast, as a sentence: `flown as forecast`, or the
+    differences `off`.
+
+    `left_at` is the mission item on the way to which the plan was left, None if it was not. Without
+    `stretches` nothing of the plan was flown.
+    """
     left = ""
     if left_at is not None:
         left = say("the plan was left on the way to item {item}", item=left_at)

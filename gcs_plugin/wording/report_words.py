@@ -64,8 +64,10 @@ NO_ROW_OF_BOTH = "No airborne row has both a measured and a predicted rotor spee
 
 
 def prediction_checked(check: MarginCheck, *, trained_on: bool) -> str:
-    """Return thrust left as predicted and measured, the interval's coverage, and whether the model
-    was trained on this flight."""
+    """Return thrust left as predicted and measured, and the interval's coverage, in words.
+
+    `trained_on`: the model was trained on this flight, which is added.
+    """
     steps = ", ".join(
         say(
             "{when} {predicted} and {measured}",
@@ -102,8 +104,7 @@ NO_MAKERS_LIMIT = (
 
 
 def other_kind(learnt: str, here: str) -> str:
-    """Return the words about a model trained on another kind of rotor speeds than this flight
-    has."""
+    """Return the words on a model trained on another kind of rotor speeds than this flight has."""
     return say(
         "it learnt from rotor speeds {learnt} and this flight's are {here}: part of the "
         "difference from the prediction is that of the two kinds",
@@ -115,8 +116,7 @@ def other_kind(learnt: str, here: str) -> str:
 def trained_at(
     airspeed: Sequence[float], tank_kg: Sequence[float], density: Sequence[float]
 ) -> str:
-    """Return the training domain: airspeed, m/s, tank level, kg, and air density, kg/m³, as (low,
-    high)."""
+    """Return the training domain in words, from (low, high) of m/s, kg and kg/m³."""
     return say(
         "trained at {airspeed} m/s airspeed, {load} kg on board, {density} kg/m³",
         airspeed=f"{airspeed[0]:.1f} to {airspeed[1]:.1f}",
@@ -135,7 +135,8 @@ def interval_made(coverage: float, flights: int) -> str:
 
 
 def in_brackets(confidence: float, blocks: int, block_s: float) -> str:
-    """Return the sentence about the intervals in brackets, from blocks of `block_s` seconds."""
+    """Return the sentence that explains the intervals in brackets: of probability `confidence`,
+    from `blocks` of `block_s` seconds."""
     return say(
         "In brackets the {share} interval, from {blocks} blocks of {length} of this flight: it "
         "covers its gusts and turns, not other days.",
@@ -146,7 +147,8 @@ def in_brackets(confidence: float, blocks: int, block_s: float) -> str:
 
 
 def no_intervals(blocks: int, fewest: int, block_s: float) -> str:
-    """Return the sentence about a flight with too few blocks for intervals."""
+    """Return the sentence that a flight has fewer than `fewest` blocks of `block_s` seconds, so no
+    intervals."""
     return say(
         "No intervals: the flight has {blocks} blocks of {length}, and fewer than {fewest} cannot "
         "show how sure a figure is.",
@@ -157,7 +159,7 @@ def no_intervals(blocks: int, fewest: int, block_s: float) -> str:
 
 
 def not_measured(basis: str) -> str:
-    """Return the sentence about rotor speeds that cannot check the prediction, being `basis`."""
+    """Return the sentence that the rotor speeds, being `basis`, cannot check the prediction."""
     words = "The rotor speeds are {basis}: they cannot check the prediction."
     return say(words, basis=say(basis))
 
@@ -168,7 +170,8 @@ def no_error(why: str) -> str:
 
 
 def fill_line(limit: float) -> str:
-    """Return the label of the fill line at the limit."""
+    """Return the label of the line in a chart at the fill that leaves the thrust required by
+    `limit`, the largest utilisation."""
     return say("most that leaves {share} in steady flight", share=least_words(limit))
 
 
@@ -186,7 +189,7 @@ def guessed(names: Sequence[str]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """A value that only the owner knows: the option that states it, and its meaning."""
+    """A value that only the owner knows: its command-line option and its meaning."""
 
     option: str  # with capitals in place of the value
     words: str
@@ -236,13 +239,15 @@ class FirstContact:
     gauge: bool  # tank level is reported
     airspeed: bool  # measured by a sensor
     autopilot: str
-    asked: tuple[str, ...]  # keys of QUESTIONS that the log does not answer
+    asked: tuple[str, ...]  # keys of QUESTIONS to the owner that the log leaves open
     log: str  # path, quoted for a shell
 
 
 def contact_headline(contact: FirstContact) -> str:
-    """Return `Motors at 63 %, worst 83 %` for an unknown aircraft; outputs and speeds are no
-    thrust."""
+    """Return the headline of an unknown aircraft: `Motors at 63 %, worst 83 %` of full output.
+
+    If only rotor speeds are known, they are per cent of the highest one seen. Neither is thrust.
+    """
     median, worst = percent(contact.median_use), percent(contact.worst_use)
     if contact.basis == "motor outputs":
         return say("Motors at {median}, worst {worst}", median=median, worst=worst)
@@ -265,7 +270,7 @@ def contact_use(contact: FirstContact) -> tuple[str, str]:
 
 
 def contact_facts(contact: FirstContact) -> Facts:
-    """Return all facts of an unknown aircraft: its use, the log, the questions, and the commands to
+    """Return all facts of an unknown aircraft: its use, the log, the questions and commands to
     copy."""
     return (
         contact_use(contact),
@@ -279,7 +284,7 @@ def contact_facts(contact: FirstContact) -> Facts:
 
 #: Labels of commands to copy: one with capitals to replace, and one that asks questions.
 TO_COPY = ("to copy", "or be asked")
-#: Facts that stand open under the card: what limits its answer, and what was found at fault.
+#: Facts listed unfolded under the card: what limits its verdict, and what was found at fault.
 CONDITIONS = (
     *("alarm", "after the repair", "why", "what helps", "model", "ESC", "weak rotors", "thrust"),
     *("rotor speeds", "battery voltage", "beyond the ceiling", "log", "load", *TO_COPY),
@@ -309,7 +314,8 @@ def _use_words(contact: FirstContact) -> str:
 
 
 def found_words(contact: FirstContact) -> str:
-    """List what the log shows of the aircraft: motors, layout, cells, hover, sensors, autopilot."""
+    """List what the log contains on the aircraft: motors, layout, cells, hover, sensors,
+    autopilot."""
     layout = contact.layout or say("layout not known")
     order = say("in its motor order" if contact.motor_order_known else "motor order not known")
     cells = say("{count} cells" if contact.cells != 1 else "{count} cell", count=contact.cells)
@@ -337,8 +343,8 @@ def found_words(contact: FirstContact) -> str:
 
 
 def option_words(asked: Sequence[str]) -> list[tuple[str, str]]:
-    """Return option and meaning of each question; `power_set` becomes propeller and maximum
-    thrust."""
+    """Return (option, meaning) of each question in `asked`, keys of QUESTIONS; `power_set` becomes
+    propeller and maximum thrust."""
     names: list[str] = []
     for name in asked:
         names += ("propeller", "max_thrust_kgf") if name == "power_set" else (name,)

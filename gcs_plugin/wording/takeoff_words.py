@@ -80,7 +80,7 @@ def takeoff_alarm(finding: TakeoffFinding, *, flying: bool) -> str:
 
 
 def finding_words(finding: TakeoffFinding, places: Sequence[str] = ()) -> str:
-    """Return a finding as a sentence with its amounts and the look that settles it.
+    """Return a finding as a sentence with its amounts and the inspection that settles it.
 
     `places` are the names of the rotors' places, empty where they are not known.
     """
@@ -88,7 +88,8 @@ def finding_words(finding: TakeoffFinding, places: Sequence[str] = ()) -> str:
 
 
 def _values(finding: TakeoffFinding, places: Sequence[str]) -> dict[str, str]:
-    """Return the values of a finding's sentence, by name."""
+    """Return the words to fill in a finding's sentence: motors, value, reference, low and high,
+    with units."""
     numbers = [str(motor + 1) for motor in finding.motors]
     between = f" {say('or')} " if finding.kind in _EITHER else f" {say('and')} "
     motors = ", ".join(numbers[:-1])
@@ -103,7 +104,7 @@ def _values(finding: TakeoffFinding, places: Sequence[str]) -> dict[str, str]:
 
 
 def _amount(kind: TakeoffKind, value: float) -> str:
-    """Return a value of a finding with its unit."""
+    """Return a finding's value, in SI or rpm, as text with the unit of its kind."""
     if kind in (TakeoffKind.STANDS, TakeoffKind.LATE):
         return number(value, "s", 1)
     if kind in (TakeoffKind.SLOW, TakeoffKind.FAST, TakeoffKind.EXCHANGED, TakeoffKind.UNLIKE):
@@ -122,15 +123,15 @@ def _amount(kind: TakeoffKind, value: float) -> str:
 
 
 def check_line(check: TakeoffCheck) -> str:
-    """Return one line about a run-up: motors, voltage, and once it hovers mass and yaw authority.
+    """Return one line about a run-up: motors, voltage, and in hover mass and yaw authority.
 
-    Says "not known" where no speed is reported.
+    It is "not known" for motors where no speed is reported.
     """
     return "; ".join([_motors_line(check), *_battery_line(check), *_hover_line(check)])
 
 
 def _motors_line(check: TakeoffCheck) -> str:
-    """Return how many motors turn, and how far apart they started."""
+    """Return a phrase on how many motors turn, and within how many s of each other they started."""
     count = len(check.motors)
     if not check.reporting:
         return say("no rotor speed is reported: not known whether the motors turn")
@@ -150,7 +151,10 @@ def _motors_line(check: TakeoffCheck) -> str:
 
 
 def _battery_line(check: TakeoffCheck) -> list[str]:
-    """Return the battery's voltage at rest, at idle and at its least."""
+    """Return the battery's voltage at rest, at idle and at lift-off, and its resistance, in words.
+
+    Empty without a voltage at rest.
+    """
     if not known(check.rest_voltage):
         return []
     parts = [say("{volts} at rest", volts=number(check.rest_voltage, "V", 1))]
@@ -164,7 +168,7 @@ def _battery_line(check: TakeoffCheck) -> list[str]:
 
 
 def _hover_line(check: TakeoffCheck) -> list[str]:
-    """Return mass by thrust against the stated one, and the yaw authority that is left."""
+    """Return the mass by thrust, with the stated one, and the unused yaw authority, in words."""
     parts = []
     if known(check.mass_kg):
         carried = number(check.mass_kg, "kg", 1)

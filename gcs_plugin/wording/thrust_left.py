@@ -23,20 +23,22 @@ ROUNDING = 1e-8
 
 
 def percent_down(share: float) -> int:
-    """Return the whole percent of thrust left, rounded down: what is too little also reads so."""
+    """Return a share of thrust left in whole per cent, rounded down, so that too little reads
+    so."""
     return math.floor(100.0 * (share + ROUNDING))
 
 
 def percent_up(share: float) -> int:
-    """Return the whole percent of the upper end of an interval of thrust left, rounded up."""
+    """Return the upper end of an interval of thrust left, a share, in whole per cent, rounded
+    up."""
     return math.ceil(100.0 * (share - ROUNDING))
 
 
 def left_words(share: float | None, low: float = math.nan, high: float = math.nan) -> str:
-    """Return thrust left as `45 %`, or `none` for less than nothing: a rotor that worked harder
-    than its airframe says it can.
+    """Return thrust left as `45 %`; with the ends of its interval `45 % (40 to 50)`.
 
-    With the ends of its interval `45 % (40 to 50)`; `unknown` for NaN and None.
+    `none` for a negative share, of a rotor that worked harder than its airframe allows; `unknown`
+    for NaN and None.
     """
     if not known(share):
         return number(None)
@@ -48,28 +50,32 @@ def left_words(share: float | None, low: float = math.nan, high: float = math.na
 
 
 def least_words(max_utilisation: float) -> str:
-    """Return the thrust that must be left, `50 %`, for the largest share that may be in use."""
+    """Return the least thrust that must be left, `50 %`, from the largest share that may be in
+    use."""
     return left_words(1.0 - max_utilisation)
 
 
 def below(left: ArrayLike, least: float) -> Bools:
-    """Return whether thrust left is too little, whatever it was before; False for NaN.
+    """Flag shares of thrust left that are below `least`, whatever they were before; False for NaN.
 
-    For a `least` of whole percent that is so if and only if it reads as less.
+    For a `least` of whole per cent these are exactly the ones that read as less.
     """
     return np.asarray(left, dtype=np.float64) + ROUNDING < least
 
 
 def clear(left: ArrayLike, least: float) -> Bools:
-    """Return whether thrust left is enough also where it was too little before; False for NaN."""
+    """Flag shares of thrust left that are enough also after too little; False for NaN.
+
+    These exceed `least` by more than HYSTERESIS.
+    """
     return np.asarray(left, dtype=np.float64) > least + HYSTERESIS
 
 
 def too_little(left: Floats, least: float, before: ArrayLike = False) -> Bools:
-    """Return where (T, R) thrust left over time counts as too little.
+    """Flag the rows and rotors (T, R) in which the thrust left counts as too little.
 
     It begins below `least` and ends HYSTERESIS above it. Between the two, and while it is unknown,
-    it stays as it was; `before`, of shape (R,) or one for all, is how it was before the first row.
+    the flag is unchanged; `before`, (R,) or one for all, is the flag before the first row.
     """
     low = below(left, least)
     row = np.arange(len(low))[:, None]
@@ -79,7 +85,9 @@ def too_little(left: Floats, least: float, before: ArrayLike = False) -> Bools:
 
 
 def value_of_colour(left: Floats, least: float, low: Bools) -> Floats:
-    """Return the value whose colour shows thrust left: on the side of `least` that `low`, whether
-    it counts as too little, asks for. NaN stays NaN."""
+    """Return the value to colour a share of thrust left by; NaN stays NaN.
+
+    It is moved to the side of `least` that the flag `low`, which counts as too little, requires.
+    """
     least_low = np.nextafter(least, 0.0)
     return np.where(low, np.minimum(left, least_low), np.maximum(left, least))

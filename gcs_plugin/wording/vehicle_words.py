@@ -37,7 +37,7 @@ KINDS: Mapping[str, str] = {
     "internal error": "internal error",
     "other": "other",
 }
-#: How the log stands beside a report -> sentence.
+#: `Corroboration` of a vehicle's report by its log -> sentence.
 _BESIDE: Mapping[str, str] = {
     "agrees": "the log says the same: motor {found}",
     "other motor": "the vehicle names motor {named}; speeds say {found}: {named} works harder "
@@ -65,10 +65,12 @@ def beside_words(
     losses: str = "",
     places: Sequence[str] = (),
 ) -> str:
-    """Return how the log stands beside a report, as a sentence; empty where there is no view of it.
+    """Return a sentence on how the log agrees with a vehicle's report; empty where the log shows
+    nothing of it.
 
-    Motors count from 0; `places` are the names of their places, empty where unknown. `losses` are
-    the signs of a loss of control in words.
+    `beside` is the value of a `Corroboration`. `named` are the motors of the report, `found` those
+    of the log, both from 0; `places` are the names of their places, empty where unknown. `losses`
+    are the signs of a loss of control in words.
     """
     words = _BESIDE[beside]
     if not words:

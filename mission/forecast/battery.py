@@ -55,7 +55,7 @@ class FlightBattery:
 
     @property
     def falls(self) -> bool:
-        """Return whether the voltage can be computed from the charge: the capacity is known."""
+        """Return True if the voltage can be computed from the charge: the capacity is known."""
         return self.capacity_ah > 0.0
 
 
@@ -65,11 +65,12 @@ UNKNOWN = FlightBattery()
 def used_since_change(
     total: Floats, changed: NDArray[np.intp], before: Floats | float = 0.0
 ) -> Floats:
-    """Subtract from a running total (T,) its value at the latest row of `changed`, the rows of a
-    new tank or battery.
+    """Return the amount used (T,) since the last refill or battery change, from a running total
+    (T,).
 
-    `before` is the amount already used at each of those rows: one number, or one for each row. Rows
-    ahead of the first change keep the whole total.
+    `changed` are the indices of the rows of a new tank or battery. `before` is the amount already
+    used of it in each such row: one number, or one for each row. Rows before the first change keep
+    the whole total.
     """
     begun = np.zeros(total.size)
     begun[changed] = total[changed] - before
@@ -135,9 +136,9 @@ def formula_coefficient(model: RotorModel) -> float:
 def power_error(model: RotorModel, prediction: Prediction) -> float:
     """Return the standard error of ln of the mean power of a predicted flight.
 
-    It is that of the coefficient, and three times that of the rotors' common speed. The latter is
-    taken from the interval of the prediction, as if all modes of the rotors were equally unsure.
-    Without an interval it is the change from day to day of a measured aircraft.
+    It combines that of the power coefficient and three times that of the rotors' common speed. The
+    latter is computed from the prediction's interval, as if all modes of the rotors were equally
+    unsure; without an interval it is the change between days of a measured aircraft.
     """
     of_law = UNMEASURED_POWER_ERROR if model.power is None else model.power.error
     reach = (prediction.upper_rpm - prediction.rotor_speed_rpm) / prediction.rotor_speed_rpm
@@ -160,10 +161,10 @@ def discharge(
 ) -> tuple[Floats, Floats]:
     """Compute the voltage under load (T,), V, and the energy drawn so far (T,), Wh.
 
-    `power` (T,) W is drawn for `seconds` (T,) s. At each of the rows `changed` a battery takes over
-    that has already given `before_wh`; the energy runs on across batteries. The voltage is NaN
-    where the charge is used up. Without a capacity or a nominal voltage it is constant:
-    `battery.voltage`, else the nominal voltage.
+    `power` (T,) W is drawn for `seconds` (T,) s. In each of the rows `changed` a battery replaces
+    the last one and has already given `before_wh`; the energy is summed over all batteries. The
+    voltage is NaN where the charge is used up. Without a capacity or a nominal voltage it is
+    constant: `battery.voltage`, else the nominal voltage.
     """
     energy = np.cumsum(np.nan_to_num(power) * seconds) / 3600.0
     cells = round(airframe.nominal_voltage / CELL) if airframe.nominal_voltage > 0.0 else 0
@@ -188,14 +189,14 @@ def discharge(
 
 
 def charge_at_rest(cell_voltage: float) -> float:
-    """Return the charge, as a share, of a cell of `cell_voltage` V at rest."""
+    """Return the state of charge, 0 to 1, of a cell whose voltage at rest is `cell_voltage` V."""
     return float(np.interp(cell_voltage, _AT_REST, _CHARGE))
 
 
 def resistance_of_battery(battery: FlightBattery, cells: int) -> tuple[float, float]:
     """Return the resistance of a battery, ohm, and its standard error, ohm.
 
-    Without a measured or stated one it is the usual one of the capacity, as unsure as
+    Without a measured or stated one it is the usual value for the capacity, with the relative error
     RESISTANCE_ERROR.
     """
     if battery.resistance >= 0.0:
@@ -205,9 +206,10 @@ def resistance_of_battery(battery: FlightBattery, cells: int) -> tuple[float, fl
 
 
 def usable_energy(battery: FlightBattery, airframe: Airframe, kept: float) -> float:
-    """Return the energy, Wh, that a battery gives until the share `kept` of its charge is left.
+    """Return the energy, Wh, that a battery delivers until the share `kept` of its charge remains.
 
-    It counts from the charge that its voltage at rest shows; NaN without capacity or cells.
+    It starts from the charge at the battery's voltage at rest, or full if that is unknown. NaN
+    without a capacity or a nominal voltage.
     """
     cells = round(airframe.nominal_voltage / CELL) if airframe.nominal_voltage > 0.0 else 0
     if not battery.falls or not cells:
@@ -217,7 +219,8 @@ def usable_energy(battery: FlightBattery, airframe: Airframe, kept: float) -> fl
 
 
 def usable_error(battery: FlightBattery, airframe: Airframe, kept: float) -> float:
-    """Return the standard error of ln of `usable_energy` by that of the voltage at rest."""
+    """Return the standard error of ln `usable_energy` that the error of the voltage at rest
+    causes."""
     usable = usable_energy(battery, airframe, kept)
     if not (battery.voltage_error > 0.0 and usable > 0.0):
         return 0.0
@@ -235,11 +238,11 @@ def voltage_ends(
     changed: NDArray[np.intp],
     before_wh: Floats | float = 0.0,
 ) -> tuple[Floats, Floats]:
-    """Compute the 90 % interval of the voltage under load (T,), V: the lower ends, the upper ends.
+    """Compute the lower and upper ends of the 90 % interval of the voltage under load (T,), V.
 
-    `error` is the standard error of ln power; the others are as in `discharge`. The errors of
-    power, voltage at rest and resistance add up in quadrature. NaN throughout without a capacity;
-    in the lower ends also where the charge may be used up.
+    `error` is the standard error of ln power; the other arguments are as in `discharge`. The errors
+    of power, voltage at rest and resistance add up in quadrature. NaN throughout without a
+    capacity; in the lower ends also where the charge may be used up.
     """
     cells = round(airframe.nominal_voltage / CELL) if airframe.nominal_voltage > 0.0 else 0
     if not battery.falls or not cells:

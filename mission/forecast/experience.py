@@ -42,7 +42,7 @@ class SaidFlown:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlownMission:
-    """A flown mission beside its forecast, over the stretches that were flown as planned."""
+    """Forecast and flown values of one mission, over the stretches that were flown as planned."""
 
     stretches: int
     complete: bool  # all of the plan was flown
@@ -77,7 +77,7 @@ class Experience:
 
 
 def experience(missions: Sequence[FlownMission]) -> Experience | None:
-    """Return the corrections by earlier missions; None with fewer than FEWEST_MISSIONS."""
+    """Return the corrections that earlier missions imply; None with fewer than FEWEST_MISSIONS."""
     if len(missions) < FEWEST_MISSIONS:
         return None
     return Experience(
@@ -90,7 +90,11 @@ def experience(missions: Sequence[FlownMission]) -> Experience | None:
 
 
 def _correction(differences: Sequence[float], prior: float) -> Correction:
-    """Return the mean of the known differences with its error for a further one."""
+    """Return the mean of the finite differences, and the standard error of a further mission's.
+
+    `prior` is the prior standard deviation between missions. NO_CORRECTION with fewer than
+    FEWEST_MISSIONS finite differences.
+    """
     known = [value for value in differences if math.isfinite(value)]
     if len(known) < FEWEST_MISSIONS:
         return NO_CORRECTION
@@ -121,7 +125,10 @@ def corrected_factor(value: float, correction: Correction, error: float = 0.0) -
 
 
 def corrected_use(value: float, low: float, high: float, correction: Correction) -> Interval:
-    """Return a utilisation with its 90 % interval (`low`, `high`) after a correction."""
+    """Return a utilisation plus a mean correction, with its 90 % interval.
+
+    `low` and `high` are the interval of `value`; the correction's error widens it.
+    """
     middle, spread = value + correction.mean, NORMAL * correction.error
     return (
         middle,

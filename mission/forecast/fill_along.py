@@ -58,7 +58,10 @@ class Weakest:
 
 
 def leg_forecast(span: Span, analysis: FlightAnalysis) -> LegForecast:
-    """Return the forecast of the stretch `span` of the analysed planned flight."""
+    """Return duration, utilisation and remaining liquid of the leg or turn `span` of a plan.
+
+    `analysis` is that of the simulated flight.
+    """
     rows = slice(span.first, span.last)
     use, reach = worst_use(analysis, rows)
     top = int(np.argmax(np.where(np.isfinite(use), use, -1.0)))
@@ -76,9 +79,8 @@ def leg_forecast(span: Span, analysis: FlightAnalysis) -> LegForecast:
 
 
 def worst_use(analysis: FlightAnalysis, rows: slice) -> tuple[Floats, Floats]:
-    """Return the predicted utilisation (N,) of the most used rotor in `rows`, and half its 90 %
-    interval (N,).
-    """
+    """Return the worst rotor's predicted utilisation (N,) in each of `rows`, and half its 90 %
+    interval (N,)."""
     use = analysis.utilisation_predicted[rows]
     worst, which = worst_rotor(use)
     error = analysis.utilisation_error[rows]
@@ -88,7 +90,7 @@ def worst_use(analysis: FlightAnalysis, rows: slice) -> tuple[Floats, Floats]:
 
 
 def weakest_place(flight: PlanFlight, analysis: FlightAnalysis) -> Weakest | None:
-    """Return the place with the largest utilisation; None where nothing is predicted."""
+    """Return the place with the largest predicted utilisation; None where nothing is predicted."""
     use, reach = worst_use(analysis, slice(None))
     if not np.isfinite(use).any():
         return None
@@ -153,8 +155,8 @@ def largest_fill(
 
     `flown` forecasts the plan under other conditions; `advised` is the forecast under `given`. The
     result is rounded down to 0.1 kg; 0 means not even an empty tank keeps the limit. NaN where the
-    utilisation is unknown or a rotor is faulty. The search is by secant steps, because the room
-    left is nearly linear in the load.
+    utilisation is unknown or a rotor is faulty. The search is by secant steps, because the mass
+    left to the limit is nearly linear in the load.
     """
     craft = identified_airframe(advised.analysis.model)
     most = min(craft.tank_capacity_kg, craft.max_takeoff_mass - craft.empty_mass)
@@ -185,10 +187,10 @@ def largest_fill(
 
 
 def _room(advised: Advised, limit: float) -> float:
-    """Return the change of mass, kg, at which the first row meets its limit; negative if one is
-    exceeded.
+    """Return the extra mass, kg, with which the first row would reach a limit; negative if it
+    exceeds it.
 
-    The limits are of utilisation and of redundancy.
+    The limits are `limit` of utilisation, and that of redundancy (see `Advised`).
     """
     analysis, use = advised.analysis, advised.advice.use
     mass = identified_airframe(analysis.model).empty_mass + analysis.track.tank_kg

@@ -24,9 +24,8 @@ FINEST = 0.01  # m/s in steps of which a short leg's top speed is found, so that
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pulse:
-    """The acceleration from rest to a top speed, in tables of (SAMPLES,) rows; in reverse it is
-    braking.
-    """
+    """Acceleration from rest to a top speed, tabulated in (SAMPLES,) rows; reversed it is
+    braking."""
 
     top_speed: float  # m/s that is reached
     seconds: float
@@ -98,8 +97,7 @@ def leg_profile(
     *,
     brakes: bool = True,
 ) -> LegProfile:
-    """Return the motion along a leg of `length` m; its top speed is reduced where the leg is too
-    short.
+    """Return the motion along a leg of `length` m from rest; a short leg has a lower top speed.
 
     Limits: `speed` m/s, `acceleration` m/s², `jerk` m/s³, `snap` m/s⁴. A reduced top speed is
     rounded down to FINEST. Without `brakes` the leg ends at its top speed.
@@ -120,7 +118,8 @@ def leg_profile(
 
 @lru_cache(maxsize=4096)
 def speeding_up(speed: float, acceleration: float, jerk: float, snap: float) -> Pulse:
-    """Return the acceleration from rest to `speed`, m/s; cached by its limits."""
+    """Return the acceleration from rest to `speed`, m/s, within the limits m/s², m/s³, m/s⁴;
+    cached."""
     peak, steep, ramp, constant_s, flat = _pulse(speed, acceleration, jerk, snap)
     seconds = 2.0 * (2.0 * ramp + constant_s) + flat
     at_s = np.linspace(0.0, seconds, SAMPLES)

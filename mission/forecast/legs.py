@@ -61,7 +61,7 @@ class LegEnds:
     sprayed_kg: Floats  # (L,)
     energy_wh: Floats  # (L,)
     lines: Floats  # (L,) m flown over ground with the pump on
-    home_wh: Floats  # (L,) that the way home takes from there with a full tank
+    home_wh: Floats  # (L,) Wh used to fly home from there with a full tank
 
 
 def leg_ends(
@@ -71,11 +71,11 @@ def leg_ends(
     limits: FlightLimits,
     model: RotorModel,
 ) -> LegEnds:
-    """Compute the cumulative use at the end of each of `legs`; `flight` has simulated the first of
-    them.
+    """Compute time, liquid and energy used from the start to the end of each of `legs`.
 
-    The use of legs beyond `flight` is extrapolated from their speed and length, at the mean power
-    of `flight`.
+    `flight` has simulated the first of `legs`. Liquid and energy of the remaining legs are
+    extrapolated from their speed and length, at the mean power of `flight`. Times in s, liquid in
+    kg, energy in Wh; the energy to fly home from each leg's end is included.
     """
     count = len(flight.course.legs)
     rows = np.maximum(np.searchsorted(flight.course.active, np.arange(1, count + 1)) - 1, 0)
@@ -113,8 +113,8 @@ def needs(of_legs: LegEnds, line_ends: Sequence[int], *, fill_kg: float, usable_
     """Divide a plan into sorties; a refill may follow the items in `line_ends`, in any order.
 
     `usable_wh` is the energy that a battery may give; NaN where it is unknown, and then only the
-    tank limits a sortie. Each sortie but the last includes the energy of the way home; each but the
-    first, of the way back to its start.
+    tank limits a sortie. Each sortie but the last includes the energy of the flight home; each but
+    the first, of the flight back to its start.
     """
     ends, used, given = of_legs.time_s, of_legs.sprayed_kg, of_legs.energy_wh
     at_line_end = np.isin(of_legs.items, list(line_ends))
@@ -125,7 +125,7 @@ def needs(of_legs: LegEnds, line_ends: Sequence[int], *, fill_kg: float, usable_
     def energy(a: int, b: int) -> float:
         """Return the energy, Wh, from the end of leg `a` (-1: take-off) to the end of leg `b`.
 
-        The ways from and to the refills are included.
+        Flights from and to the refills are included.
         """
         out = float(given[a] - of_legs.home_wh[a]) if a >= 0 else 0.0
         home = float(of_legs.home_wh[b]) if b + 1 < ends.size else 0.0
@@ -187,12 +187,13 @@ def parts_flown(
     windy: bool,
     longest_s: float,
 ) -> PartsFlown:
-    """Choose the legs to simulate: the `first` ones, and later ones that none before them
-    represents.
+    """Choose the legs to simulate: the `first` ones, and later ones that differ from those chosen.
 
-    `ends` covers all `legs`. Tank and battery are fresh after the legs numbered `refill_after`,
-    from 0; `mass` kg is at take-off. A chosen leg comes with its neighbours. The later legs last
-    `longest_s` at most; those beyond are counted in `unlike`.
+    Two legs are alike if motion (`_kind`), mass and battery charge are about equal. `ends` covers
+    all `legs`. Tank and battery are full after the legs numbered `refill_after`, from 0; `mass`,
+    kg, is that at take-off; `usable_wh` is NaN if unknown. A chosen leg is simulated with its
+    neighbours. Later legs last `longest_s` s at most in total; `unlike` in the result is the number
+    of legs left out for that.
     """
     fresh = np.asarray(refill_after, dtype=np.intp)
     kg, wh = used_since_change(ends.sprayed_kg, fresh), used_since_change(ends.energy_wh, fresh)
@@ -235,8 +236,9 @@ def parts_flown(
 
 
 def _kind(one: TimedLeg, two: TimedLeg | None, *, windy: bool) -> Hashable:
-    """Return the key that two legs share if they are flown alike, the corner after them
-    included.
+    """Return a key that is equal for legs of about equal speed, climb angle and corner afterwards.
+
+    `two` is the leg after `one`. The direction counts too with wind or a commanded heading.
     """
     key: list[float | None] = [one.leg.stops]
     for timed in (one, two):

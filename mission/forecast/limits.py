@@ -39,7 +39,7 @@ class FlightLimits:
     yaw_acceleration: float  # rad/s²
     yaw_time: float  # s in which a small error of heading is turned away
     yaw_loop: YawLoop  # by which the yaw follows its target
-    nose_ahead: bool  # the nose follows the way flown
+    nose_ahead: bool  # the nose points along the path flown
     nose_home: bool  # also on the return
     turns_back: bool  # over home it turns as it was before take-off, and lands then
     sprays_by_speed: bool  # the pump's flow follows the speed over ground
@@ -98,8 +98,11 @@ PX4_YAW_TIME = 0.25  # s, about what its attitude loop takes
 def _values(
     table: Mapping[str, tuple[str, float]], parameters: Mapping[str, float]
 ) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """Return the value of each field of `table`, and the parameters, with default, that were
-    missing.
+    """Return a parameter's value (or default) for each field of `table`, and the missing
+    parameters.
+
+    `table` maps a field to the parameter's name and default. The missing ones are texts with the
+    default used.
     """
     stated = {name: parameter(parameters, name) for name, _ in table.values()}
     unknown = [
@@ -112,10 +115,10 @@ def _values(
 def flight_limits(
     parameters: Mapping[str, float], *, px4: bool = False, model: RotorModel | None = None
 ) -> FlightLimits:
-    """Return the limits of a vehicle with these parameters, by name; missing ones take their
-    defaults.
+    """Return the motion limits, SI, that a vehicle's parameters, by name, set.
 
-    `model` has the moment that its rotors have for yaw; None: unknown.
+    Missing parameters take the autopilot's defaults. The yaw moment of the rotors is computed from
+    `model`; with None it is unknown.
     """
     limits = (_px4 if px4 else _ardupilot)(parameters)
     if model is None:
@@ -160,7 +163,7 @@ def _ardupilot(parameters: Mapping[str, float]) -> FlightLimits:
 
 
 def _px4(parameters: Mapping[str, float]) -> FlightLimits:
-    """Return the limits from PX4's parameters."""
+    """Return the limits, in SI units, that the PX4 `parameters` (by name) set; as `_ardupilot`."""
     values, assumed = _values(_PX4, parameters)
     loop = YawLoop(angle_gain=values.pop("angle_gain"))
     behaviour = values.pop("yaw_behaviour")

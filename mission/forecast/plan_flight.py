@@ -72,10 +72,10 @@ Assumption = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TakeOff:
-    """The conditions that a user states for a plan; NaN where unknown, and the forecast lists what
-    it assumed.
+    """Conditions that a user states for a plan; NaN where unknown, and the forecast lists what it
+    assumed.
 
-    `known` is what a log, a link or the user's memory states of the day besides.
+    `known` contains the values of the day known from a log, a link or earlier statements.
     """
 
     fill_kg: float
@@ -92,7 +92,11 @@ class TakeOff:
     known: Day = UNKNOWN_DAY
 
     def day(self, nominal_voltage: float, plan_height: float = math.nan) -> Day:
-        """Return the complete day; `plan_height` is of the home in the plan, m AMSL or NaN."""
+        """Return the day: stated values, else those in `known`, else the plan's, else defaults.
+
+        `nominal_voltage` is the battery's, V; `plan_height` is that of the plan's home, m AMSL, NaN
+        if unknown.
+        """
         stated = Day(
             air_temperature=stated_value("air_temperature", self.air_temperature),
             pressure=DayValue(self.pressure, DaySource.OPTION),
@@ -135,7 +139,7 @@ def conditions(
 ) -> tuple[PlanConditions, dict[Assumption, tuple[str, ...]]]:
     """Return the conditions of a planned flight, and the assumptions made for unknown values.
 
-    `day` is the complete one of `given`. The assumptions map a name to the figures of its sentence.
+    `day` is `given.day`, with defaults. The assumptions map a name to the figures of its sentence.
     """
     assumed: dict[Assumption, tuple[str, ...]] = {}
     if day.height.source.assumed and not day.pressure.known:
@@ -186,7 +190,7 @@ def wind_ned(speed: float, from_deg: float) -> tuple[float, float, float]:
 
 
 def wind_from_deg(given: PlanConditions) -> float:
-    """Return the direction that the wind comes from, degrees, 0 to 360 from north."""
+    """Return the direction from which the wind blows, degrees clockwise from north, 0 to 360."""
     return math.degrees(math.atan2(-given.wind_ned[1], -given.wind_ned[0])) % 360.0
 
 
@@ -210,12 +214,12 @@ class PlanConditions:
     flow: float = 0.0  # kg/s with the pump on at the speed of the line
     flow_per_metre: float = math.nan  # kg/m of way sprayed, instead of `flow`
     most_flow: float = math.inf  # kg/s that the pump gives at its most
-    wind_ned: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m/s, the way the air moves
+    wind_ned: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m/s, velocity of the air
     battery: FlightBattery = UNKNOWN
 
 
 class Used(NamedTuple):
-    """The mass, kg, and energy, Wh, that a tank and a battery have given."""
+    """The liquid, kg, drawn from a tank, and the energy, Wh, drawn from a battery."""
 
     kg: float
     wh: float
@@ -249,8 +253,8 @@ def fly_plan(
 ) -> PlanFlight:
     """Simulate the flight along `course`, from the ground to the end of its last leg.
 
-    `anew` maps numbers of legs, from 0, to the use of tank and battery with which they start: none
-    after a refill, more where legs before were not simulated. The ways to and from a refill are not
+    `renewed` maps numbers of legs, from 0, to the liquid and energy used up at their start: 0 after
+    a refill, more where earlier legs were not simulated. Flights to and from a refill are not
     simulated.
     """
     time_s, velocity, active = course.time_s, course.velocity_ned, course.active
@@ -323,9 +327,9 @@ def with_slower_yaw(
 ) -> PlanFlight:
     """Return the flight `once`, or one with slower yaw if the rotors lack the moment for its turns.
 
-    An autopilot gives up yaw before roll, pitch and thrust. Yaw acceleration is reduced step by
+    An autopilot sacrifices yaw before roll, pitch and thrust. Yaw acceleration is reduced step by
     step as long as that lowers a utilisation above 1. `course_by` returns the course under other
-    limits.
+    limits, `fly` simulates it.
     """
     peak = largest_use(once, model)
     for _ in range(SLOWER):
@@ -420,7 +424,7 @@ class WayBack:
     distance: float  # m from home at that moment
     charge_kept: float  # share of the battery that is the reserve
     spare_wh: float  # least energy that is left at home, beyond the reserve; NaN unknown
-    expected_time_s: float  # NaN where home is then expected to be in reach throughout
+    expected_time_s: float  # NaN where home is then expected to be reachable throughout
     latest_time_s: float
     expected_spare_wh: float
     most_spare_wh: float
@@ -432,9 +436,10 @@ def energy_back(
     model: RotorModel,
     wind_ned: tuple[float, float, float],
 ) -> Floats:
-    """Compute the energy (T,), Wh, of the way home from each row of a flight.
+    """Compute the energy (T,), Wh, of flying home, landing included, from each row of a flight.
 
-    It is computed every EVERY_S s and interpolated. NaN where the model predicts nothing.
+    `wind_ned` is the air's velocity, m/s. Computed every EVERY_S s and interpolated. NaN where the
+    model predicts nothing.
     """
     track = flight.track
     every = np.arange(0.0, track.time_s[-1] + EVERY_S, EVERY_S)
@@ -452,9 +457,10 @@ def energy_home(
     model: RotorModel,
     wind_ned: tuple[float, float, float],
 ) -> Floats:
-    """Compute the energy (N,), Wh, of the way home from places (N, 3), m NED about home.
+    """Compute the energy (N,), Wh, of flying home and landing from places (N, 3), m NED about home.
 
-    `tank_kg` and `density` are (N,). It is 0 on the ground.
+    `tank_kg` and `density` (kg/m³) are (N,). `wind_ned` is the air's velocity, m/s. 0 on the
+    ground.
     """
     away = np.hypot(place_ned[:, 0], place_ned[:, 1])
     home = -place_ned[:, :2] / np.maximum(away, 1e-9)[:, None]
@@ -499,17 +505,21 @@ def way_back(
     charge_kept: float = 0.0,
     error: float = 0.0,
 ) -> WayBack:
-    """Find the first row where a battery that gives `usable_wh` may no longer reach home.
+    """Find the first row at which a battery with `usable_wh` Wh may not suffice to fly home.
 
-    `used_wh` (T,) Wh is the use of the present battery, `back_wh` (T,) the energy of the way home;
-    `charge_kept` is the share kept in reserve, `error` the standard error of ln of all energy.
-    Where home stays in reach, the place is the row with least to spare.
+    `used_wh` (T,) Wh is drawn from the battery until the row, `back_wh` (T,) Wh needed from there
+    to home; `charge_kept` is the share kept in reserve, `error` the standard error of ln energy. If
+    the battery always suffices, the result's place is the row with the least energy to spare.
     """
     factor_less, factor_more = power_factors(error)
     track, total_wh = flight.track, used_wh + back_wh
 
     def first_out(factor: float) -> tuple[int, float, float]:
-        """Return the row, its time where home is out of reach there, and the least to spare."""
+        """Return the first row where home is out of reach, its time, s, and the least energy to
+        spare, Wh.
+
+        If home is always in reach: the row with the least to spare, and NaN as time.
+        """
         spare = usable_wh - factor * total_wh
         known = np.where(np.isfinite(spare), spare, np.inf)
         out = np.flatnonzero(known < 0.0)

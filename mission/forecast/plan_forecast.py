@@ -130,16 +130,16 @@ class PlanForecast:
 
     @property
     def battery_short(self) -> bool:
-        """Return whether the battery is used up on the way, as expected."""
+        """Return True if the battery is expected to be used up during the plan."""
         short = self.expected_needs.short_of == "battery"
         return short or bool(np.isnan(self.flight.track.voltage).any())
 
     @property
     def planned_level(self) -> FlightLevel:
-        """Return the level of the planned flight alone; a battery used up comes before any other.
+        """Return the warning level of the planned flight alone, without earlier flights.
 
-        NO_THRUST where the attitude to be flown is that of a fall. NEAR instead of UNDER where the
-        battery may be used up on the way.
+        BATTERY if the battery is used up, whatever else applies. NO_THRUST if the planned attitude
+        would be that of a fall. NEAR instead of UNDER if the battery may be used up in flight.
         """
         if self.battery_short:
             return FlightLevel.BATTERY
@@ -151,7 +151,8 @@ class PlanForecast:
 
     @property
     def grounded(self) -> bool:
-        """Return whether a flight before forbids the take-off, more gravely than the plan does."""
+        """Return True if the last flight forbids the take-off, at least as gravely as the plan
+        does."""
         before = self.clearance.level
         if before is None or before not in GROUNDING or self.battery_short:
             return False
@@ -159,12 +160,11 @@ class PlanForecast:
 
     @property
     def level(self) -> FlightLevel:
-        """Return the level of the answer: that of the plan, of an aircraft as its last flights
-        left it.
+        """Return the warning level of the plan, earlier flights of the aircraft included.
 
-        The level of a flight that grounds the aircraft where it is graver. UNKNOWN where the last
-        flight does not fit the airframe, and instead of UNDER where it contradicts the model. NEAR
-        instead of UNDER while a condition is open: also where nobody named the aircraft.
+        If an earlier flight grounds the aircraft, it is that flight's level. UNKNOWN if the last
+        flight does not fit the airframe; if it only contradicts the model, UNKNOWN instead of
+        UNDER. NEAR instead of UNDER while a condition is open, or if no aircraft was stated.
         """
         level, before = self.planned_level, self.clearance
         if self.grounded and before.level is not None:
@@ -178,7 +178,10 @@ class PlanForecast:
 
     @property
     def battery_unsure(self) -> bool:
-        """Return whether the battery may be used up on the way, by the 90 % interval of energy."""
+        """Return True if the battery may be used up in flight, by the 90 % interval of energy.
+
+        False if its charge is unknown.
+        """
         flight = self.flight
         if not np.isfinite(flight.voltage_high).any():
             return False  # nothing is known of its charge
@@ -196,9 +199,8 @@ class PlanForecast:
 
     @property
     def as_flown(self) -> AsFlown | None:
-        """Return time and utilisation corrected by the experience of earlier missions; None
-        without.
-        """
+        """Return flight time, s, and utilisation, each with its 90 % interval, corrected by how
+        earlier missions differed from their forecasts; None without earlier missions."""
         shown = self.experience
         if shown is None:
             return None
@@ -224,14 +226,13 @@ class PlanForecast:
 
     @property
     def pump_never_on(self) -> bool:
-        """Return whether the answer is for a tank that stays full: nothing states where the pump is
-        on.
-        """
+        """Return True if no part of the plan switches the pump on, so that the tank stays full."""
         return any(finding.fault == "pump never on" for finding in self.findings)
 
     @property
     def wind_left_out(self) -> bool:
-        """Return whether there is wind, and the model knows no drag of this aircraft."""
+        """Return True if there is wind but the model has no drag, so that the wind has no
+        effect."""
         return "no forward flight" in self.assumed and self.given.wind_ned != STILL
 
     @property
@@ -248,7 +249,7 @@ class PlanForecast:
 
     @property
     def too_heavy(self) -> bool:
-        """Return whether the mass at take-off exceeds the maker's largest take-off mass."""
+        """Return True if the mass at take-off exceeds the maker's largest take-off mass."""
         craft = identified_airframe(self.advised.analysis.model)
         return bool(craft.empty_mass + self.flight.track.tank_kg[0] > craft.max_takeoff_mass + 1e-6)
 
@@ -277,19 +278,19 @@ def forecast(
     other_order: bool = False,
     experience: Experience | None = None,
 ) -> PlanForecast:
-    """Forecast `plan` for an aircraft of `model`.
+    """Forecast thrust, energy and time of `plan` for an aircraft of `model`.
 
-    `take_off` is the conditions at take-off, or the tank mass in kg alone.
+    `take_off` is the conditions at take-off, or only the liquid in the tank, kg.
 
     `parameters` are the autopilot's by name; missing ones take their defaults. `limit` is the share
     of a rotor's largest thrust allowed for lasting use. `pump_rule` states where the pump is on in
     a plan that does not switch it; None: as the airframe file states. `terrain` is the ground that
-    heights above the ground are of; None: level ground. With `refilled` False the plan is
-    flown on with an empty tank. `faults` are those of the last flight of this aircraft and not
-    known to be repaired; None: those stored in the model. `other_order`: the motors of that flight
-    were not in the order of the airframe. `experience` of earlier missions corrects energy and
-    time. Raise PlanError if the plan flies nowhere, if a leg lasts longer than any battery, or if
-    `pump_rule` is given for a plan that switches its pump.
+    heights above the ground refer to; None: level ground. With `refilled` False the plan is flown
+    on with an empty tank. `faults` are those of the last flight of this aircraft and not known to
+    be repaired; None: those stored in the model. `other_order`: the motors of that flight were not
+    in the order of the airframe. `experience` of earlier missions corrects energy and time. Raise
+    PlanError if the plan flies nowhere, if a leg lasts longer than any battery, or if `pump_rule`
+    is given for a plan that switches its pump.
 
         >>> plan = read_plan("sitl_logs/campaign/v4_m16_q2.5.tlog")
         >>> forecast(plan, load_model(), 3.0).level.value
@@ -452,9 +453,9 @@ def forecast(
 
 
 def with_clearance(made: PlanForecast, before: Clearance) -> PlanForecast:
-    """Return the forecast of an aircraft as its last flights left it.
+    """Return the forecast with `before`, the clearance that the aircraft's earlier flights leave.
 
-    Where they forbid the take-off, or leave no verdict, it has no largest fill.
+    If it forbids the take-off, or the level is UNKNOWN, the largest fill becomes NaN.
     """
     made = replace(made, clearance=before)
     if made.grounded or made.level is FlightLevel.UNKNOWN:
@@ -487,9 +488,11 @@ def sortie_plans(
 def _pump_switched(
     plan: MissionPlan, steps: PlanSteps, rule: PumpRule | None, craft: Airframe
 ) -> tuple[PlanSteps, dict[Assumption, tuple[str, ...]]]:
-    """Return the steps with the pump as the plan orders, else by `rule`, else by the airframe's.
+    """Return the steps with the pump on or off, as the plan, `rule` or the airframe's rule sets it.
 
-    Also return what the answer states of it. Without a tank no rule applies.
+    The first of the three that applies is used; no rule applies to an airframe without a tank.
+    Also return the assumptions made, each with the figures of its sentence. Raise PlanError if
+    `rule` is given for a plan that switches the pump.
     """
     item = orders_pump(steps)
     if item is not None or not craft.tank_volume_l:
@@ -531,7 +534,8 @@ def _within(timed: Sequence[TimedLeg], seconds: float, whole_s: float) -> int:
 
 
 def _advise(flight: PlanFlight, model: RotorModel, limit: float, density_error: float) -> Advised:
-    """Return the answer for a simulated flight; `density_error` is a share of its air's density."""
+    """Analyse and assess a simulated flight; `density_error` is the density's relative standard
+    error."""
     analysis = analyse(flight.track, model, flight.density, claim=PLANNED)
     analysis = with_density_error(analysis, density_error)
     return advise(analysis, limit=limit, planned=True)
@@ -543,7 +547,10 @@ def _worst_wind(
     model: RotorModel,
     fly: Callable[[PlanConditions], PlanFlight],
 ) -> PlanConditions:
-    """Return the conditions with the wind from the direction of the largest utilisation."""
+    """Return `given` with a wind of `speed` m/s from the worst of DIRECTIONS equally spaced ones.
+
+    The worst direction has the largest utilisation in the flight that `fly` simulates.
+    """
     tried = [
         replace(given, wind_ned=wind_ned(speed, 360.0 * k / DIRECTIONS)) for k in range(DIRECTIONS)
     ]

@@ -42,7 +42,7 @@ SPIN_MIN, PX4_MIN = 0.15, 0.12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThrustPlace:
-    """One place of a plan, with the two figures of its kind.
+    """A place of a plan where thrust is critical, with two figures that depend on its kind.
 
     "slope slows": m/s over ground flown, and ordered. "slope beyond thrust": utilisation, and m/s
     of climb. "loses height": m, and 0. "motors at idle": utilisation, and m/s of descent. "into the
@@ -63,10 +63,11 @@ def thrust_places(
     terrain: Terrain | None = None,
     home: tuple[float, float, float] = (math.nan, math.nan, math.nan),
 ) -> tuple[ThrustPlace, ...]:
-    """Return the places of a simulated flight, one of a kind for each item, in order of flight.
+    """Return the critical places of a simulated flight, at most one per kind and item, in flight
+    order.
 
-    `idle` is the thrust utilisation of a rotor at idle. With `terrain` the way is compared with the
-    ground below it; `home` is its zero, in degrees and m.
+    `idle` is the thrust utilisation of a rotor at idle. With `terrain` the path is compared with
+    the ground below it; `home`, the origin of positions, is latitude and longitude, degrees, and m.
     """
     legs = tuple(timed.leg for timed in flight.course.legs)
     items = np.array([leg.item for leg in legs])[flight.course.active]
@@ -115,19 +116,20 @@ def idle_use(parameters: Mapping[str, float], *, px4: bool) -> float:
 
 
 def _slope(leg: WayLeg) -> bool:
-    """Return whether a leg goes forward and up or down at once."""
+    """Return True if a leg leads forward and up or down at once."""
     return not leg.vertical and abs(float(leg.vector[2])) > 0.02 * leg.length
 
 
 def _flat_speed(leg: WayLeg) -> float:
-    """Return the speed over ground, m/s, that the limits allow along a leg."""
+    """Return the horizontal part, m/s, of the speed along a leg."""
     return leg.speed * float(np.hypot(*leg.vector[:2])) / leg.length
 
 
 def _most(
     items: Floats, rows: Bools, values: Floats, secondary: Floats
 ) -> list[tuple[int, float, float]]:
-    """Return for each item with flagged rows its largest value and the one beside it there."""
+    """Return, for each item number with flagged rows, (item, its largest value, `secondary` in
+    that row). All arrays are (T,)."""
     places = []
     for item in dict.fromkeys(items[rows].tolist()):
         of_item = np.flatnonzero(rows & (items == item))
@@ -139,12 +141,12 @@ def _most(
 def _height_lost(
     flight: PlanFlight, analysis: FlightAnalysis, items: Floats
 ) -> list[tuple[int, float]]:
-    """Return for each item the m of height lost where all rotors together lack thrust.
+    """Return, for each item, the height, m, lost where all rotors together lack thrust.
 
-    Weight and acceleration ask for the thrust, by Newton, whatever the model has learnt of turns.
-    With the attitude held, thrust that lacks a share d of the demand leaves a downward acceleration
-    of d times the vertical part of the demand. It is integrated twice over consecutive rows that
-    lack thrust; what is lost until the sinking is caught comes on top.
+    The thrust needed follows from weight and acceleration by Newton's law, not from the model. With
+    the attitude kept, thrust that lacks a share d of the demand leaves a downward acceleration of d
+    times the vertical part of the demand. It is integrated twice over consecutive rows that lack
+    thrust; height lost later, until the sinking is stopped, is not included.
     """
     track, craft = flight.track, identified_airframe(analysis.model)
     upward = G0 - flight.course.gained_ned[:, 2]  # m/s²
@@ -170,7 +172,10 @@ def _height_lost(
 
 
 def _below_ground(flight: PlanFlight, terrain: Terrain, home: tuple[float, float, float]) -> Floats:
-    """Return the depth (T,), m, of the way below the ground; NaN where the ground is not known."""
+    """Return the depth (T,), m, of the path below the ground, negative above it.
+
+    NaN where the ground is unknown, and within 1 m of home.
+    """
     north, east, down = flight.track.position_ned.T
     latitude, longitude, _ = pymap3d.ned2geodetic(north, east, 0.0, *home[:2], 0.0)
     at_home = float(terrain.height(np.array(home[:1]), np.array(home[1:2]))[0])

@@ -55,7 +55,7 @@ class Span:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Course:
-    """The target positions of the aircraft along a plan, in T rows."""
+    """The target motion along a plan in T time steps: position, velocity, acceleration and yaw."""
 
     legs: tuple[TimedLeg, ...]
     limits: FlightLimits
@@ -118,8 +118,9 @@ LONGEST_TURN_S = 60.0
 
 @lru_cache(maxsize=256)
 def _aligned_s(turn: float, limits: FlightLimits) -> float:
-    """Return how long, s, a hovering nose takes to turn by `turn` rad to within ALIGNED, after
-    RETURN_WAIT_S at the earliest, as in ArduPilot's RTL.
+    """Return the time, s, in which a hovering aircraft yaws by `turn` rad to within ALIGNED.
+
+    Not less than RETURN_WAIT_S, as in ArduPilot's RTL.
     """
     time_s = np.arange(0.0, LONGEST_TURN_S, STEP)
     still = np.zeros((time_s.size, 3))
@@ -190,9 +191,9 @@ def heading(
 ) -> tuple[Floats, Floats]:
     """Compute the target yaw (T,), rad and unwrapped, and the yaw still to turn (T,), rad.
 
-    The target moves with `velocity_ned` m/s and `gained_ned` m/s², both (T, 3). `ordered` (T,) rad
-    is the heading that the plan orders, NaN where it orders none. `start` is the first heading,
-    rad. In rows `held` (T,) the nose does not follow the way; None: in no row.
+    The target moves with `velocity_ned` m/s and `gained_ned` (acceleration) m/s², both (T, 3).
+    `ordered` (T,) rad is the heading that the plan orders, NaN where it orders none. `start` is the
+    first heading, rad. In rows `held` (T,) the yaw does not follow the path; None: in no row.
     """
     held = np.zeros(time_s.size, dtype=np.bool_) if held is None else held
     headings, turning = _wanted_headings(velocity_ned, gained_ned, ordered, held, limits, start)
@@ -263,7 +264,7 @@ class _Way:
     legs: list[WayLeg] = field(default_factory=list)
 
     def fly_to(self, step: Step, place: Floats, **options: float | bool | None) -> None:
-        """Append a leg to `place`; none where it has no length."""
+        """Append a leg to `place` (3,), m NED about home; none where it has no length."""
         heading = None if step.heading_deg is None else math.radians(step.heading_deg)
         leg = way_leg(
             self.limits,
@@ -281,7 +282,8 @@ class _Way:
             self.place = place
 
     def wait(self, seconds: float) -> None:
-        """Let the last leg end with a stop and a wait."""
+        """Let the last leg end with a stop and a wait of `seconds` more; do nothing without a
+        leg."""
         if self.legs and seconds > 0.0:
             last = self.legs[-1]
             self.legs[-1] = replace(last, stops=True, wait_s=last.wait_s + seconds)
@@ -297,9 +299,9 @@ class _Way:
             )
 
     def home(self, step: Step, height: float) -> None:
-        """Append the way to home at `height`, m, and the wait over it.
+        """Append the leg to above home at `height`, m, and the wait there.
 
-        A nose that turns back over home does so in the wait, which lasts until it has.
+        If the aircraft yaws back over home, the wait lasts until it has.
         """
         limits, before = self.limits, len(self.legs)
         there = np.array([0.0, 0.0, -height])
@@ -334,12 +336,12 @@ def plan_legs(
     terrain: Terrain | None = None,
     start_yaw: float = math.nan,
 ) -> tuple[WayLeg, ...]:
-    """Return the straight legs that a vehicle flies for `steps`, from `start` (3,) m NED about
-    home, or from home. `start_yaw` is as in `course`.
+    """Return the straight legs that a vehicle flies for `steps`.
 
-    Between two places with heights above the ground the legs follow `terrain`. Without terrain such
-    a height counts as above home. Raise PlanError if the plan flies nowhere, farther than such an
-    aircraft can, or over ground that `terrain` does not cover.
+    The first leg begins at `start` (3,), m NED about home; None: at home. `start_yaw` is as in
+    `course`. Between two places with heights above the ground the legs follow `terrain`; without
+    terrain a height above the ground counts as above home. Raise PlanError if the plan has no place
+    to fly to, is farther than a multirotor flies, or leaves the ground that `terrain` covers.
     """
     way = _Way(limits, np.zeros(3) if start is None else start, start_yaw)
     flown = steps.steps
@@ -386,10 +388,11 @@ def plan_legs(
 def _over_ground(
     plan: MissionPlan, step: Step, begin: Floats, end: Floats, terrain: Terrain
 ) -> Floats:
-    """Return the places (P, 3), m NED about home, between `begin` and `end` at which a way at
-    constant height above the ground bends.
+    """Return the places (P, 3), m NED about home, where a leg that follows the ground changes its
+    slope.
 
-    The height above the ground changes evenly along the way, as the autopilot has it.
+    The leg is from `begin` to `end`, both excluded. Its height above the ground changes linearly
+    with distance, as in the autopilot.
     """
     away = float(np.hypot(*(end - begin)[:2]))
     share = np.linspace(0.0, 1.0, max(math.ceil(away / terrain.spacing), 1) + 1)
@@ -401,7 +404,7 @@ def _over_ground(
     )
     ground = _ground(terrain, latitude, longitude, step.item)
     relief = ground - np.interp(share, [0.0, 1.0], ground[[0, -1]])
-    # In metres along and up the way: what is left by the simplification is a bend.
+    # In metres along and up the path: what remains after the simplification is a bend.
     line = shapely.LineString(np.column_stack([away * share, relief - straight[:, 2]]))
     kept = shapely.get_coordinates(shapely.simplify(line, GROUND_ERROR))[1:-1]
     middle = begin + (kept[:, :1] / max(away, 1e-9)) * (end - begin)
@@ -409,9 +412,8 @@ def _over_ground(
 
 
 def _ground(terrain: Terrain, latitude: Floats, longitude: Floats, item: int) -> Floats:
-    """Return the height of the ground (N,), m above the sea; raise PlanError where it is not
-    known.
-    """
+    """Return the ground's height (N,), m AMSL; raise PlanError, naming `item`, where it is
+    unknown."""
     heights = terrain.height(latitude, longitude)
     if not np.isfinite(heights).all():
         where = f"the way to item {item}" if item else "home"
@@ -422,8 +424,11 @@ def _ground(terrain: Terrain, latitude: Floats, longitude: Floats, item: int) ->
 
 
 def _places(plan: MissionPlan, steps: Sequence[Step], terrain: Terrain | None = None) -> Floats:
-    """Return the places of S steps (S, 3), m NED about home; NaN where a step keeps the value
-    before: all of it, or the place above which it changes its height.
+    """Return the places of S steps (S, 3), m north, east and down from home.
+
+    NaN where a step keeps the previous value: the whole place, or north and east where it changes
+    height alone. Raise PlanError where home's height is needed and unknown, or for a step beyond
+    FARTHEST.
     """
     there = [(*(step.place or (math.nan, math.nan))[:2], step.height) for step in steps]
     degrees = np.array(there, dtype=np.float64).reshape(-1, 3)
@@ -454,7 +459,7 @@ def _places(plan: MissionPlan, steps: Sequence[Step], terrain: Terrain | None = 
 
 
 def above_ground(steps: PlanSteps) -> bool:
-    """Return whether any height of the plan is above the ground."""
+    """Return True if any height of the plan is above the ground."""
     return any(step.frame == FRAME_ABOVE_GROUND and step.place for step in steps.steps)
 
 
@@ -464,7 +469,7 @@ SHORTEST = 0.05  # m of a leg
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WayLeg:
-    """One straight leg to fly, with the limits of motion along it."""
+    """A straight leg to fly, with the limits of motion along it."""
 
     item: int  # number of the mission item that it leads to
     start_ned: Floats  # (3,) m
@@ -540,7 +545,10 @@ def way_leg(
     holds_nose: bool = False,
     touches_down: bool = False,
 ) -> WayLeg | None:
-    """Return a leg within the limits of the vehicle; None where its length is next to nothing."""
+    """Return a leg within the limits of the vehicle; None if its length is negligible.
+
+    Places are (3,), m NED about home; speeds, m/s, replace those of the limits; `heading` is rad.
+    """
     north, east, down = (end_ned - start_ned).tolist()
     length = math.hypot(north, east, down)
     if length < SHORTEST:
@@ -584,9 +592,8 @@ def _share(level_most: float, vertical_most: float, level: float, rise: float) -
 
 
 def timed_legs(legs: Sequence[WayLeg], start_s: float = 0.0) -> tuple[TimedLeg, ...]:
-    """Return the legs with their times; the next leg overlaps the last at a corner without a
-    stop.
-    """
+    """Return the legs with start and end times, s, from `start_s`; at a corner without a stop the
+    times of two legs overlap."""
     result: list[TimedLeg] = []
     begun = active = start_s
     for leg, following in pairwise([*legs, None]):
@@ -603,7 +610,7 @@ def timed_legs(legs: Sequence[WayLeg], start_s: float = 0.0) -> tuple[TimedLeg, 
 
 
 def _overlap(leg: WayLeg, following: WayLeg, *, most: float) -> float:
-    """Return how long, s, before the end of a leg the next one starts."""
+    """Return how long, s, before the end of a leg the next one starts; at most `most` s."""
     here, there = leg.profile.pulse, following.profile.pulse
     longest = min(here.seconds, there.seconds, most)
     (a, b, down_one), (c, d, down_two) = leg.vector.tolist(), following.vector.tolist()

@@ -32,7 +32,7 @@ CRITICAL = 4.0  # times the angle gain: a rate loop of unknown gain, which just 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class YawLoop:
-    """The gains of the yaw loops, and the moment that the rotors have for them; NaN unknown."""
+    """Gains of the yaw control loops, and the yaw moment of the rotors; NaN unknown."""
 
     angle_gain: float  # P, 1/s
     braking: float = math.inf  # c, rad/s²
@@ -46,8 +46,8 @@ class YawLoop:
 def yaw_authority(model: RotorModel) -> tuple[float, float]:
     """Return the yaw acceleration, rad/s², for an output of 1, and the damping of yaw, 1/s.
 
-    Both are NaN where the model has no yaw inertia. The autopilot makes up for a low battery, so
-    the largest thrust is that of a full one.
+    Both are NaN where the model has no yaw inertia. The autopilot compensates a low battery, so the
+    largest thrust is that of a full one.
     """
     turning = [one.parameters for one in model.effects if one.name == "manoeuvre_moment"]
     inertia, damping = (
@@ -65,7 +65,7 @@ def yaw_authority(model: RotorModel) -> tuple[float, float]:
 def followed_yaw(time_s: Floats, target: Floats, loop: YawLoop) -> Floats:
     """Compute the aircraft's yaw (T,), rad, for a target yaw (T,), rad; at rest in the first row.
 
-    Between rows the target is a straight line.
+    Between rows the target changes linearly.
     """
     yaw = np.empty_like(target)
     at, rate, filtered, held = float(target[0]), 0.0, 0.0, 0.0

@@ -32,7 +32,7 @@ LEAST_USED = 0.05  # kg below which a flow cannot be compared
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Off:
-    """One wrong assumption, with its forecast and flown amount, in m/s, kg, kg/m³ or V.
+    """A wrong assumption, with the forecast and the flown amount, in m/s, kg, kg/m³ or V.
 
     For the flow the amount is the kg used; for the model, the utilisation of the stretch with the
     largest error, which leads to `item`.
@@ -87,10 +87,11 @@ def _known(values: Floats) -> Floats:
 def which_was_off(
     fly: Callable[[PlanConditions], Beside], given: PlanConditions, day: ShownDay
 ) -> tuple[Off, ...]:
-    """List the assumptions in `given` that were wrong, the one that explains most first; empty if
-    none.
+    """List the wrong assumptions in `given`, the one that explains most of the difference first.
 
-    `fly` forecasts the plan under conditions and compares it with the flight.
+    `fly` forecasts the plan under conditions and compares it with the flight; `day` are the values
+    that the flight showed. If no assumption explains the rest, the model is listed. Empty if
+    forecast and flight agree.
     """
     off: list[Off] = []
     tracked = fly(given)
@@ -118,8 +119,9 @@ def which_was_off(
 
 
 def _model(stretches: Sequence[StretchBeside]) -> tuple[Off, ...]:
-    """Return the model as the cause of a difference in thrust that no assumption explains; empty if
-    small.
+    """Return the model as a wrong assumption, with the stretch of the largest difference.
+
+    Empty if the root mean square difference of utilisation is at most MODEL.
     """
     known = [s for s in stretches if math.isfinite(s.utilisation_mean.off)]
     squares = [s.utilisation_mean.off**2 for s in known]
@@ -130,9 +132,9 @@ def _model(stretches: Sequence[StretchBeside]) -> tuple[Off, ...]:
 
 
 def distances(stretches: Sequence[StretchBeside], fill_kg: float) -> Floats:
-    """Compute the mean square differences (3,) in thrust, tank and voltage.
+    """Compute the mean square differences (3,) of forecast and flight in thrust, tank and voltage.
 
-    The unit is the error of a good forecast; 0 where nothing is known.
+    The unit is the error of a good forecast; 0 where no stretch has both values.
     """
     sizes = (
         (THRUST, [s.utilisation_mean for s in stretches]),
@@ -147,8 +149,10 @@ def distances(stretches: Sequence[StretchBeside], fill_kg: float) -> Floats:
 def _candidates(
     given: PlanConditions, day: ShownDay, stretches: Sequence[StretchBeside]
 ) -> list[tuple[Off, PlanConditions]]:
-    """List each assumption with a measured value, and the conditions with that value in its
-    place.
+    """List, for each assumption in `given` that the flight measured, (difference, conditions).
+
+    The conditions are `given` with that one value as measured: wind, fill, density, battery voltage
+    or pump flow.
     """
     candidates: list[tuple[Off, PlanConditions]] = []
     if all(map(math.isfinite, day.wind_ned[:2])):
@@ -179,10 +183,9 @@ def _candidates(
 
 
 def _used(given: PlanConditions, day: ShownDay, stretches: Sequence[StretchBeside]) -> Pair | None:
-    """Return the kg used, forecast and flown, until the last moment at which neither tank was
-    empty.
+    """Return the liquid used, kg, as forecast and as flown, until either tank was nearly empty.
 
-    None where next to nothing was used.
+    None if the fill or the tank level is unknown, or if either used at most LEAST_USED.
     """
     ends = [s.tank_end_kg for s in stretches if math.isfinite(s.tank_end_kg.flown)]
     last = next((p for p in reversed(ends) if p.least > LEAST_USED), None)

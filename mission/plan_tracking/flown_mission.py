@@ -39,11 +39,11 @@ def flown_mission(
     analysis: FlightAnalysis,
     battery: FlightBattery,
 ) -> FlownMission | None:
-    """Compare the analysed flight of `plan` with its forecast by `model`, the state before it.
+    """Compare the analysed flight of `plan` with its forecast by `model`, as it was before the
+    flight.
 
-    The forecast knows the fill, the air and the `battery` at take-off, and no wind. None where
-    fewer than FEWEST_STRETCHES were flown as planned. Raises PlanError where the plan flies
-    nowhere.
+    The forecast uses fill, air and `battery` at take-off, and no wind. None where fewer than
+    FEWEST_STRETCHES were flown as planned. Raises PlanError where the plan flies nowhere.
     """
     way, day = flown_way(analysis, plan.home), shown_day(analysis)
     if not way.time_s.size:
@@ -88,7 +88,8 @@ def flown_mission(
 
 
 def _leg_use(legs: Sequence[StretchBeside]) -> SaidFlown:
-    """Return the mean utilisation on level legs, weighted by their time as flown."""
+    """Return the mean utilisation on level legs, forecast and flown, weighted by the time as
+    flown."""
     known = [one for one in legs if np.isfinite(one.utilisation_mean.off)]
     if not known:
         return SaidFlown()

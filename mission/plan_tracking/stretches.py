@@ -60,8 +60,7 @@ class PlanToFly:
         *,
         start_yaw: float = math.nan,
     ) -> PlanToFly:
-        """Return the plan with its course in time, by the vehicle's `parameters`, and the model to
-        simulate it.
+        """Return the plan with the model and its course over time, by the vehicle's `parameters`.
 
         `start_yaw` is the heading before take-off, rad; NaN unknown. Raise PlanError if the plan
         flies nowhere.
@@ -86,9 +85,8 @@ class PlanToFly:
         return flight, analyse(flight.track, self.model, flight.density, claim=PLANNED)
 
     def compare(self, given: PlanConditions, flown: FlownWay, *, over_s: float = 0.0) -> Beside:
-        """Simulate the planned flight and compare it with the flown one; `over_s` as in
-        `beside`.
-        """
+        """Simulate the plan under `given` and compare it with the path `flown`; `over_s` as in
+        `beside`."""
         return beside(*self.fly(given), flown, over_s=over_s)
 
 
@@ -152,7 +150,7 @@ class Pair:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StretchBeside:
-    """One stretch of a plan as forecast and as flown; utilisations are of the most used rotor."""
+    """A stretch of a plan as forecast and as flown; utilisations are of the most used rotor."""
 
     item: int
     kind: SpanKind
@@ -167,9 +165,8 @@ class StretchBeside:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Beside:
-    """The stretches that were flown, and the item at which the flight left the plan, None if it did
-    not.
-    """
+    """The stretches that were flown, and the item at which the flight left the plan (None: it
+    did not)."""
 
     stretches: tuple[StretchBeside, ...]
     left_at: int | None = None
@@ -188,7 +185,7 @@ class FlownWay:
 
 
 def flown_way(analysis: FlightAnalysis, home: tuple[float, float, float]) -> FlownWay:
-    """Return the rows off the ground of an analysed flight, placed about `home`.
+    """Return the rows off the ground of an analysed flight, with positions, m NED about `home`.
 
     `home` is latitude and longitude, degrees, and m above the sea; a NaN height counts as that of
     the log's origin.
@@ -233,10 +230,10 @@ def yaw_before(track: FlightTrack) -> float:
 
 
 def stretch_ends(flight: PlanFlight, flown: FlownWay, *, over_s: float = 0.0) -> tuple[int, ...]:
-    """Return the rows of `flown` at the ends of the forecast's spans, up to where the flight left
-    the plan.
+    """Return, for each span of the forecast, the row of `flown` at which it ended.
 
-    In a flight still in progress a place counts as passed once it lies `over_s` s back.
+    The result is shorter if the flight left the plan. In a flight still in progress a place counts
+    as passed once `over_s` s have gone by.
     """
     time_s, place = flight.track.time_s, flight.track.position_ned
     row, scale = 0, np.array([1.0, 1.0, HEIGHT_SHARE])
@@ -265,8 +262,11 @@ def stretch_ends(flight: PlanFlight, flown: FlownWay, *, over_s: float = 0.0) ->
 def beside(
     flight: PlanFlight, forecast: FlightAnalysis, flown: FlownWay, *, over_s: float = 0.0
 ) -> Beside:
-    """Compare the planned `flight`, analysed as `forecast`, with the flown one; `over_s` as in
-    `stretch_ends`.
+    """Compare a simulated `flight` of a plan and its analysis `forecast` with the path `flown`.
+
+    One comparison per stretch; those shorter than SHORTEST_S s are left out. `over_s` is as in
+    `stretch_ends`. `left_at` of the result is the item at which the plan was left, None if it was
+    completed.
     """
     if not flown.time_s.size or not flight.course.spans:
         return Beside(

@@ -38,9 +38,9 @@ HANDS = 2.5
 #: m above home at which it flies if it is not held: most barometers wander less in minutes
 RISEN = 1.0
 #: rad by which roll or pitch of what flies moves at least, between their 5th and 95th percentile,
-#: and that of what stands clamped at most: simulated flights of still air pass it in a minute
+#: and that of a clamped aircraft at most: simulated flights of still air pass it in a minute
 TILTED, CLAMPED = np.radians(0.5), np.radians(0.1)
-#: Rows from which a tilt that never changes is that of an instrument that stands still.
+#: Rows from which a tilt that never changes is that of a frozen instrument.
 FEWEST_ROWS = 20
 STOOD = 5.0  # s out of flight after which the test starts anew
 MOST_ROWS = 1200  # kept between live updates
@@ -54,7 +54,7 @@ WALK = 2.0  # m/s over ground up to which it can be carried, and drag is small
 LEANS = 2.5
 LIFTS = 1.5
 NEAR = 60.0  # s
-CARRIES = 0.5  # share of the largest block thrust: with less it stands on its legs
+CARRIES = 0.5  # share of the largest block thrust: with less its legs carry it
 #: Share of the empty weight in thrust with which it may hover: the ground and the wind help.
 HOVERS = 0.8
 STEADY = 0.35  # of a block's mean, between its 10th and 90th percentile: no step within it
@@ -69,11 +69,12 @@ FALLS, SUSTAINED = 5.0, 2.0
 
 
 def is_held(time_s: Floats, body: Floats) -> bool:
-    """Return whether an aircraft with its motors on is held, on a bench or in hands, over T rows.
+    """Return True if an aircraft with motors on does not fly but is held, on a bench or by hand.
 
     `body` (T, 15): height m, roll, pitch and yaw rad, velocity north, east and down m/s, two
     measures of thrust (mean squared rotor speed and mean output, in any unit), specific force m/s²
-    along three body axes, and commanded roll and pitch, rad; NaN where unknown.
+    along three body axes, and commanded roll and pitch, rad; then barometric height, m. NaN where
+    unknown.
     """
     height, attitude, velocity_ned, thrusts = body[:, 0], body[:, 1:4], body[:, 4:7], body[:, 7:9].T
     if feels_nothing(time_s, body):
@@ -100,7 +101,7 @@ def is_held(time_s: Floats, body: Floats) -> bool:
 
 
 def feels_nothing(time_s: Floats, body: Floats) -> bool:
-    """Return whether the accelerometer of T rows shows that thrust does not carry the aircraft.
+    """Return True if the accelerometer, over T rows, shows that thrust does not carry the aircraft.
 
     `body` (T, 15) as of `is_held`. False with fewer than FEWEST_SECONDS of accelerometer data.
     """
@@ -162,12 +163,15 @@ def body_axes_down(attitude: Floats) -> Floats:
 
 
 def _means(seconds: NDArray[np.intp], values: Floats) -> Floats:
-    """Return the means (S, K) of the known values (T, K) of each second; NaN where none is."""
+    """Return the means (S, K) of the finite `values` (T, K) per second; NaN without a finite one.
+
+    `seconds` (T,) is each row's second, counted from 0.
+    """
     return np.stack([_mean_by(seconds, column) for column in values.T], axis=1)
 
 
 def _mean_by(seconds: NDArray[np.intp], values: Floats) -> Floats:
-    """Return the means (S,) of the known values (T,) of each second; NaN where none is."""
+    """Return the means (S,) of the finite `values` (T,) per second (T,); NaN without any."""
     known = np.isfinite(values)
     count = np.bincount(seconds[known], minlength=seconds[-1] + 1)
     total = np.bincount(seconds[known], values[known], minlength=seconds[-1] + 1)
@@ -175,8 +179,10 @@ def _mean_by(seconds: NDArray[np.intp], values: Floats) -> Floats:
 
 
 def _spread(values: Floats) -> Floats:
-    """Return the distance (K,) between the 5th and 95th percentile of the rows (S, K) that are
-    known; 0 if too few."""
+    """Return the distance (K,) between the 5th and 95th percentile of rows (S, K) without NaN.
+
+    0 with fewer than FEWEST_SECONDS such rows.
+    """
     known = values[np.isfinite(values).all(axis=1)]
     if len(known) < FEWEST_SECONDS:
         return np.zeros(values.shape[1])
@@ -186,9 +192,11 @@ def _spread(values: Floats) -> Floats:
 def drop_held(
     flying: Bools, runs: Iterable[tuple[int, int]], time_s: Floats, body: Floats
 ) -> Bools:
-    """Remove runs that start on the ground and are held from the rows (T,) that seem to fly.
+    """Unflag runs that start on the ground in which the aircraft is held; `flying` (T,) flags
+    flight.
 
-    `runs` are (first, end) rows; `body` (T, 15) as of `is_held`.
+    Return a copy. `runs` are (first, end) rows, end excluded; `body` (T, 15) as of `is_held`. All
+    rows become False if the accelerometer denies the whole flight.
     """
     result = flying.copy()
     if feels_nothing(time_s[flying], body[flying]):  # all runs together, as each may be too short
@@ -202,10 +210,9 @@ def drop_held(
 
 
 def may_hover(squares: Floats, rotors: int, airframe: Airframe | None) -> Floats:
-    """Keep the mean squared speeds (T,), rpm², of `rotors` rotors that suffice for hovering; NaN
-    for others.
+    """Return `squares` (T,), mean squared rotor speeds in rpm², with NaN where too low to hover.
 
-    All NaN without an airframe, whose weight is needed.
+    `rotors` is the number of rotors. All NaN without an airframe, whose weight is needed.
     """
     if airframe is None:
         return np.full(squares.size, np.nan)
@@ -215,8 +222,7 @@ def may_hover(squares: Floats, rotors: int, airframe: Airframe | None) -> Floats
 
 
 def _stands_still(attitude: Floats, low: bool) -> bool:
-    """Return whether roll and pitch of (n, 3) change less than in any flight, though they are not
-    frozen.
+    """Return True if roll and pitch of (n, 3) change less than in any flight, but are not frozen.
 
     `low`: the aircraft did not rise, so that the larger limit applies.
     """
@@ -230,8 +236,11 @@ def _stands_still(attitude: Floats, low: bool) -> bool:
 def _speed_ignores_lean(
     time_s: Floats, attitude: Floats, velocity_ned: Floats, blocks: list[slice]
 ) -> bool:
-    """Return whether the aircraft, at walking speed, leans to and fro without the acceleration
-    that follows."""
+    """Return True if the aircraft, at walking speed, leans to and fro but does not accelerate so.
+
+    A free aircraft accelerates by g times the tangent of its tilt. `attitude` (T, 3) is roll,
+    pitch, yaw, rad; `velocity_ned` (T, 3) in m/s; `blocks` are slices of rows.
+    """
     down = down_axis(attitude)  # of the body, in north, east, down
     upright = down[:, 2] > np.cos(TURNED)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -252,8 +261,12 @@ def _speed_ignores_lean(
 def _thrust_too_uneven(
     time_s: Floats, attitude: Floats, thrust: Floats, blocks: list[slice]
 ) -> bool:
-    """Return whether steady thrusts within NEAR s differ so much that one of them cannot be the
-    weight."""
+    """Return True if steady vertical thrusts within NEAR s differ too much to be the weight both
+    times.
+
+    `attitude` (T, 3) is roll, pitch, yaw, rad; `thrust` (T,) the total along the body's axis, in
+    any unit; `blocks` are slices of rows.
+    """
     upwards = thrust * np.cos(attitude[:, 0]) * np.cos(attitude[:, 1])
     steady = []
     for rows in blocks:
@@ -273,7 +286,7 @@ def _thrust_too_uneven(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeldSoFar:
-    """The state between live updates that decides whether an aircraft is held."""
+    """State, carried between live updates, that decides if an aircraft is held."""
 
     ground: float = np.nan  # m, the last height with its motors off
     seen_down: bool = False  # it was observed on the ground
@@ -288,12 +301,11 @@ class HeldSoFar:
 def flag_held(
     before: HeldSoFar, time_s: Floats, flying: Bools, off: Bools, body: Floats, *, clear: float
 ) -> tuple[Bools, HeldSoFar]:
-    """Flag rows (T,) where the aircraft is held or has not yet left the ground, from past rows
-    only.
+    """Flag rows (T,) where the aircraft is held or has not yet left the ground, without later rows.
 
-    Also return the state for the next call. `flying` is by all other tests; `off`: motors off;
-    `body` (T, 15) as in `is_held`. It has left the ground `clear` m above its last height with
-    motors off.
+    `before` is the state from the last call; also return the state for the next one. `flying` (T,)
+    flags flight by all other tests, `off` (T,) motors off; `body` (T, 15) as in `is_held`. The
+    aircraft leaves the ground at `clear` m above its last height with motors off.
     """
     found, now = np.zeros(time_s.size, dtype=np.bool_), before
     for k in range(time_s.size):
@@ -314,7 +326,11 @@ def flag_held(
 
 
 def _seems_to_fly(now: HeldSoFar, at_s: float, body: Floats, clear: float) -> HeldSoFar:
-    """Update the state by one row that seems to fly, of an aircraft that may still be held."""
+    """Update the state by a row that other tests count as flight, though hands may hold the craft.
+
+    `body` (15,) is the row at time `at_s`, s, as in `is_held`; `clear` is the height above ground,
+    m, from which the aircraft counts as off the ground.
+    """
     height, speed = float(body[0]), float(np.hypot(body[4], body[5]))
     risen = now.risen or not height <= now.ground + clear
     if not risen:

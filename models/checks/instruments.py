@@ -74,7 +74,7 @@ EQUAL = 0.99  # share of the samples
 
 
 def voltage_without_sag(track: FlightTrack) -> bool:
-    """Return whether the battery voltage stays constant in flight, except for trembling.
+    """Return True if the battery voltage stays constant in flight, apart from small noise.
 
     False with less than LEAST_S of voltage in flight.
     """
@@ -88,9 +88,10 @@ def voltage_without_sag(track: FlightTrack) -> bool:
 def lifted_masses(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> list[Floats]:
-    """Return the masses (T,) kg that the thrust of rotor speeds, and of motor outputs, would carry.
+    """Return the masses (T,), kg, that the thrust by rotor speeds, then by motor outputs, would
+    lift.
 
-    Empty if the airframe has another number of rotors.
+    Empty if the airframe has another number of rotors. `parameters` are the autopilot's, by name.
     """
     if track.rotor_count != airframe.rotor_count:
         return []
@@ -100,7 +101,10 @@ def lifted_masses(
 
 
 def share_lighter(mass: Floats) -> float:
-    """Return the share by which masses (n,) fall from their first quarter to their last."""
+    """Return the share by which masses (n,) fall from first to last quarter, by medians.
+
+    Negative if they rise; n is at least 4.
+    """
     quarter = mass.size // 4
     return 1.0 - float(np.median(mass[-quarter:]) / np.median(mass[:quarter]))
 
@@ -108,7 +112,7 @@ def share_lighter(mass: Floats) -> float:
 def gauge_unfollowed(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> bool:
-    """Return whether the tank level does not follow the mass by thrust.
+    """Return True if the tank gauge does not follow the mass by thrust.
 
     One estimate by thrust suffices for a gauge that hardly moves while the aircraft becomes
     lighter. All available ones must agree on a gauge that falls while the aircraft does not, and on
@@ -146,9 +150,9 @@ def gauge_unfollowed(
 
 
 def _local_gain(mass: Floats, level: Floats) -> float:
-    """Return the median gain of masses on levels, both (B,) kg, over APART blocks at a time.
+    """Return the median ratio of the changes of mass and level, both (B,) kg, over APART blocks.
 
-    An event such as the loss of a rotor is in few of them. NaN where no level changes.
+    An event such as the loss of a rotor affects few of them. NaN where no level changes.
     """
     changed = level[APART:] - level[:-APART]
     moved = changed != 0.0
@@ -172,7 +176,7 @@ def _gain(mass: Floats, level: Floats) -> tuple[float, float, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sprayed:
-    """The mass that left the aircraft while its pump ran, by thrust."""
+    """The mass, by thrust, that left the aircraft while its pump ran: interval and pump time."""
 
     pump_s: float  # s in flight with the pump on
     least_kg: float  # ends of the 99 % interval
@@ -182,10 +186,10 @@ class Sprayed:
 def sprayed_by_thrust(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> Sprayed | None:
-    """Return the mass that left the aircraft while it sprayed, by the thrust that it needed.
+    """Estimate the mass, kg, that left the aircraft while it sprayed, from the fall of its thrust.
 
-    By rotor speeds, else by motor outputs. None with less than PUMP_S of spraying in flight, or
-    where thrust is known for too little of it.
+    Thrust is from rotor speeds, else from motor outputs. Return None with less than PUMP_S s of
+    spraying in flight, or if thrust is known in too few rows.
     """
     seconds = np.where(track.flying & (track.spraying > 0.5), track.row_seconds, 0.0)
     if not seconds.sum() >= PUMP_S:
@@ -211,12 +215,12 @@ def sprayed_by_thrust(
 
 
 def barometer_fault(track: FlightTrack) -> bool:
-    """Return whether pressure or temperature cannot be those of the air at the aircraft.
+    """Return True if pressure or temperature cannot be those of the air at the aircraft.
 
-    It is so if the median temperature is outside the sensors' range; or if, of a reported
-    pressure, the altitude is 500 m from the track's (median, in flight), moves by 60 m against
-    it (5 to 95 % of the rows), or changes faster than 30 m/s between 3 s medians. Single wrong
-    rows do not count. Too few rows are no fault.
+    They cannot if the median temperature is outside the sensors' range; or if, of a reported
+    pressure, the altitude is 500 m from the track's (median, in flight), moves by 60 m against it
+    (5 to 95 % of the rows), or changes faster than 30 m/s between 3 s medians. Single wrong rows do
+    not count. False with too few rows.
     """
     air = track.temperature[np.isfinite(track.temperature)]
     if air.size and not SENSOR_RANGE[0] < np.median(air) < SENSOR_RANGE[1]:
@@ -239,8 +243,8 @@ def barometer_fault(track: FlightTrack) -> bool:
 def copied_rotors(track: FlightTrack) -> tuple[int, ...]:
     """Return the rotors, from 0, whose speeds are equal in nearly every sample; empty if none.
 
-    Which of them was measured is not known. Rotors with equal motor outputs are excluded, since
-    they may turn alike.
+    Only one of them was measured, which one is not known. Rotors with equal motor outputs are
+    excluded, since they may turn alike; so is the case that all rotors are equal.
     """
     speeds = track.measured("rotor_speed_rpm")[track.flying]
     outputs = track.throttle[track.flying]
@@ -262,7 +266,10 @@ def copied_rotors(track: FlightTrack) -> tuple[int, ...]:
 
 
 def _block_medians(time_s: Floats, values: Floats, length_s: float) -> Floats:
-    """Return the medians (B,) of values (n,) in blocks of `length_s` of their times (n,) s."""
+    """Return the medians (B,) of `values` (n,) in blocks of `length_s` s of `time_s` (n,).
+
+    Blocks count from the first time; those without values are left out.
+    """
     block = np.floor((time_s - time_s[0]) / length_s)
     starts = np.append(0, np.flatnonzero(np.diff(block)) + 1)
     return np.array([np.median(part) for part in np.split(values, starts[1:])])
@@ -299,8 +306,11 @@ class Stand:
 def without_frozen(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> FlightTrack:
-    """Set NaN where an instrument is frozen, faulty or the voltage broke down, and add a
-    statement of it."""
+    """Set the channels of frozen or faulty instruments to NaN in the rows affected.
+
+    Likewise for the voltage where it broke down. A statement and the source give the reason.
+    `parameters` are the autopilot's, by name.
+    """
     track, _ = without_broken_voltage(track)
     return drop_readings(track, frozen_channels(track, airframe, parameters))
 
@@ -308,8 +318,10 @@ def without_frozen(
 def without_broken_voltage(
     track: FlightTrack, so_far: VoltageSoFar | None = None
 ) -> tuple[FlightTrack, VoltageSoFar]:
-    """Set NaN where the voltage broke down; `so_far` and the second result are the state between
-    parts of a flight."""
+    """Set the voltage to NaN in rows where its reading broke down.
+
+    Also return the state for the next part of a flight, passed as `so_far`.
+    """
     broke, found = broken_voltage(track, so_far)
     if not broke.any():
         return track, found
@@ -321,10 +333,9 @@ def without_broken_voltage(
 def frozen_channels(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> dict[str, Stand]:
-    """Find the channels whose instrument was frozen or faulty in flight, each with its last such
-    run.
+    """Return, by channel name, the rows in which its instrument was frozen or faulty.
 
-    `parameters` are the autopilot's, by name.
+    Of several runs of one channel the last is returned. `parameters` are the autopilot's, by name.
     """
     found = {}
     flown = track.flying & np.isfinite(track.voltage)
@@ -367,7 +378,8 @@ def frozen_channels(
 def _contradictions(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> Iterator[tuple[str, Reason, tuple[int, ...]]]:
-    """Yield channel, reason and rotors of each reading that other measurements contradict."""
+    """Yield channel, reason and rotors (from 0; empty: all) of readings that other channels
+    contradict."""
     if rotors := copied_rotors(track):
         yield "rotor_speed_rpm", Reason.COPIED, rotors
     if voltage_without_sag(track):
@@ -380,8 +392,11 @@ def _contradictions(
 
 
 def drop_readings(track: FlightTrack, frozen: Mapping[str, Stand]) -> FlightTrack:
-    """Set NaN in the rows of faulty readings, by channel, with the reason in source and
-    statements."""
+    """Set the rows of faulty readings to NaN, and add the reason to the channel's source and
+    statements.
+
+    `frozen` maps channel names to their faulty rows.
+    """
     if not frozen:
         return track
     channels, sources, statements = {}, {}, list(track.statements)
@@ -402,7 +417,7 @@ def drop_readings(track: FlightTrack, frozen: Mapping[str, Stand]) -> FlightTrac
 
 
 def _left_out(channel: str, stand: Stand) -> Statement:
-    """Return the fault for which a reading was dropped."""
+    """State which channel's readings were dropped, at which value, and why (`stand.reason`)."""
     kind = stand.reason.name.lower()
     if stand.reason is Reason.FROZEN:
         kind = "stood throughout" if stand.throughout else "stood"
@@ -418,8 +433,10 @@ def _left_out(channel: str, stand: Stand) -> Statement:
 
 
 def _frozen_runs(track: FlightTrack, channel: str) -> list[Bools]:
-    """List the rows (T,) of each run in flight in which a reported channel kept one value for
-    LEAST_FROZEN_S or more."""
+    """List, as masks (T,), the runs in flight in which a channel kept one value for LEAST_FROZEN_S.
+
+    Empty for a channel that is not reported.
+    """
     values = getattr(track, channel)
     known = np.flatnonzero(track.flying & np.isfinite(values))
     if not track.source(channel).reported or known.size < FEWEST_ROWS:
@@ -435,7 +452,7 @@ def _frozen_runs(track: FlightTrack, channel: str) -> list[Bools]:
 def _grew_lighter(
     track: FlightTrack, rows: Bools, airframe: Airframe, parameters: Mapping[str, float]
 ) -> bool:
-    """Return whether the mass by thrust falls by more than LIGHTER from the first to the last
+    """Return True if the mass by thrust falls by more than LIGHTER from the first to the last
     quarter of `rows` (T,)."""
     known = (m[rows & np.isfinite(m)] for m in lifted_masses(track, airframe, parameters))
     return any(share_lighter(m) > LIGHTER for m in known if m.size >= 4 * FEWEST_ROWS)

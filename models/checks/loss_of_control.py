@@ -62,8 +62,7 @@ class LossKind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LossOfControl:
-    """One sign of a loss of control: its kind, when it began, and its size in the unit of its
-    kind."""
+    """A sign of a loss of control: its kind, begin, and largest size in the unit of its kind."""
 
     kind: LossKind
     time_s: float
@@ -111,7 +110,11 @@ def recovered_signs(track: FlightTrack) -> tuple[LossOfControl, ...]:
 
 @lru_cache(maxsize=1)  # five callers need it for one flight
 def _signs(track: FlightTrack) -> tuple[list[LossOfControl], list[LossOfControl]]:
-    """Return all signs that lasted: those that the flight recovered from, and those of a loss."""
+    """Return the signs that lasted long enough, in two lists: before the last calm flight, and
+    after it.
+
+    The second list is a loss of control; a hard jolt alone is none.
+    """
     watched, driven = _in_or_after_flight(track), _motors_above_idle(track)
     if not (watched | driven).any():
         return [], []
@@ -140,7 +143,8 @@ def _first_of_each_kind(found: list[LossOfControl]) -> tuple[LossOfControl, ...]
 
 
 def movements(track: FlightTrack) -> Movements:
-    """Flag the rows at which each sign shows, however briefly, and those of calm flight."""
+    """Flag the rows in which each sign of lost control shows, for any time, and rows of calm
+    flight."""
     down = down_axis(track.attitude)
     tilt = np.arccos(np.clip(down[:, 2], -1.0, 1.0))
     rate = np.linalg.norm(track.angular_rate_frd, axis=1)
@@ -176,11 +180,11 @@ def movements(track: FlightTrack) -> Movements:
 
 
 def _height_contradicts(track: FlightTrack, sink: Floats) -> Bools:
-    """Flag the rows (T,) where height falls too little for a sink rate (T,) m/s.
+    """Flag the rows (T,) where the height falls too little for a sink rate `sink` (T,), m/s.
 
-    That is by less than half of the rate, or by FALL_SPEED or less: an estimated rate drifts if an
-    accelerometer is off. Height is by barometer, else above ground, over HEIGHT_S about the row;
-    False where unknown.
+    Too little is half of the rate, or FALL_SPEED: an estimated rate drifts if an accelerometer is
+    off. Height is by barometer, else above ground, over HEIGHT_S about the row; False where
+    unknown.
     """
     heights = (pressure_altitude(track.pressure), track.height_agl)
     known = [h for h in heights if np.isfinite(h).any()]
@@ -201,7 +205,8 @@ def _height_contradicts(track: FlightTrack, sink: Floats) -> Bools:
 def signs_so_far(track: FlightTrack) -> tuple[Movements, Mapping[LossKind, Bools]]:
     """Return the movements, and for each sign the rows (T,) at which it has lasted long enough.
 
-    For a flight in progress, in which later calm flight is not yet known. A jolt alone is no sign.
+    For a flight in progress, in which later calm flight is not yet known. A hard jolt alone is no
+    sign.
     """
     seen = movements(track)
     lasted: dict[LossKind, Bools] = {}
@@ -303,8 +308,8 @@ class StoppedRotor:
 def stopped_rotors(track: FlightTrack) -> tuple[StoppedRotor, ...]:
     """List the rotors that stopped in flight for LOOK seconds or more, in order of time.
 
-    A rotor without readings at the last row is listed already after the time that the comparison
-    needs, which is shorter, for live use. Inferred speeds are not used.
+    A rotor without readings up to the last row is listed sooner, once the other rotors can be
+    compared, for live use. Inferred speeds are not used.
     """
     turning = track.measured("rotor_speed_rpm")
     squares = np.where(turning > 0.0, turning, np.nan) ** 2
@@ -337,7 +342,8 @@ class StoppedWatch:
         self._kept: FlightTrack | None = None
 
     def add(self, track: FlightTrack) -> Bools:
-        """Add N new rows, in order; flag (N, R), in the last row, each rotor that has stopped."""
+        """Add N new rows, in order of time; return flags (N, R), set in the last row for stopped
+        rotors."""
         kept, found = self._kept, np.zeros(track.rotor_speed_rpm.shape, dtype=np.bool_)
         if not track.time_s.size:
             return found
@@ -352,7 +358,11 @@ class StoppedWatch:
 
 
 def _taken_over(track: FlightTrack, own: Floats, others: Floats, time_s: float) -> bool:
-    """Return whether the other rotors (T,) carry the rotor's share `own` (T,) from `time_s` on."""
+    """Return True if the other rotors' thrust (T,) rose at `time_s` as if to replace `own`.
+
+    `own` (T,) is the thrust of the rotor in question, in the unit of `others`. False with too few
+    rows before or after.
+    """
     rows = _sides(track, time_s)
     sides = [others[side & np.isfinite(others)] for side in rows]
     own = own[rows[0] & np.isfinite(own)]
@@ -363,9 +373,10 @@ def _taken_over(track: FlightTrack, own: Floats, others: Floats, time_s: float) 
 
 
 def _asked_as_turning(track: FlightTrack, rotor: int, time_s: float) -> bool:
-    """Return whether the outputs after `time_s` treat a rotor like one that turns.
+    """Return True if `rotor`'s motor output, relative to the others', hardly changes at `time_s`.
 
-    False where outputs are unknown, or do not follow the load of the others.
+    The autopilot then still controls the rotor as one that turns. False where outputs are unknown,
+    or the others' did not rise.
     """
     asked = track.throttle
     own, others = asked[:, rotor], np.mean(np.delete(asked, rotor, axis=1), axis=1)
@@ -378,7 +389,8 @@ def _asked_as_turning(track: FlightTrack, rotor: int, time_s: float) -> bool:
 
 
 def _sides(track: FlightTrack, time_s: float) -> tuple[Bools, Bools]:
-    """Flag the rows (T,) in flight before `time_s` that are compared, and those after it."""
+    """Flag the rows (T,) in flight that are compared: LEFT_OUT to LOOK s before, and after,
+    `time_s`."""
     since = track.time_s - time_s
     before = track.flying & (since <= -LEFT_OUT) & (since >= -LOOK)
     return before, track.flying & (since >= LEFT_OUT) & (since <= LOOK)

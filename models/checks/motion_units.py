@@ -36,11 +36,11 @@ Bounds = tuple[float, float]
 
 
 def motion_units(track: FlightTrack, *, by_table: bool = True) -> Statement | None:
-    """Return why the units of a flight's rates or airspeed cannot be right, and what to check; else
-    None.
+    """State which rates or airspeed of a flight must have a wrong unit, and what to check.
 
-    `by_table`: the author of a table chose the units. Else it is an autopilot's log, whose clock is
-    at fault, and airspeed is not checked: a pitot tube may be blocked.
+    Return None if their units agree. `by_table`: the units are those of a user's table. Else it is
+    an autopilot's log, of which only the clock can be wrong, and airspeed is not checked because a
+    pitot tube may be blocked.
     """
     wrong = {
         name: bounds
@@ -78,14 +78,15 @@ def _air_units(track: FlightTrack) -> Statement | None:
 
 
 def _two_digits(factor: float) -> float:
-    """Round a factor to the two digits that it is known to."""
+    """Round a factor to two significant digits."""
     return float(f"{factor:.2g}")
 
 
 def airspeed_ratio(track: FlightTrack) -> Bounds | None:
-    """Bound the ratio of airspeed to the size of velocity less wind, by their changes in flight.
+    """Return bounds of the ratio of airspeed to |velocity - wind|, from their changes in flight.
 
-    None where either is not reported or they do not correlate.
+    They are the two regression slopes, of either on the other. None with too few rows that report
+    both, or if the two do not correlate.
     """
     relative = np.linalg.norm(track.velocity_ned - track.wind_ned, axis=1)
     known = track.flying & np.isfinite(relative) & np.isfinite(track.airspeed)
@@ -99,15 +100,21 @@ def airspeed_ratio(track: FlightTrack) -> Bounds | None:
 
 
 def position_ratio(track: FlightTrack) -> Bounds | None:
-    """Bound the ratio of horizontal movement to velocity times seconds; None if not shown."""
+    """Bound the ratio of horizontal movement to velocity times seconds; 1 in consistent units.
+
+    None where the flight shows too little movement.
+    """
     return _slope_bounds(
         track.time_s, np.diff(track.position_ned[:, :2], axis=0), track.velocity_ned[:, :2]
     )
 
 
 def height_ratio(track: FlightTrack) -> Bounds | None:
-    """Bound the ratio of vertical movement to vertical velocity times seconds; None if not
-    shown."""
+    """Bound the ratio of vertical movement to vertical velocity times seconds; 1 in consistent
+    units.
+
+    None where the flight shows too little movement.
+    """
     return _slope_bounds(
         track.time_s, np.diff(track.position_ned[:, 2:], axis=0), track.velocity_ned[:, 2:]
     )
@@ -125,7 +132,10 @@ def tilt_ratio(track: FlightTrack) -> Bounds | None:
 
 
 def heading_ratio(track: FlightTrack) -> Bounds | None:
-    """Bound the ratio of changes of heading to its rate times seconds; None if not shown."""
+    """Bound the ratio of changes of heading to its rate times seconds; 1 in consistent units.
+
+    None where the flight shows too few turns.
+    """
     change = _shorter_way(np.diff(track.attitude[:, 2:], axis=0))
     return _slope_bounds(track.time_s, change, angle_rates(track)[:, 2:])
 
@@ -157,9 +167,10 @@ def _shorter_way(change: Floats) -> Floats:
 
 
 def _slope_bounds(time_s: Floats, change: Floats, rate: Floats) -> Bounds | None:
-    """Bound the slope of changes (T - 1, K) over rates (T, K) times the seconds between rows (T,).
+    """Return bounds of the ratio of `change` (T - 1, K) to `rate` (T, K) integrated between rows.
 
-    None with too few steps or too low a correlation.
+    They are the two regression slopes, of either on the other; 1 if the units agree. `time_s` (T,)
+    are the rows' times. None with too few steps or too low a correlation.
     """
     step = np.diff(time_s)
     if step.size < FEWEST_STEPS:

@@ -29,7 +29,7 @@ ALL_HARD = 0.85
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotorEvidence:
-    """Outputs and speeds of the motors before a moment; NaN where unknown, motors from 0."""
+    """Outputs and speeds of the motors just before a time; NaN where unknown, motors from 0."""
 
     outputs: tuple[float, ...]  # share of full output
     speeds_rpm: tuple[float, ...]
@@ -40,19 +40,23 @@ class MotorEvidence:
 
     @property
     def all_hard(self) -> bool:
-        """Return whether the motors together have little output left."""
+        """Return True if the mean output of the motors is ALL_HARD or more; False without an
+        output."""
         known = [share for share in self.outputs if math.isfinite(share)]
         return bool(known) and sum(known) / len(known) >= ALL_HARD
 
     @property
     def compared(self) -> bool:
-        """Return whether the speeds and outputs of at least three motors are known."""
+        """Return True if the speeds and outputs of at least three motors are known."""
         pairs = zip(self.outputs, self.speeds_rpm, strict=True)
         return sum(math.isfinite(output + speed) for output, speed in pairs) >= 3
 
 
 def motor_evidence(track: FlightTrack, time_s: float) -> MotorEvidence:
-    """Return the evidence of the LOOK_S up to `time_s` of the track."""
+    """Compare the motors' mean outputs and speeds in the LOOK_S s up to the track's time `time_s`.
+
+    Means are NaN where nothing was reported.
+    """
     rows = (track.time_s > time_s - LOOK_S) & (track.time_s <= time_s)
     outputs = np.array([known_mean(column) for column in track.throttle[rows].T])
     measured = np.abs(track.measured("rotor_speed_rpm")[rows])
@@ -75,7 +79,11 @@ def motor_evidence(track: FlightTrack, time_s: float) -> MotorEvidence:
 
 
 def _is_slow(motor: int, outputs: Floats, speeds: Floats) -> bool:
-    """Return whether a motor is slower than most others reach at its output."""
+    """Return True if motor `motor`, from 0, is slower than most others would be at its output.
+
+    `outputs` (R,) are 0 to 1, `speeds` (R,) rpm, NaN where unknown. False if fewer than two other
+    motors turn with both known.
+    """
     known = np.isfinite(outputs * speeds) & (outputs >= FLOOR) & (speeds >= TURNING)
     others = np.flatnonzero(known & (np.arange(outputs.size) != motor))
     if others.size < 2 or not math.isfinite(outputs[motor] * speeds[motor]):

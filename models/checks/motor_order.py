@@ -133,10 +133,11 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
 def _likelihood(
     track: FlightTrack, places: np.ndarray, arms: Floats
 ) -> tuple[Floats, tuple[float, float, float]]:
-    """Return the log-likelihood (2, P) of the assignments, and each axis's correlation in the own
-    order.
+    """Return the log-likelihood (2, P) of P orders of the rotors, and the airframe order's
+    correlations.
 
-    The first row is with the airframe's spins, the second with all reversed.
+    The first row is with the airframe's spins, the second with all reversed. The correlations are
+    of roll, pitch and yaw.
     """
     acceleration, rate, squares, step = _samples(track)
     likelihood = np.zeros((2, len(places)))
@@ -154,9 +155,9 @@ def _likelihood(
 
 
 def _is_rotated_layout(airframe: Airframe, places: tuple[int, ...]) -> bool:
-    """Return whether an assignment is the layout rotated as a whole.
+    """Return True if an assignment of rotors is the whole layout rotated about the vertical axis.
 
-    A swing around the vertical axis, to which rotors respond late, looks alike.
+    A swing about that axis, to which rotors respond late, looks the same.
     """
     x, y = airframe.rotor_position_frd[:, :2].T
     angle = np.arctan2(y, x)
@@ -165,10 +166,12 @@ def _is_rotated_layout(airframe: Airframe, places: tuple[int, ...]) -> bool:
 
 
 def _is_half_rotated(track: FlightTrack, arms: Floats) -> bool:
-    """Return whether roll and pitch respond like the layout rotated by half of its rotors' spacing.
+    """Return True if roll and pitch respond as if the layout were rotated by half the rotors'
+    spacing.
 
-    No order of the rotors represents this, and a plus read as X still correlates by 0.7. The lead
-    must be DECISIVE in single rows and in means over SLOW_ROWS, at every delay of the speeds.
+    `arms` (3, R) are the rotors' moment arms. No order of the rotors represents this, and a plus
+    frame taken for an X still correlates by 0.7. The log-likelihood gain must be DECISIVE in single
+    rows and in means over SLOW_ROWS, at every delay of the speeds.
     """
     angle = np.pi / arms.shape[1]
     turned = [
@@ -202,7 +205,7 @@ def _roll_and_pitch(samples: tuple[Floats, Floats, Floats, Floats], arms: Floats
 
 
 def _is_resolved(track: FlightTrack) -> bool:
-    """Return whether roll and pitch acceleration correlate from one difference of the rates to
+    """Return True if roll and pitch acceleration correlate from one difference of the rates to
     the next."""
     acceleration = _samples(track)[0][:, :2]
     power = np.sum(acceleration**2, axis=0)
@@ -210,8 +213,8 @@ def _is_resolved(track: FlightTrack) -> bool:
 
 
 def _persists_in_means(track: FlightTrack, places: tuple[int, ...], arms: Floats) -> bool:
-    """Return whether an assignment explains roll and pitch in means over SLOW_ROWS as well as in
-    single rows."""
+    """Return True if an order of the rotors also explains roll and pitch in means over
+    SLOW_ROWS. `places` gives the place of each motor, `arms` (3, R) the moment arms by place."""
     fast, slow = [], []
     for late in (0.0, *LATE_S):
         samples = _samples(_shift_speeds(track, late) if late else track)
@@ -271,8 +274,10 @@ def _slow_means(
 
 
 def _detrend(values: Floats) -> Floats:
-    """Subtract the running mean: trim drifts with the tank, and jumps when a propeller is
-    damaged."""
+    """Subtract the running mean over _TREND_ROWS rows (T, ...).
+
+    Slow changes, as the tank empties, and jumps, when a propeller is damaged, are no manoeuvres.
+    """
     return values - running_mean(values, _TREND_ROWS)
 
 
@@ -302,13 +307,17 @@ def _exchange(places: tuple[int, ...], pair: tuple[int, int]) -> tuple[int, ...]
 def _correlations(
     acceleration: Floats, rate: Floats, squares: Floats, weights: Floats, step: Floats
 ) -> tuple[Floats, Floats]:
-    """Return the correlation (P,) of acceleration with each assignment's moment, and effective
-    samples (P,)."""
+    """Return the correlation (P,) of an axis's acceleration with P assignments' moments, and
+    samples.
+
+    The samples (P,) are the effective numbers of independent ones. The influence of rate,
+    collective and a constant is removed first.
+    """
     known = np.stack([np.ones_like(rate), rate, squares.sum(axis=1)], axis=1)
     basis = np.linalg.qr(known)[0]
 
     def remove_known(values: Floats) -> Floats:
-        """Remove what rate, collective and constant explain."""
+        """Subtract from each column of (T, ...) its least-squares fit by rate, collective and 1."""
         return values - basis @ (basis.T @ values)
 
     response, speeds = remove_known(acceleration), remove_known(squares)
@@ -330,7 +339,8 @@ def _correlations(
 def _fits_free_arms(
     samples: tuple[Floats, Floats, Floats, Floats], axis: int, own_arms: Floats
 ) -> bool:
-    """Return whether free arms for all rotors explain an axis that the airframe's arms (R,) do not.
+    """Return True if fitted arms of all rotors explain an axis that the airframe's arms (R,) do
+    not.
 
     The penalty is one independent sample for each arm.
     """
@@ -355,7 +365,7 @@ def _decide(
     rows: int,
 ) -> MotorOrder:
     # By places and spins alone: the lower effectiveness of coaxial rotors is a guess.
-    """Return the verdict from the log-likelihoods (2, P) of the assignments `places` (P, R)."""
+    """Return the verdict from the log-likelihoods (2, P) of P assignments `places` (P, R)."""
     layouts = mixer(airframe)[1:][:, places]  # (3, P, R)
     layouts = np.concatenate([layouts, layouts * np.array([1.0, 1.0, -1.0])[:, None, None]], axis=1)
     flat = likelihood.ravel()
@@ -390,7 +400,7 @@ def _decide(
 def _open_pairs(
     places: np.ndarray, likelihood: Floats, layouts: Floats
 ) -> tuple[tuple[int, int], ...]:
-    """List pairs of rotors whose exchange is less than DECISIVE less likely than the airframe's
+    """List pairs of rotors whose exchange has a log-likelihood within DECISIVE of the airframe's
     order.
 
     Pairs with equal places and spins in `layouts` (3, P, R) are excluded.
@@ -407,7 +417,7 @@ def _open_pairs(
 
 
 def _difference(places: np.ndarray, airframe: Airframe, *clauses: str) -> Statement:
-    """Describe an assignment that is not the airframe's."""
+    """Describe how `places` (R,), each motor's place from 0, differ from the airframe's order."""
     clauses, own = (*clauses, "against airframe"), airframe.name
     moved = np.flatnonzero(places != np.arange(places.size)).tolist()
     if len(moved) == 2:

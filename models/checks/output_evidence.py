@@ -61,7 +61,7 @@ class OutputEvidence:
 
     @property
     def disagrees_with_speeds(self) -> bool:
-        """Return whether outputs and measured rotor speeds cannot both be true."""
+        """Return True if outputs and measured rotor speeds cannot both be true."""
         return abs(self.over_speeds) > SURELY * self.error
 
     def more_than(self, mass: float) -> float:
@@ -95,7 +95,8 @@ class OutputEvidence:
         return float(np.exp(self.over_speeds)) if self.over_speeds < -self.shows else 1.0
 
     def surely_more_than(self, mass: float) -> bool:
-        """Return whether an aircraft of `mass` kg cannot need these outputs."""
+        """Return True if the outputs surely show more thrust than an aircraft of `mass` kg can
+        need."""
         return bool(np.log(self.lifted_kg / mass) > SURELY * self.error)
 
 
@@ -146,10 +147,10 @@ def _thrust_error(measured: float, airframe: Airframe, behind: tuple[str, ...]) 
 
 
 def thrust_by_outputs(track: FlightTrack, airframe: Airframe, curve: OutputCurve) -> Floats:
-    """Return the thrust (T,) N of all motor outputs by the airframe's ceiling; NaN where one is
-    unknown.
+    """Return the total thrust (T,), N, that the motor outputs imply by the airframe's largest one.
 
-    Also NaN where some outputs are full and others not: a rotor that stands still gets full output.
+    NaN where an output is unknown, or where some outputs are full and others not: the autopilot
+    gives a stopped rotor full output.
     """
     limits = ceiling(airframe, track_air(track).density, track.voltage)
     thrust = np.sum(limits.max_thrust * curve.thrust_share(track.throttle), axis=1)
@@ -164,6 +165,6 @@ def thrust_by_speeds(track: FlightTrack, airframe: Airframe) -> Floats:
 
 
 def _median(values: Floats) -> float:
-    """Return the median of the known values; NaN for fewer than FEWEST_ROWS."""
+    """Return the median of the finite values; NaN with fewer than FEWEST_ROWS of them."""
     known = values[np.isfinite(values)]
     return known_median(known) if known.size >= FEWEST_ROWS else float("nan")

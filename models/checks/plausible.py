@@ -70,7 +70,8 @@ OF_ANY_AIRFRAME = ("clock", "one ESC")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """The values that fit an airframe, those that are close to it, and the verdict on others."""
+    """Ranges of a quantity that are possible and close for an airframe, and the verdict beyond
+    them."""
 
     possible: Range
     close: Range | None = None  # None: no value is a likeness
@@ -79,13 +80,13 @@ class Limits:
 
 _EQUAL = (0.0, 0.0)
 #: The one table of what is compared. Counts and kinds are differences from the airframe, others
-#: ratios to it, if nothing else is said.
+#: ratios to it, if nothing else is stated.
 LIMITS: Mapping[str, Limits] = MappingProxyType(
     {
         "vehicle": Limits(possible=_EQUAL),
         "clock": Limits(possible=_EQUAL),
         "motors": Limits(possible=_EQUAL, close=_EQUAL),
-        # deg by which an arm stands elsewhere; the next arm of an octocopter is 45 away.
+        # deg by which an arm is at another bearing; the next arm of an octocopter is 45 away.
         "frame": Limits(possible=(0.0, 22.0)),
         "voltage": Limits(possible=POSSIBLE_VOLTAGE, close=(0.92, 1.15)),
         "rotor speed": Limits(possible=USUAL_RATIO, close=(0.92, 1.15)),
@@ -106,7 +107,8 @@ LIMITS: Mapping[str, Limits] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """One quantity of a flight compared with the airframe: its value lies in `low` to `high`."""
+    """Comparison of one quantity of a flight with the airframe; its value lies in `low` to
+    `high`."""
 
     check: str
     low: float  # NaN: not known
@@ -137,8 +139,10 @@ def _compared(
     brief: Statement | None = None,
     **limits: Any,
 ) -> Comparison:
-    """Return the comparison of a value, or of the ends of its interval; `limits` replace those of
-    the table."""
+    """Build the comparison `check` of a value, or of an interval, with its limits in LIMITS.
+
+    `found` and `brief` describe the result; `limits` replace fields of these limits.
+    """
     low, high = value if isinstance(value, tuple) else (value, value)
     used = replace(LIMITS[check], **limits)
     return Comparison(check=check, low=low, high=high, limits=used, found=found, brief=brief)
@@ -176,7 +180,7 @@ def comparisons(
 
 
 def recognition(found: tuple[Comparison, ...]) -> tuple[Statement, ...]:
-    """Return what matches the airframe, in short; empty if the flight is not recognised.
+    """Return short statements of what matches the airframe; empty if the flight is not recognised.
 
     Number of rotors, voltage, and rotor speed or else motor output must be close; nothing may
     contradict.
@@ -210,8 +214,7 @@ def _clock(track: FlightTrack) -> Comparison | None:
 
 
 def _motors(track: FlightTrack, airframe: Airframe, facts: VehicleFacts) -> Comparison:
-    """Compare the number of rotors that the vehicle reports, and that of the track, with the
-    airframe's."""
+    """Compare the airframe's number of rotors with those of the vehicle's report and the track."""
     own = {"airframe": airframe.name, "own": airframe.rotor_count}
     if not facts.rotor_count and track.rotor_count == airframe.rotor_count:
         return _compared("motors", 0.0, state("rotors not reported", **own), close=None)
@@ -274,7 +277,7 @@ def _voltage(track: FlightTrack, airframe: Airframe, battery: StatedBattery) -> 
 
 
 def _full_battery(track: FlightTrack, airframe: Airframe) -> Comparison | None:
-    """Report a voltage above that of a full battery; None without."""
+    """Report a voltage above that of a full battery; None if it is not above."""
     if not (beyond := beyond_full(track.voltage, airframe)):
         return None
     found = state(
@@ -309,7 +312,10 @@ def _surplus_thrust(
 
 
 def _rotor_speed(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence) -> Comparison:
-    """Compare the rotor speeds with the speed that the weight needs."""
+    """Compare the rotor speeds with the speed that the weight needs.
+
+    Without a known load they count as close only if the motor outputs agree too.
+    """
     scale = check_speed_scale(track, airframe)
     if scale.verdict != "rotor":
         return _compared("rotor speed", (scale.low, scale.high), scale.found)
@@ -333,8 +339,10 @@ def _rotor_speed(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence
 
 
 def _one_esc(track: FlightTrack) -> Comparison | None:
-    """Report a rotor whose speed is far from the others' at its output, which no propeller
-    explains; None without."""
+    """Report the rotor whose ratio of speed to output differs too much from the others' median.
+
+    No other propeller explains such a difference. None without such a rotor, or with too few rows.
+    """
     speed, output = np.abs(track.rotor_speed_rpm[track.flying]), track.throttle[track.flying]
     rows = (speed > 0.0).all(axis=1) & (output > 0.0).all(axis=1)
     if track.rotor_count < 3 or np.count_nonzero(rows) < FEWEST_ROWS:
@@ -348,7 +356,7 @@ def _one_esc(track: FlightTrack) -> Comparison | None:
 
 
 def _speed_limit(track: FlightTrack, airframe: Airframe) -> Comparison | None:
-    """Report rotor speeds that no rotor of the airframe can keep up; None without."""
+    """Report rotor speeds in flight above the airframe's largest; None if short, rare or absent."""
     volts = track.voltage[track.flying & (track.voltage > 0.0)]
     battery = known_median(volts)  # median: a failing voltmeter must not look like a fast rotor
     limit = ceiling(airframe, airframe.reference_density, battery).max_rotor_speed_rpm
@@ -373,8 +381,11 @@ def _speed_limit(track: FlightTrack, airframe: Airframe) -> Comparison | None:
 
 
 def _output(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence) -> Comparison | None:
-    """Compare the thrust of the outputs, by the autopilot's curve and the airframe's ceiling,
-    with the weight."""
+    """Compare the thrust that motor outputs imply with the weight; None if that thrust is unknown.
+
+    The compared value is the square root of thrust over weight. Without a known load it is the
+    interval from an empty to a full tank, which is never close.
+    """
     mass = outputs.lifted_kg
     if not np.isfinite(mass):
         return None
@@ -407,8 +418,10 @@ def _output(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence) -> 
 
 
 def _speeds_by_output(outputs: OutputEvidence, airframe: Airframe) -> Comparison | None:
-    """Compare the thrust of the outputs with that of the rotor speeds, independent of load and
-    air."""
+    """Compare the thrust by motor outputs with that by rotor speeds; None if either is unknown.
+
+    The compared value is ln of their ratio in standard errors; load and air do not change it.
+    """
     if not np.isfinite(outputs.over_speeds):
         return None
     low, high = (float(np.exp(k * SURELY * outputs.error)) for k in (-1, 1))
@@ -424,7 +437,10 @@ def _speeds_by_output(outputs: OutputEvidence, airframe: Airframe) -> Comparison
 
 
 def _for_mass(track: FlightTrack, airframe: Airframe, ratio: float) -> Statement:
-    """Return the mass and the deviation that go with a speed ratio."""
+    """State the mass, kg, for which rotor speeds are `ratio` times the expected ones.
+
+    It is the median mass in flight; without a gauge the masses with an empty and a full tank.
+    """
     gauge = track.measured("tank_kg")
     tank_kg = gauge[track.flying & (gauge >= 0.0)]
     if not tank_kg.size:

@@ -80,12 +80,13 @@ def checked_readings(
     before: LastReading,
     look_ahead: bool,
 ) -> tuple[NDArray[np.uint8], LastReading]:
-    """Classify the readings of one rotor, (n,) MEASURED, ZERO, HELD or LONE; also return its last
-    reading.
+    """Classify n speed readings of one rotor, and return its last reading for the next call.
 
-    `rpm` (n,) are finite; at each reading `output` (n,) is the motor output, NaN where unknown,
-    `asked` (n,) whether it is above idle, and `others` (n,) the median speed of the other rotors.
-    `look_ahead`: the readings are those of the whole flight.
+    MEASURED is valid; ZERO: reported as stopped though driven; HELD: an old value repeated; LONE: a
+    jump too large for a rotor. `rpm` (n,) are finite; `output` (n,) is the motor output, NaN where
+    unknown, `asked` (n,) flags outputs above idle, and `others` (n,) is the median speed, rpm, of
+    the other rotors. `look_ahead`: the readings are those of the whole flight, so that later
+    readings are used too.
     """
     verdict = np.full(time_s.size, MEASURED, dtype=np.uint8)
     if time_s.size == 0:
@@ -104,11 +105,10 @@ def checked_readings(
 
 
 def too_fast(rpm: Floats, others: Floats, propeller_diameter: float) -> Bools:
-    """Flag readings (n,) with blade tips above the speed of sound while the other rotors are well
-    below.
+    """Flag readings `rpm` (n,) with supersonic blade tips while `others` are well below that.
 
-    Where all rotors are above, the unit of the readings or the airframe is wrong, and none is
-    flagged.
+    `others` (n,) is the other rotors' median speed, rpm; the diameter is in m. If all rotors are
+    supersonic, the unit or the airframe is wrong, and none is flagged.
     """
     limit = SOUND * 60.0 / (np.pi * propeller_diameter)
     with np.errstate(invalid="ignore"):
@@ -125,7 +125,10 @@ def _mark_repeats(
     *,
     look_ahead: bool,
 ) -> LastReading:
-    """Mark repeated readings as HELD in `verdict` (n,); return the last run of equal ones."""
+    """Mark readings as HELD in `verdict` (n,) that repeat while the output or the others changed.
+
+    Return the last run of equal readings.
+    """
     drive = np.where(np.isfinite(output), np.fmax(output, FLOOR), np.fmax(others, SLOW))
     earlier = np.concatenate([[before.value], rpm[:-1]])
     changes, change = rpm != earlier, np.abs(rpm - earlier)
@@ -197,7 +200,7 @@ class ReadingScatter:
 
     @property
     def notable(self) -> bool:
-        """Return whether single readings are unreliable: scatter beyond NOTABLE, or coarse
+        """Return True if single readings are unreliable: scatter beyond NOTABLE, or coarse
         steps."""
         most = float(self.share.max(initial=0.0))
         return most > (0.0 if self.in_steps else NOTABLE)
@@ -205,7 +208,7 @@ class ReadingScatter:
     def of_mean(self, seconds: float) -> Floats:
         """Return the standard deviation (R,) of means over `seconds`, as a share of the speed.
 
-        With coarse steps a mean is no better than a reading, since the speed may stay between two
+        With coarse steps a mean is no better than a reading, since the speed may lie between two
         steps.
         """
         if self.in_steps:
@@ -214,7 +217,7 @@ class ReadingScatter:
 
 
 def reading_scatter(track: FlightTrack) -> ReadingScatter:
-    """Return the scatter of a flight's R rotor speeds as they were measured in flight.
+    """Return the scatter of a flight's R rotor speeds, as measured in flight.
 
     By second differences between consecutive readings, which a steady change does not affect; for
     coarse readings, by the step. Zero within USUAL_SCATTER, or with too few readings.
@@ -252,7 +255,8 @@ _NORMAL = 1.4826  # standard deviation of a normal distribution over its median 
 
 
 def speed_resolution(track: FlightTrack) -> Statement | None:
-    """Return in what rotor speeds in flight are slow, coarse or scattered; None if they are not."""
+    """Report that rotor speeds in flight are coarse, scattered or slowly updated; None if they
+    are not."""
     rows = track.flying & np.isfinite(track.rotor_speed_rpm).all(axis=1)
     rpm = track.rotor_speed_rpm[rows]
     if rpm.shape[0] < LEAST_ROWS or not rpm.shape[1]:
@@ -344,8 +348,10 @@ def check_speed_scale(track: FlightTrack, airframe: Airframe) -> SpeedScale:
 
 
 def lifted_mass(track: FlightTrack, thrust: Floats) -> Floats:
-    """Return the mass (T,) kg that `thrust` (T,) N carries at the measured acceleration; NaN out
-    of flight."""
+    """Return the mass (T,), kg, that `thrust` (T,), N, carries at the measured acceleration.
+
+    NaN outside flight. An unknown acceleration counts as that of level flight.
+    """
     # Thrust points up the body's axis: its specific force, without the drag of the body.
     upward = -track.specific_force_frd[:, 2]
     upward = np.where(np.isfinite(upward), upward, G0)
@@ -356,7 +362,11 @@ def lifted_mass(track: FlightTrack, thrust: Floats) -> Floats:
 def _scale_verdict(
     ratio: float, low: float, high: float, airframe: Airframe
 ) -> tuple[Literal["rotor", "electrical", "unit", "odd"], Statement]:
-    """Return the verdict on a ratio of speeds, with the ends of its range, and its statement."""
+    """Classify the `ratio` of reported to expected rotor speed, possible from `low` to `high`.
+
+    "rotor": as expected; "unit": another unit; "electrical": electrical speed, by a possible pole
+    count; "odd": none of them. Also return the statement of it.
+    """
     if low <= USUAL_RATIO[1] and high >= USUAL_RATIO[0]:
         return "rotor", state("speeds fit", ratio=ratio)
     unit = min(OTHER_UNITS, key=lambda factor: abs(math.log(ratio / factor)))
@@ -381,7 +391,7 @@ SMOOTH_ROWS = 3  # rows of smoothing: the body responds within them, and noise a
 
 
 def late_speeds(track: FlightTrack) -> Statement | None:
-    """Return by how much rotor speeds and acceleration have different clocks.
+    """Report the delay between rotor speeds and acceleration, which have different clocks.
 
     None where they agree, or with too little movement.
     """
@@ -405,11 +415,11 @@ def late_speeds(track: FlightTrack) -> Statement | None:
 
 
 def delays(track: FlightTrack) -> tuple[Floats, Floats, Floats]:
-    """Return delays (D,) s of rotor speeds, correlation (D,) at each, and log-likelihood over none
-    (D,).
+    """Return delays (D,), s, of rotor speeds behind specific force, positive if they are late.
 
-    Empty where specific force or rotor speeds are known in fewer than FEWEST_OF_ORDER rows in
-    flight.
+    Also the correlation (D,) of squared speeds and upward force at each delay, and its log
+    likelihood (D,). All empty if either is known in fewer than FEWEST_OF_ORDER rows in flight, or
+    if rows are too far apart.
     """
     time_s = track.time_s
     squares = np.sum(track.rotor_speed_rpm**2, axis=1)
@@ -435,17 +445,17 @@ def delays(track: FlightTrack) -> tuple[Floats, Floats, Floats]:
 
 
 def _band_pass(values: Floats, step: float) -> Floats:
-    """Subtract the running mean over TREND and smooth over SMOOTH_ROWS."""
+    """Subtract from values (n,), `step` s apart, the mean over TREND s; smooth over SMOOTH_ROWS."""
     values = values - running_mean(values, round(TREND / step) | 1)
     return running_mean(values, SMOOTH_ROWS)
 
 
 def _lagged_correlation(one: Floats, other: Floats) -> tuple[float, float]:
-    """Return the correlation of two series over their common rows, and its log-likelihood over
+    """Return the correlation of two series (n,) over their common rows, and its log-likelihood over
     none.
 
     Neighbours correlate, so the number of independent samples is reduced by Bartlett's rule (1935)
-    for two autoregressive series of first order.
+    for two autoregressive series of first order. 0 and 0 for a series of zeros.
     """
     rows = min(one.size, other.size)
     one, other = one[:rows], other[:rows]

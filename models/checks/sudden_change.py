@@ -74,8 +74,10 @@ def log_likelihood(a: Floats, b: Floats, step: Floats, width: Floats) -> Floats:
 
 
 def log_own(a: Floats, b: Floats) -> Floats:
-    """Return ln J, the likelihood of a change of any of SIZES, from the sums A and B of one
-    shape."""
+    """Return ln J, the mean likelihood ratio of a change with a size in SIZES to no change.
+
+    A and B, of one shape, are the sums of the module docstring.
+    """
     square = SQUARES.reshape(-1, *[1] * a.ndim)
     wide = 1.0 + square * a
     each = 0.5 * (square * b**2 / wide - np.log(wide))
@@ -83,16 +85,17 @@ def log_own(a: Floats, b: Floats) -> Floats:
 
 
 class SuddenChange:
-    """K Kalman filters of M signals with the two sums of each start. `add` a block, then call
-    `change`.
+    """A test for a sudden change of M signals: K Kalman filters, each assuming another start of it.
 
-    Filter 0 uses all blocks without a prior of the trim; filter 1 begins with the flight and the
-    prior of the trim; the others begin a block apart, the latest first. Arrays end in K and M, so
-    that numpy handles a state of all filters at once, which dominates the run time.
+    `add` a block, then call `change`. Filter 0 uses all blocks without a prior of the signals'
+    constant offset (trim); filter 1 begins with the flight and that prior; the others begin a block
+    apart, the latest first. The last axes of arrays are K and M, so that numpy updates all filters
+    at once, which dominates the run time.
     """
 
     def __init__(self, prior: Prior, block: float, window: float = WINDOW) -> None:
-        """Start with the prior; `block` is the s of a block, `window` s that a start is kept."""
+        """Start the filters from the prior of a flight. `block` is the length, s, of a block; a
+        change is sought up to `window` s after its start."""
         signals, inputs = prior.inputs.shape
         self.noise, self.lag = prior.noise**2, np.full(signals, 0.5)  # s², f
         self._keep, self._ages = float(np.exp(-block / MEMORY)), round(window / block)
@@ -129,9 +132,10 @@ class SuddenChange:
         return self._filters[:, -2]
 
     def add(self, values: Floats, inputs: Floats, sound: float = 1.0) -> None:
-        """Add one block: values (M,) and inputs (M, P), or (1, P) if all signals share them.
+        """Update all filters with one block: mean signals `values` (M,) and inputs (M, P).
 
-        `sound` is the probability that no part changed.
+        Inputs (1, P) are shared by all signals. `sound` is the probability that no part has
+        changed so far.
         """
         self._begin_start()
         self._blocks += 1
@@ -168,7 +172,8 @@ class SuddenChange:
         self._last_residual = left
 
     def _begin_start(self) -> None:
-        """Begin a new start as a copy of filter 0, and drop the oldest."""
+        """Begin a filter that assumes a change now, as a copy of filter 0, and drop the oldest
+        one."""
         self._sums[:, 0] = self._filters[:, -1, 0] = 0.0
         if self._hold_blocks >= 0:
             self._hold_blocks += 1
@@ -179,7 +184,7 @@ class SuddenChange:
             self._age[2] = 0
 
     def _keep_filters(self, order: list[int]) -> None:
-        """Keep the filters of these indices, in this order."""
+        """Reduce the filters to those with the indices `order`, in that order."""
         if len(order) != self._age.size:
             all_alike = self._transition, self._process_noise, self._x
             self._transition, self._process_noise, self._x = (
@@ -209,7 +214,7 @@ class SuddenChange:
         self._log_still, self._log_moved, self._log_none = still[:, :-1], moved[:, :-1], none[:, 0]
 
     def _update_rates(self, sound: float) -> None:
-        """Update q and q_all of each age by one more block."""
+        """Update q and q_all of each age by one more block, except while a change is held."""
         if self._hold_blocks >= 0:
             return
         age, shares = self._rate_index[1:], self._shares[1:]
@@ -222,10 +227,10 @@ class SuddenChange:
         self._q[age] += rate * moved
 
     def change(self, steps: Floats, widths: Floats, least: float) -> Change | None:
-        """Return the most probable start of a change by `steps` (H, M) +- `widths`, one of H
-        hypotheses.
+        """Return the best-supported start of a change by one of H hypotheses, `steps` (H, M) +-
+        `widths`.
 
-        None if no start can have a ratio of `least`, except while a change is held.
+        None if no start can have a log likelihood ratio of `least`, except while a change is held.
         """
         a, b, square = self._sums[:, 1:]
         still, moved, none = self._log_still, self._log_moved, self._log_none
@@ -264,7 +269,7 @@ class SuddenChange:
         self._restart_from(which)
 
     def release(self) -> None:
-        """Reject the change that was held."""
+        """Reject the held change and continue with the filter without a change."""
         self._restart_from(0)
 
     def _restart_from(self, which: int) -> None:

@@ -44,7 +44,7 @@ from thrustmargin.models.physics.smoothing import known_mean, known_median
 
 #: Motor output from which a motor counts as driven: PX4 logs some thousandths while disarmed.
 DRIVEN = 0.03
-#: s for which a rotor may stand after half of the others turn: those of 41 real and simulated
+#: s for which a rotor may be at rest after half of the others turn: those of 41 real and simulated
 #: starts follow within 0.3 s of each other.
 LATE_S = 0.5
 #: Share of the others' output below which an autopilot may have stopped a motor itself.
@@ -91,7 +91,7 @@ ESC_CHANNELS = ("esc_temperature", "esc_voltage", "esc_current")
 
 
 class TakeoffKind(StrEnum):
-    """The kind of a finding; its value and reference are in the unit named."""
+    """Kind of a finding in a run-up; its value and reference are in the unit in the comment."""
 
     STANDS = "stands"  # s since half of the others turned
     LATE = "late"  # s after half of the others
@@ -128,7 +128,7 @@ class MotorState(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TakeoffFinding:
-    """One thing found in a run-up, decided at `time_s`; motors count from 0."""
+    """A fault or deviation found in a run-up, decided at `time_s`; motors count from 0."""
 
     kind: TakeoffKind
     motors: tuple[int, ...]  # those that it may be of; empty: of no motor
@@ -140,7 +140,7 @@ class TakeoffFinding:
 
     @property
     def forbids(self) -> bool:
-        """Return whether nobody should lift with it."""
+        """Return True if nobody should lift with it."""
         return self.kind in DO_NOT_LIFT
 
 
@@ -158,7 +158,7 @@ class MotorStart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TakeoffCheck:
-    """The result of one run-up; times are of the track, NaN what is not known (yet)."""
+    """Result of one run-up; times, s, are the track's, NaN while unknown."""
 
     begin_s: float  # the first motor is driven
     lift_s: float  # off the ground
@@ -201,7 +201,7 @@ def takeoff_checks(
 
 
 class TakeoffWatch:
-    """The check of a flight in progress; it keeps the rows of the run-up that goes on."""
+    """Check of the run-ups of a flight in progress; it stores the rows of the current run-up."""
 
     def __init__(self) -> None:
         """Start without rows."""
@@ -213,10 +213,11 @@ class TakeoffWatch:
     def add(
         self, track: FlightTrack, airframe: Airframe | None = None, arms: ArmLaw | None = None
     ) -> TakeoffCheck | None:
-        """Add new rows, in order; return the check of the last run-up, None before the first.
+        """Add new rows, in order of time; return the check of the last run-up, None before the
+        first.
 
-        Rows that do not follow the last begin another flight. Of a run-up of more than MOST_ROWS
-        rows the middle is dropped.
+        Rows that do not follow the last ones begin another flight. Of a run-up of more than
+        MOST_ROWS rows the middle is dropped.
         """
         if not track.time_s.size:
             return self.now
@@ -244,18 +245,18 @@ class TakeoffWatch:
 
 
 def _follows(before: FlightTrack, after: FlightTrack) -> bool:
-    """Return whether rows go on from rows before: later, and of the same number of rotors."""
+    """Return True if `after` begins later than `before` ends and has as many rotors."""
     same = before.rotor_count == after.rotor_count
     return same and bool(before.time_s[-1] < after.time_s[0])
 
 
 def run_ups(track: FlightTrack, *, from_rest: bool = True) -> Iterator[slice]:
     """Yield the rows of each run-up: REST_S before the first driven motor to HOVER_S after
-    lift-off, or to the rest that follows.
+    lift-off, or to the next rest.
 
-    Rows in which nothing is known of the motors continue the state before. A flight whose first row
-    flies has no run-up before it. Unless `from_rest`, motors that turn in the first row have turned
-    for long: that is no run-up either.
+    Rows without any motor data continue the state of the row before. A flight whose first row flies
+    has no run-up before it. If not `from_rest`, motors already turning in the first row began
+    earlier, which is no run-up either.
     """
     on, time_s = motors_on(track), track.time_s
     row = 0
@@ -285,7 +286,8 @@ def run_ups(track: FlightTrack, *, from_rest: bool = True) -> Iterator[slice]:
 
 
 def motors_on(track: FlightTrack) -> Bools:
-    """Flag rows (T,) in which a motor is driven or two turn; unknown ones are as the row before."""
+    """Flag rows (T,) with a motor driven or two turning; rows without motor data repeat the last
+    state."""
     speeds, outputs = np.abs(track.measured("rotor_speed_rpm")), track.throttle
     with np.errstate(invalid="ignore"):
         # A single rotor may be turned by hand, or by its sensor's noise.
@@ -303,9 +305,10 @@ def checked_run_up(
     *,
     ended: bool = False,
 ) -> TakeoffCheck:
-    """Return the check of one run-up, whose rows are those that `run_ups` yields so far.
+    """Check motors, speeds, ESCs, mass and yaw in one run-up, given its rows (`run_ups`) so far.
 
-    `ended` states that no later row belongs to it.
+    Without an airframe of the track's rotor count, mass and yaw are not checked (NaN). `ended`
+    states that the run-up has no later rows.
     """
     time_s, flying = track.time_s, track.flying
     begin = int(np.argmax(motors_on(track)))
@@ -359,8 +362,11 @@ def checked_run_up(
 def _starts(
     track: FlightTrack, begin: int, lift: int
 ) -> tuple[list[MotorStart], list[TakeoffFinding]]:
-    """Return how each motor started up to row `lift`, with findings of those that stand or are
-    late."""
+    """Return each motor's start, up to row `lift`, and findings of motors that stand or start late.
+
+    A motor without a reported speed is NOT_KNOWN; one already turning in its first report is
+    TURNED_BEFORE.
+    """
     time_s, speeds, outputs = (
         track.time_s,
         np.abs(track.measured("rotor_speed_rpm")),
@@ -519,8 +525,10 @@ def _unlike(
 
 
 def exchanged_with(motor: int, speeds: Floats, outputs: Floats) -> int | None:
-    """Return the rotor whose speed and that of `motor` must be exchanged for all (R,) to follow
-    their outputs; None if no exchange explains the speeds."""
+    """Return the rotor whose speed must be swapped with that of `motor` to match all outputs (R,).
+
+    None if no swap explains the speeds.
+    """
     known = np.flatnonzero(np.isfinite(speeds * outputs) & (speeds > 0.0) & (outputs > 0.0))
     if known.size < FEWEST_TO_EXCHANGE or motor not in known:
         return None
@@ -543,7 +551,8 @@ def _off_output(speeds: Floats, outputs: Floats) -> float:
 
 
 def _mean_before(time_s: Floats, values: Floats, seconds: float = MEAN_S) -> Floats:
-    """Return the mean (T, R) over the s up to each row; NaN where a value is unknown."""
+    """Return the mean (T, R) of values over the last `seconds` s up to each row; NaN where any
+    is NaN."""
     first = np.searchsorted(time_s, time_s - seconds - 1e-6)
     total = np.vstack([np.zeros(values.shape[1]), np.cumsum(np.nan_to_num(values), axis=0)])
     gaps = np.vstack([np.zeros(values.shape[1]), np.cumsum(~np.isfinite(values), axis=0)])
@@ -554,7 +563,7 @@ def _mean_before(time_s: Floats, values: Floats, seconds: float = MEAN_S) -> Flo
 
 
 def _most_before(time_s: Floats, values: Floats) -> Floats:
-    """Return the largest known value (T,) of the LAG_S up to each row; NaN where none is known."""
+    """Return the largest finite value (T,) of the LAG_S s up to each row; NaN without one."""
     most = values.copy()
     for step in range(1, time_s.size):
         near = time_s[step:] - time_s[:-step] <= LAG_S + 1e-6
@@ -565,7 +574,7 @@ def _most_before(time_s: Floats, values: Floats) -> Floats:
 
 
 def _median_of_known(values: Floats) -> Floats:
-    """Return the median (T,) of the known columns of (T, R); NaN with fewer than two known."""
+    """Return the row medians (T,) of the finite values (T, R); NaN with fewer than two."""
     ordered = np.sort(values, axis=1)  # NaN at the end
     count, rows = np.isfinite(values).sum(axis=1), np.arange(len(values))
     middle = (ordered[rows, np.maximum(count - 1, 0) // 2] + ordered[rows, count // 2]) / 2.0
@@ -573,8 +582,10 @@ def _median_of_known(values: Floats) -> Floats:
 
 
 def _first_lasting(time_s: Floats, wrong: Bools, seconds: float, readings: int = 2) -> int | None:
-    """Return the first row at which `wrong` (T,) has been true for `seconds` and so many readings;
-    None without one."""
+    """Return the first row at which `wrong` (T,) has held for `seconds` s and `readings` samples.
+
+    None without one.
+    """
     since, count = math.nan, 0
     for row in range(time_s.size if wrong.any() else 0):
         if not wrong[row]:
@@ -588,7 +599,10 @@ def _first_lasting(time_s: Floats, wrong: Bools, seconds: float, readings: int =
 
 
 def _reversed(track: FlightTrack, airframe: Airframe, begin: int) -> list[TakeoffFinding]:
-    """Return a finding where yaw runs away against the yaw moment of the rotors."""
+    """Return a finding, if any, where yaw accelerates against the yaw moment of the rotors.
+
+    Then the spin of the named motors is reversed.
+    """
     time_s, rate = track.time_s, track.angular_rate_frd[:, 2]
     square = track.measured("rotor_speed_rpm") ** 2
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -624,8 +638,12 @@ def _hover(track: FlightTrack, lift_s: float) -> Bools:
 def _mass(
     track: FlightTrack, airframe: Airframe, lift_s: float
 ) -> tuple[float, float, list[TakeoffFinding]]:
-    """Return the mass, kg, by thrust and specific force after lift-off, the mass that was stated,
-    and a finding where they differ."""
+    """Return the mass, kg, weighed by thrust after lift-off, the expected mass, kg, and findings.
+
+    Weighed mass is thrust over specific force; expected mass is the airframe's plus the tank's
+    level. A finding states that they differ too much. `lift_s` is the time of lift-off, s. The
+    weighed mass is NaN, without a finding, where the thrust is known too briefly.
+    """
     rows = _hover(track, lift_s)
     density = track_air(track).density
     thrust = rotor_thrust(airframe, track.measured("rotor_speed_rpm"), density).sum(axis=1)
@@ -657,8 +675,10 @@ def _mass(
 def _yaw(
     track: FlightTrack, airframe: Airframe, lift_s: float
 ) -> tuple[float, list[TakeoffFinding]]:
-    """Return the mean reserve of yaw authority after lift-off, and a finding where little is left
-    for YAW_S."""
+    """Return the mean unused share of yaw authority in hover after lift-off, at `lift_s` s.
+
+    Also return a finding if it is below LITTLE_YAW for YAW_S s.
+    """
     rows = _hover(track, lift_s)
     density = track_air(track).density
     limits = ceiling(airframe, density, track.voltage)
@@ -681,8 +701,12 @@ def _yaw(
 
 
 def _voltages(track: FlightTrack, begin: int, lift: int) -> tuple[float, float, float, float]:
-    """Return the battery's V at rest, V at idle, least V, and the ohm between rest and the largest
-    current."""
+    """Return the battery's voltage at rest, with motors idling, the lowest, and its resistance.
+
+    In V and ohm, NaN where unknown. At rest is before row `begin`, idling from there to row `lift`.
+    The resistance is from the voltage drop between rest and the row of the largest current; NaN if
+    that current is small.
+    """
     volts, amperes = track.voltage, track.current
     with np.errstate(invalid="ignore"):
         idles = ~(track.throttle > FLOOR).any(axis=1)
@@ -711,14 +735,17 @@ def _escs(track: FlightTrack) -> list[TakeoffFinding]:
 
 
 def _esc_channel(track: FlightTrack, name: str) -> Floats:
-    """Return a channel (T, R) of the ESCs; NaN where the flight table has none of that name."""
+    """Return the ESC channel `name` (T, R) of a track; all NaN if tracks have no such channel."""
     if name in TRACK_CHANNELS:
         return np.asarray(getattr(track, name), dtype=np.float64)
     return np.full(track.rotor_speed_rpm.shape, np.nan)
 
 
 def hot_escs(time_s: Floats, temperature: Floats) -> list[TakeoffFinding]:
-    """Return a finding for each ESC whose temperature (T, R), K, reaches HOT_ESC."""
+    """Return a finding, at its first time, for each ESC whose `temperature` reaches HOT_ESC.
+
+    `temperature` (T, R) is in K; `time_s` (T,) in s.
+    """
     found = []
     with np.errstate(invalid="ignore"):
         hot = temperature >= HOT_ESC
@@ -740,12 +767,13 @@ def hot_escs(time_s: Floats, temperature: Floats) -> list[TakeoffFinding]:
 def bad_leads(
     time_s: Floats, battery: Floats, volts: Floats, amperes: Floats
 ) -> list[TakeoffFinding]:
-    """Return a finding for each ESC whose lead has BAD_LEAD more resistance than that of the median
-    ESC.
+    """Return a finding for each ESC whose lead resistance exceeds the other leads' median by
+    BAD_LEAD ohm.
 
-    `battery` (T,) V; `volts` and `amperes` (T, R) of the ESCs. The drop at the least current is an
-    offset of the instruments. ESCs report one after the other, so only means of a steady current
-    are compared: in most starts those of the first seconds of hover.
+    `battery` (T,) is the battery's voltage, V; `volts` and `amperes` (T, R) are those of the ESCs.
+    The voltage drop at small current is an offset of the voltmeters and is subtracted. ESCs report
+    one after the other, so only means over LEAD_S s of a steady current are compared: in most
+    take-offs those of the first seconds of hover.
     """
     drop = battery[:, None] - volts
     with np.errstate(invalid="ignore"):

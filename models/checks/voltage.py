@@ -38,8 +38,10 @@ class VoltageSoFar:
 def broken_voltage(
     track: FlightTrack, so_far: VoltageSoFar | None = None
 ) -> tuple[Bools, VoltageSoFar]:
-    """Flag the rows (T,) in which the voltage reading broke down; `so_far` is the state after
-    the rows before."""
+    """Flag the rows (T,) in which the voltage reading broke down; also return the state after them.
+
+    `so_far` is the state after earlier rows.
+    """
     so_far = VoltageSoFar() if so_far is None else so_far
     volts = np.where(track.voltage > 0.0, track.voltage, np.nan)
     # On the ground motors do not follow the voltage.
@@ -75,10 +77,10 @@ HELD_ROWS = 20  # rows that must reach a voltage, so that a spike does not count
 
 
 def full_voltage(airframe: Airframe) -> float:
-    """Return V of the airframe's battery when full, by the cell type that gives a whole number of
-    cells.
+    """Return the voltage, V, of the airframe's battery when full.
 
-    At least the voltage at which the ceiling was measured; NaN without a nominal voltage.
+    The cell type is the one whose nominal voltage divides the battery's best; the result is at
+    least the voltage at which the largest thrust was measured. NaN without a nominal voltage.
     """
     nominal = airframe.nominal_voltage
     if not np.isfinite(nominal):
@@ -88,15 +90,19 @@ def full_voltage(airframe: Airframe) -> float:
 
 
 def highest_voltages(voltage: Floats, airframe: Airframe) -> Floats:
-    """Return the HELD_ROWS highest of (T,) V that are possible for the airframe, or fewer if
-    there are fewer."""
+    """Return the HELD_ROWS highest voltages, V, that are possible for the airframe, ascending.
+
+    Fewer if `voltage` (T,) has fewer.
+    """
     possible = (voltage > 0.0) & (voltage <= POSSIBLE_VOLTAGE[1] * airframe.nominal_voltage)
     return np.sort(voltage[possible])[-HELD_ROWS:]
 
 
 def most_voltage(voltage: Floats, airframe: Airframe) -> float:
-    """Return the voltage, of (T,), that HELD_ROWS rows reach; NaN where fewer are known and
-    possible."""
+    """Return the highest voltage, V, that at least HELD_ROWS of the rows (T,) reach.
+
+    NaN if fewer rows have a voltage that the airframe's battery can have.
+    """
     known = highest_voltages(voltage, airframe)
     return float(known[0]) if known.size == HELD_ROWS else float("nan")
 

@@ -26,9 +26,9 @@ from thrustmargin.models.physics.airframe import Airframe
 
 
 def with_known_channels(effects: Iterable[Effect]) -> list[Effect]:
-    """List the effects after checking that all of their channels exist.
+    """Return the effects as a list after checking that all channels they need exist.
 
-    Raises ModelError when an effect needs a channel that no flight has and no effect makes: the
+    Raises ModelError when an effect needs a channel that no flight has and no effect computes: the
     effect would silently never be searched.
     """
     found = list(effects)

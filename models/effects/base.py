@@ -50,7 +50,7 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightState:
-    """The state of the effects at one row of a flight, by the name of the effect.
+    """State of the effects at a row of a flight, by the name of the effect.
 
     A window of rows that begins there, analysed from this state, gives the results of the whole
     flight.
@@ -61,7 +61,7 @@ class FlightState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
-    """One number of an effect: unit, value at which it has no influence, bounds and usual size.
+    """A number of an effect: unit, value at which it has no influence, bounds and usual size.
 
     Values are those of an aircraft of USUAL_MASS and USUAL_ARM.
     """
@@ -112,7 +112,7 @@ class Parameter:
 def shaping(
     name: str, unit: str, *, start: float, lower: float, upper: float, scale: float
 ) -> Parameter:
-    """Return a parameter of an effect's form, which has no value at which the effect is absent."""
+    """Return a parameter of an effect's shape, which has no value at which the effect is absent."""
     return Parameter(
         name=name,
         unit=unit,
@@ -126,8 +126,10 @@ def shaping(
 
 
 def instrument_gain(smallest: float) -> Parameter:
-    """Return the parameter for true over reported value; `smallest` is its standard deviation
-    between flights."""
+    """Return the parameter `gain` of an instrument: true over reported value, 1 if absent.
+
+    `smallest` is its standard deviation between flights.
+    """
     return Parameter(
         name="gain",
         unit="1",
@@ -153,7 +155,7 @@ def _at_the_row(p: Values) -> Look:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect:
-    """One physical effect. `apply` takes and returns by kind:
+    """A physical effect. `apply` takes and returns by kind:
 
     input        (p, x, airspeed, tank_kg) -> (airspeed, tank_kg), each (T,)
     demand       (p, x, thrust) -> thrust, (T,) N, all rotors together
@@ -202,7 +204,7 @@ class Effect:
 
     @property
     def of_its_flights(self) -> bool:
-        """Return whether later flights do not have the effect: values of single flights, or a
+        """Return True if later flights do not have the effect: values of single flights, or a
         past loss."""
         return self.gone or any(p.per_flight for p in self.parameters)
 
@@ -214,11 +216,11 @@ class Effect:
 
     @property
     def key(self) -> str:
-        """Return the name with the variant, unique in the catalogue."""
+        """Return "name:variant", or the name without a variant; unique in the catalogue."""
         return f"{self.name}:{self.variant}" if self.variant else self.name
 
     def possible_on(self, airframe: Airframe) -> bool:
-        """Return whether the effect is searched for on an aircraft of this kind."""
+        """Return True if the effect is searched for on an aircraft of this kind."""
         return self.with_tank if airframe.tank_capacity_kg > 0.0 else "tank_kg" not in self.needs
 
     def scaled(self, airframe: Airframe) -> Effect:

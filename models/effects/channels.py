@@ -98,8 +98,7 @@ class Channels:
         return made
 
     def read(self, name: str) -> Any:
-        """Return a channel by its name, or the own channel of the effect of that name; None
-        without."""
+        """Return the channel `name`, or the own channel of the effect `name`; None without one."""
         return self.own.get(name, getattr(self, name, None))
 
     def rows(self, which: Any) -> Self:
@@ -145,7 +144,7 @@ def shifts_look(lag: float, channel: float = 0.0) -> Look:
 
 
 def derivative_look(span: float) -> float:
-    """Return the window, s to either side, of a derivative over `span` s in rows of LAG_STEP."""
+    """Return the time, s, before and after a row that its derivative over `span` s depends on."""
     return LAG_STEP * (int(span / LAG_STEP / 2) + 2)
 
 
@@ -319,7 +318,7 @@ class _TrackChannels:
 
     @cached_property
     def load_factor(self) -> Floats:
-        """Return the load factor (T,) of the motion, along thrust; that of the IMU if velocity is
+        """Return the load factor (T,) of the motion along thrust, or the IMU's if velocity is
         unknown.
 
         With a model of forward flight, drag and lift are included.
@@ -372,7 +371,11 @@ def own_channels(
     effects: Iterable[Effect],
     start: FlightState | None = None,
 ) -> tuple[dict[str, Any], FlightState]:
-    """Return the own channels of effects, by name, and their state after the last row."""
+    """Return the channels that effects compute for themselves, by effect name, and the state in
+    which the next window of rows starts.
+
+    `start` is that state of the rows before; None: the flight begins.
+    """
     makers = {e.name: e.own_channel for e in effects if e.own_channel is not None}
     before = {} if start is None else start.carried
     made = {name: make(track, airframe, before.get(name)) for name, make in makers.items()}
@@ -395,8 +398,10 @@ def _path_acceleration(time_s: Floats, velocity: Floats, span: float) -> Floats:
 
 
 def _if_changing(time_s: Floats, values: Floats) -> Floats:
-    """Return the values (T,), or all NaN if their means over STEADY_SPAN vary less than they
-    scatter."""
+    """Return `values` (T,), or all NaN if their means over STEADY_SPAN s hardly vary.
+
+    The means' range must exceed the values' scatter about them.
+    """
     slow = moving_mean(time_s, values, STEADY_SPAN)
     known = np.isfinite(values)
     if known.any():
@@ -420,12 +425,12 @@ def _along_axis(track: FlightTrack) -> Floats:
 
 
 def _shift_tables(time_s: Floats, *, late: bool) -> Callable[[Floats], Floats]:
-    """Return a function that makes of channels (..., T) their values (..., T, len(LAGS)) at all
-    lags.
+    """Return a function from channels (..., T) to their values (..., T, len(LAGS)) at all lags.
 
     Values are NaN where a neighbouring row is missing or far, and beyond the ends of the rows. At
-    lags above NEAR_LAG, which only late reports need, a channel is interpolated over gaps and held
-    at the ends; unless an effect needs these (`late`), they are the values of the row itself.
+    lags above NEAR_LAG, which only late reports need, a channel is interpolated over gaps and
+    constant beyond the ends; unless an effect needs these lags (`late`), they are the values of the
+    row itself.
     """
     if time_s.size < 2:
         return lambda values: np.repeat(values[..., None], len(LAGS), axis=-1)

@@ -82,7 +82,7 @@ def base_table(
     *,
     thrust_coefficient: float,
 ) -> BaseTable:
-    """Tabulate a base model `speed(airspeed (N,), tank_kg (N,)) -> (N, R)` rpm."""
+    """Tabulate the base model `speed`, a function (airspeed (N,), tank_kg (N,)) -> (N, R) rpm."""
     # An aircraft without a tank carries a payload.
     most_kg = airframe.tank_capacity_kg or float(np.nan_to_num(airframe.empty_mass)) or 1.0
     tank_step_kg = most_kg / 80.0
@@ -133,7 +133,7 @@ def _product(
 
 
 def apparent_thrust(base: BaseTable, placed: Sequence[Placed], x: Channels) -> Array:
-    """Return a0 N² (T, R) N of every rotor with the effects."""
+    """Return the apparent thrust a0 N² (T, R), N, of every rotor with the effects."""
     x = correct_inputs(placed, x)
     thrust = base.look_up(x.airspeed, x.tank_kg)
     demand = total = thrust @ base.effectiveness
@@ -162,7 +162,8 @@ def apparent_thrust(base: BaseTable, placed: Sequence[Placed], x: Channels) -> A
 def correct_inputs(placed: Sequence[Placed], x: Channels) -> Channels:
     """Return the channels with airspeed, tank mass and total mass corrected by the input effects.
 
-    All later effects use them, as the lift and drag in a wind that no channel reports.
+    All later effects use the corrected values, such as lift and drag in a wind that no channel
+    reports.
     """
     airspeed, tank_kg = x.airspeed, x.tank_kg
     follow = sum(item.effect.temperature_offset is not None for item in placed)
@@ -181,7 +182,7 @@ def _rebalance(base: BaseTable, apart: Sequence[Placed], x: Channels, thrust: Ar
     """Return the apparent thrust (T, R) that restores the force and moments of `thrust`.
 
     Needed if single rotors make less thrust, or torque is not proportional to it. A loss that all
-    rotors share is left to the caller.
+    rotors share is not compensated here.
 
     Controls c must compensate the loss of each of K causes: I + U V_t of them arrives, U (C, K) the
     controls that a cause reduces, V_t (K, C) its response to c, and U g_t is lacking. So c = -U (I
@@ -202,10 +203,10 @@ def _rebalance(base: BaseTable, apart: Sequence[Placed], x: Channels, thrust: Ar
 
 
 def _solve(systems: Array, right: Array) -> Array:
-    """Solve (T, C, C) systems near one for right sides (T, C), by elimination over all rows at
-    once.
+    """Solve systems (T, C, C) near the identity for right sides (T, C), by elimination over all
+    rows.
 
-    Without pivots, in a quarter of the time of LAPACK's on each.
+    No pivoting, in a quarter of the time of calling LAPACK for each row.
     """
     both = np.concatenate([systems, right[:, :, None]], axis=2).transpose(1, 2, 0).copy()
     for k in range(both.shape[0]):
@@ -318,8 +319,10 @@ class EffectRecord:
 
     @property
     def loss(self) -> Identified | None:
-        """Return the share of thrust that one rotor loses, of a curve the largest; None for
-        other effects."""
+        """Return the share of thrust that one rotor loses (of a loss curve, the largest).
+
+        None for an effect that is not of one rotor.
+        """
         of_curve = [v for name, v in self.parameters.items() if name.startswith("at_")]
         losses = [self.parameters["loss"]] if "loss" in self.parameters else of_curve
         largest = max(losses, key=lambda v: v.value, default=None)

@@ -180,12 +180,11 @@ class Swing:
 def cable_pull(
     track: FlightTrack, airframe: Airframe, start: SwingState | None = None
 ) -> tuple[Floats, SwingState | None]:
-    """Return the additional pull (T, LENGTHS) of a swinging load along the thrust axis, in its
-    weights.
+    """Return the extra pull (T, LENGTHS) of a swinging load along the thrust axis, over its weight.
 
     It is the tension along the axis less |f|/g, the pull of a load that does not swing: 0 in a
-    steady hover. NaN without accelerometer or attitude. Also return the state after the last row;
-    `start` is the state before the first.
+    steady hover. One column for each cable length. NaN without accelerometer or attitude. Also
+    return the state after the last row; `start` is the state before the first.
     """
     if start is not None:
         return _compute_pull(track, airframe, start)
@@ -211,10 +210,10 @@ def _compute_pull(
 
 
 def swing(track: FlightTrack, lengths: Floats, start: SwingState | None = None) -> Swing:
-    """Simulate the load on cables of `lengths` (L,) m.
+    """Simulate the direction and pull of a load on cables of `lengths` (L,) m.
 
-    Without a `start`, and after a pause of FORGOTTEN s, it hangs at rest along the apparent gravity
-    of the row. In rows without a force the last known one is used.
+    Without `start`, and after a pause of FORGOTTEN s, the load hangs at rest along the apparent
+    gravity of the row. Rows without a specific force use the last known one; their results are NaN.
     """
     rows = track.time_s.size
     force, down = force_ned(track)
@@ -259,10 +258,10 @@ def _at_rest(force: Floats, count: int) -> Floats:
 
 
 def _step(state: Floats, force: list[Floats], cables: _Cables, span: float) -> Floats:
-    """Advance direction and rate (6, L) by `span` s: Runge-Kutta of order 4, normalised to the
+    """Advance direction and rate (6, L) by `span` s by Runge-Kutta of order 4, normalised to the
     sphere.
 
-    `force` contains those at the start, in the middle and at the end of the step.
+    `force` contains the specific forces at the start, in the middle and at the end of the step.
     """
     start, middle, end = force
     k1 = _motion(state, start, cables)

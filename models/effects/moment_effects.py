@@ -106,7 +106,7 @@ def spin_up_moment(
     rate, now = x.rate_shifts[2], lag_weights(lag)
 
     def lagged_moment(k: int) -> Floats:
-        """Return the moment after the lag SPIN_UPS[k]."""
+        """Return the yaw moment (T,), N m, after the lag SPIN_UPS[k]."""
         own = float(SPIN_UPS[k])
         if lag < 0.0:  # rotor speeds are late: use the past columns of the table
             earlier = lag_weights(lag, time_constant=own) - lag_weights(0.0, time_constant=own)
@@ -179,7 +179,7 @@ LOOK = derivative_look(VELOCITY_SPAN) + MEAN_SPAN / 2 + LAG_STEP
 
 
 def lean(track: FlightTrack, airframe: Airframe, start: None = None) -> tuple[Floats, None]:
-    """Return the specific force forward and right (T, 2) in g, from attitude and velocity.
+    """Return the specific force forward and right (T, 2), in g, from attitude and velocity.
 
     NaN in rows with a reported wind, where the flow's moment follows from the velocity.
     """
@@ -243,8 +243,7 @@ def _flow_moment(p, x: Channels, thrust):
 
 
 def _gain_parameter(name: str) -> Parameter:
-    """Return the parameter of a flow moment; `smallest` is due to an unreported wind of half a
-    m/s."""
+    """Return the parameter of a flow moment; `smallest` is due to an unreported wind of 0.5 m/s."""
     return Parameter(name=name, unit="1", lower=-1.0, upper=1.0, scale=0.1, smallest=0.01)
 
 
@@ -319,7 +318,7 @@ def _share_effect(
     """Return the effect that changes all turning moments by one share, as mass on arms and booms
     does.
 
-    Single axes do not get their own share: roll and pitch of an aircraft on its route hardly show,
+    Single axes do not get their own share: roll and pitch of an aircraft on its route are small,
     and would absorb late rotor speeds. None if the model's yaw inertia is not positive.
     """
     moments = [p.name for p in effect.parameters if not p.detail]

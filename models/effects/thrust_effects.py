@@ -195,8 +195,8 @@ def _degraded_torque(p, x: Channels):
 
 
 def _after_onset(p, x: Channels):
-    """Return 1 between onset and end, 0 outside (T,), by the parameters that there are; 1
-    without an onset."""
+    """Return 1 between onset and end and 0 outside, (T,), by the onset and end in `p`; 1 without
+    one."""
     if "onset_clock" in p:
         began = _step(x.clock_s - p["onset_clock"])
         return began * _step(p["end_clock"] - x.clock_s) if "end_clock" in p else began

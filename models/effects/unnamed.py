@@ -40,7 +40,7 @@ class Along:
 
 
 def _channel(name: str, unit: str, least: float) -> Along:
-    """Return the entry of a channel that is read as it is."""
+    """Return the entry of the channel `name`, read without conversion; `least` is in `unit`."""
     return Along(unit, least, (name,), lambda x: getattr(x, name))
 
 
@@ -99,7 +99,7 @@ def curve_columns(values: Any, low: Any, high: Any) -> Any:
 
 
 def _unnamed_effect(mode: str, channel: str) -> Effect:
-    """Return the effect of a curve over a channel in a mode, or of one rotor."""
+    """Return the effect of a curve over a channel, acting in a mode or on one rotor."""
     along = ALONG.get(channel)
 
     def curve(p: Values, x: Channels) -> Any:

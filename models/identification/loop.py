@@ -174,10 +174,10 @@ def identify_checked(
 
 
 def unnamed_causes_help(unused: Problem, accepted: AcceptedEffects) -> bool:
-    """Return whether unnamed causes lower the error on the held-out flights `unused`.
+    """Return True if unnamed causes lower the error on the held-out flights `unused` by LEAST_FALL.
 
-    They must lower it by LEAST_FALL, as they do in cross-validation: they enter a model for no
-    other reason. True without unnamed causes.
+    Also True without unnamed causes. They already lowered the cross-validated error, which is the
+    only reason why a model includes them.
     """
     if not accepted.unnamed_members:
         return True
@@ -189,7 +189,7 @@ def unnamed_causes_help(unused: Problem, accepted: AcceptedEffects) -> bool:
 
 
 def is_constant_in_flights(reduced: Reduced, step: Candidate) -> bool:
-    """Return whether a rotor's step change `step` is constant within each flight.
+    """Return True if a rotor's step change `step` is constant within each flight.
 
     A load or a trim that was changed between two flights looks the same.
     """
@@ -208,7 +208,7 @@ def _tracks(flights: Sequence[Flown]) -> list[FlightTrack]:
 def _reported_effects(
     left_out: CrossValidation, estimates: Sequence[EffectEstimate]
 ) -> tuple[ReportedEffect, ...]:
-    """Return the reported effects in the order of the error that each removes, largest first.
+    """Return the reported effects, the one that lowers the error most first.
 
     Each has the RMSE, rpm, before and after it is added to the effects before it.
     """

@@ -123,7 +123,7 @@ class Battery:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Advice:
-    """The answer for one flight: its levels and the figures and findings behind them."""
+    """The assessment of one flight: its warning levels, and the figures and faults behind them."""
 
     levels: tuple[FlightLevel, ...]  # all that apply, the gravest first; never empty
     limit: float  # share of a rotor's largest thrust that may last
@@ -146,9 +146,9 @@ class Advice:
     #: s in flight with motor outputs but no speeds: only a sudden change can be found
     by_outputs_s: float
     #: For most of the flight neither speeds nor outputs were measured; a prediction alone does not
-    #: support a good answer.
+    #: support a good verdict.
     predicted_alone: bool
-    withheld: bool  # no margin is claimed
+    withheld: bool  # the aircraft is unknown or not the airframe's: no margin is reported
     #: How measured rotor speeds agree with the model; all unknown of a plan.
     misfit: ModelMisfit = field(default_factory=ModelMisfit)
     caveats: tuple[Caveat, ...] = ()
@@ -166,27 +166,28 @@ class Advice:
 
     @property
     def ends_in_flight(self) -> bool:
-        """Return whether the log ends before the flight does."""
+        """Return True if the log ends before the flight does."""
         return bool(np.isfinite(self.unseen_from_s))
 
     @property
     def complete(self) -> bool:
-        """Return whether the log contains the whole flight, without a long pause."""
+        """Return True if the log contains the whole flight, without a long pause."""
         return not (self.ends_in_flight or self.begun_before or self.paused_s > 0.0)
 
     @property
     def places(self) -> tuple[str, ...]:
-        """Return the name of each rotor's place; empty where the aircraft or the motor order is
-        unknown."""
+        """Return the name of each rotor's arm; an empty tuple if the aircraft is unknown
+        (`withheld`)."""
         return () if self.withheld else self.rotor_names
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Advised:
-    """An answer, the analysis behind it and the fill limits at each time step.
+    """The assessment of one flight, the analysis behind it and the fill limits at each time step.
 
-    The fills (T,) kg are those at which the row would reach its limit of thrust use, and those at
-    which it could not lose a rotor; NaN where unknown.
+    `fill_limit_kg` (T,) is the liquid, kg, with which the row would reach its limit of thrust use;
+    `fill_one_rotor_out_kg` (T,) that above which it would not stay up without one rotor; NaN where
+    unknown.
     """
 
     advice: Advice
@@ -204,11 +205,12 @@ def advise(
     in_progress: bool = False,
     planned: bool = False,
 ) -> Advised:
-    """Return the answer for a whole flight.
+    """Assess a whole flight: its warning levels, the next tank fill, faults and battery.
 
-    `limit` is the share of a rotor's largest thrust that may last. `history` are the faults that
-    were found during the flight; without it they are searched for here. `in_progress`: the aircraft
-    still flies. `planned`: the flight has no measurements, only its prediction.
+    `limit` is the share of a rotor's largest thrust that may be used for long. `history` contains
+    the faults found during the flight; None: search for them here. `in_progress`: the aircraft
+    still flies. `planned`: the flight has no measurements, only its prediction. Rows after a loss
+    of control are left out of the figures.
 
         >>> log = read_log("sitl_logs/onset/worn_prop_onset.tlog")
         >>> made = advise(analyse(log.track, load_model())).advice
@@ -282,7 +284,7 @@ def advise(
         if use.spent_s >= 1.0:
             levels.append(FlightLevel.NO_THRUST)
         of_load = _load_level(use, low, high)
-        # A good answer needs the prediction, a measurement, and that they do not contradict.
+        # A good verdict needs the prediction, a measurement, and that they do not contradict.
         groundless = predicted_alone or (misfit.found and not faults)
         if use.known_s > 0.0 and not (groundless and of_load is FlightLevel.UNDER):
             levels.append(of_load)
@@ -376,8 +378,10 @@ def _paused_s(track: FlightTrack) -> float:
 
 
 def _load_level(use: ThrustUse, low: Floats, high: Floats) -> FlightLevel:
-    """Return the level by lasting use and by the ends, `low` and `high` (N,), of the redundancy
-    interval."""
+    """Return the level of load, from lasting utilisation and the redundancy after losing a rotor.
+
+    `low` and `high` (N,) are the ends of the redundancy's interval in rows in flight.
+    """
     if np.any(high < 1.0):
         return FlightLevel.CRITICAL
     if use.surely_above.any():
@@ -388,7 +392,7 @@ def _load_level(use: ThrustUse, low: Floats, high: Floats) -> FlightLevel:
 
 
 def stopped_fault(rotor: int) -> RotorFault:
-    """Return the fault of a rotor, counted from 0, that stands still."""
+    """Return the fault, of size 1, of a rotor, counted from 0, that does not turn."""
     return RotorFault(kind="stopped", rotor=rotor, size=1.0, lower=1.0, upper=1.0)
 
 
@@ -405,7 +409,7 @@ def stopped_episodes(track: FlightTrack) -> list[FaultEpisode]:
 
 
 def explained_by_stop(fault: RotorFault, stopped: Sequence[FaultEpisode], time_s: float) -> bool:
-    """Return whether a rotor of `fault`, found at `time_s`, had stopped by then, which explains the
+    """Return True if a rotor of `fault`, found at `time_s`, had stopped by then, which explains the
     fault."""
     still = {one.fault.rotor for one in stopped if one.begin_s <= time_s}
     return not still.isdisjoint((fault.rotor, *fault.rotors))
@@ -420,7 +424,7 @@ def cell_count(airframe: Airframe) -> int:
 def _battery(analysis: FlightAnalysis) -> Battery:
     """Find the lowest cell voltage that lasted about 1 s in flight, and its time.
 
-    The cell count is the airframe's. Where no margin is claimed (`withheld`), it is the smallest
+    The cell count is the airframe's. If the aircraft is unknown (`withheld`), it is the smallest
     count that the highest voltages allow (2 or more, at 3.5 V a cell or more), and the result is an
     upper bound (`at_most`). Empty without a count or with fewer than 3 voltages in flight.
     """

@@ -69,7 +69,7 @@ class ModeChange:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CausingEffect:
-    """One effect that the search reports, with its main parameter and 95 % interval."""
+    """An effect that the identification reports, with its main parameter and 95 % interval."""
 
     effect: str  # key of the effect
     rotor: int | None  # from 0
@@ -121,11 +121,12 @@ def aircraft_change(
     interval: Interval,
     rotor: RotorTotal | None,
 ) -> AircraftChange | None:
-    """Return how a flight differs from the flights before it; None where it does not.
+    """Return how a flight differs from earlier flights of the aircraft; None where it does not.
 
-    `step` is the flight's in the walk, `speed_rpm` its mean predicted rotor speed, `weight` its
-    median weight, N, and `coverage` the share of its speeds inside the interval, which was made by
-    the flights of `interval`. `rotor` is the weak rotor by the total of all offsets, if any.
+    `step` compares the flight with the mode state of the earlier ones, `speed_rpm` is its mean
+    predicted rotor speed, `weight` its median weight, N, and `coverage` the share (0 to 1) of its
+    speeds inside the model's `interval`. `rotor` is the weak rotor that the offsets of all flights
+    add up to, if any.
     """
     least = least_coverage(interval)
     if rotor is not None:
@@ -159,10 +160,10 @@ def aircraft_change(
 
 
 def least_coverage(interval: Interval) -> float:
-    """Return the coverage that a sound flight falls below with probability FALSE_CHANGE.
+    """Return the interval coverage that a fault-free flight is below with probability FALSE_CHANGE.
 
-    By the flights that the interval was made from, each left out; the scatter between them has a
-    prior of COVERAGE_SPREAD that counts for SPREAD_FLIGHTS flights.
+    The spread between flights is estimated from the held-out flights of `interval`, with a prior
+    standard deviation of COVERAGE_SPREAD that weighs as much as SPREAD_FLIGHTS flights.
     """
     held = np.array(() if interval.measured is None else interval.measured.per_flight)
     squares = SPREAD_FLIGHTS * COVERAGE_SPREAD**2 + float(np.sum((held - interval.coverage) ** 2))
@@ -181,7 +182,8 @@ def _difference(step: WalkStep, mode: int) -> tuple[float, float]:
 
 
 def _mode_change(step: WalkStep, mode: int, airframe: Airframe, speed_rpm: float) -> ModeChange:
-    """Return the change of one mode in rpm at the flight's mean rotor speed."""
+    """Return the change of mode number `mode`, in rpm at `speed_rpm`, the flight's mean rotor
+    speed."""
     value, error = _difference(step, mode)
     column: Floats = math.copysign(1.0, value) * mode_columns(airframe)[:, mode]
     names = tuple(ChangeMode)

@@ -35,7 +35,7 @@ AirframeBasis = Literal["given", "recognised", "not known"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KnownFrom:
-    """The known aircraft that a flight is of, and the flights and days its model rests on."""
+    """A known aircraft recognised in a flight, and the flights and days its model is based on."""
 
     aircraft: str
     flights: int
@@ -51,7 +51,7 @@ class AirframeClaim:
     known_from: KnownFrom | None = None  # if the aircraft is a known one
     guessed: tuple[str, ...] = ()  # quantities of `RESTS_ON` that the airframe file guesses
     recognised_by: tuple[Statement, ...] = ()  # what matches it, if nobody gave it
-    withheld: tuple[Statement, ...] = ()  # why no margin is claimed; empty if nothing contradicts
+    withheld: tuple[Statement, ...] = ()  # why no margin is reported; empty if nothing contradicts
     contradicted: tuple[str, ...] = ()  # names of the comparisons that contradict a given airframe
     unlike: Statement | None = None  # why the flight is not recognised, if no airframe was given
     source: str = "LOG"  # log or link of the flight, as a shell takes it
@@ -63,14 +63,18 @@ class AirframeClaim:
     outputs: OutputEvidence | None = None  # thrust by motor outputs, independent of the gauge
 
     def __str__(self) -> str:
-        """Return the claim as data, for programmers; empty without an airframe and a reason."""
+        """Return the airframe and how it was recognised, or the reasons for no margin; for
+        debugging.
+
+        Empty without either.
+        """
         if self.withheld:
             return f"no margin: {'; '.join(map(str, self.withheld))}"
         return f"{self.airframe} {self.basis}" if self.airframe else ""
 
     @property
     def odd_voltage(self) -> bool:
-        """Return whether only the voltage contradicts the airframe."""
+        """Return True if only the voltage contradicts the airframe."""
         return self.contradicted == ("voltage",)
 
 
@@ -82,10 +86,11 @@ def airframe_claim(
     *,
     given: bool,
 ) -> AirframeClaim:
-    """Decide whether a flight may be analysed as one of `airframe`.
+    """Decide whether a flight may be analysed with `airframe`, and return decision and reasons.
 
-    An airframe that was `given` is accepted unless a comparison contradicts it; one that was not is
-    accepted only if the flight is recognised. `parameters` are the autopilot's, by name.
+    With `given` (the user stated the airframe) it is accepted unless a comparison contradicts it;
+    otherwise only if the flight is recognised as this airframe's. `parameters` are the autopilot's,
+    by name. `withheld` of the result lists why not; empty if accepted.
     """
     found = comparisons(track, airframe, facts, parameters)
     outputs = output_evidence(track, airframe, parameters)
@@ -126,8 +131,8 @@ def airframe_claim(
 def unknown_aircraft(rotor_count: int) -> RotorModel:
     """Return a model of an aircraft of which only the number of rotors is known.
 
-    Its quantities and predictions are NaN. Its rotors are on arms of 1 m in the usual layout of
-    autopilots, for drawing alone.
+    Its quantities and predictions are NaN. For drawing alone its rotors are on arms of 1 m, in the
+    autopilots' usual layout for that number, else evenly round.
     """
     layout = motor_layouts().get(USUAL_LAYOUTS.get(rotor_count, ""))
     angles = [2.0 * pi * (k + 0.5) / rotor_count for k in range(rotor_count)]

@@ -95,8 +95,10 @@ class ThrustUse:
 
 
 def thrust_use(analysis: FlightAnalysis, limit: float) -> ThrustUse:
-    """Summarise the utilisation of a flight; `limit` is the share of a rotor's largest thrust
-    that may last."""
+    """Summarise the utilisation of a flight: typical, lasting and worst, and time above `limit`.
+
+    `limit` is the share of a rotor's largest thrust that may last.
+    """
     track, outputs = analysis.track, analysis.claim.outputs
     use = np.where(track.flying[:, None], analysis.known_utilisation, np.nan)
     second, means = _second_means(track.time_s, use)
@@ -124,7 +126,7 @@ def thrust_use(analysis: FlightAnalysis, limit: float) -> ThrustUse:
     with np.errstate(invalid="ignore"):
         lasting_above, over = most > limit, now > limit
         surely, maybe = most - down > limit, most + up > limit
-        # Speeds that read high reach the largest thrust while the outputs are lower.
+        # Speeds that read too high give the largest thrust while the outputs are lower.
         least = means * (1.0 if outputs is None else outputs.share_of_speeds)
         spent = least - np.hypot(np.nan_to_num(above - beyond), of_second * means) > SPENT
     if not known.any():  # without an airframe: full output means no reserve
@@ -157,10 +159,12 @@ def thrust_use(analysis: FlightAnalysis, limit: float) -> ThrustUse:
 
 
 def _exhausted_rotor(spent: Bools, length: Floats) -> int | None:
-    """Return the rotor, from 0, that most of the time was exhausted while no other was; else None.
+    """Return the rotor, from 0, that spent the longest time as the only one at its largest thrust.
 
-    `spent` (S, R) flags exhausted rotors by second, `length` (S,) s flown in each. A turn exhausts
-    two rotors, a climb all; one alone is weak, or carries a load that is off-centre.
+    `spent` (S, R) flags rotors at their largest thrust in each second, `length` (S,) is the time
+    flown in it, s. Return None unless that rotor's time is ALONE_S or more, and over half of the
+    time with any rotor at its largest thrust. A turn exhausts two rotors, a climb all; a single
+    one is weak or bears an off-centre load.
     """
     alone = np.where((spent.sum(axis=1) == 1)[:, None], spent, False) * length[:, None]
     seconds = alone.sum(axis=0)
@@ -170,10 +174,12 @@ def _exhausted_rotor(spent: Bools, length: Floats) -> int | None:
 
 
 def _window_centres(known: Bools) -> NDArray[np.intp]:
-    """Return, for each of (S,) seconds, the nearest one whose whole window is in the same stretch
-    of flight.
+    """Return, for each of S seconds, the index (S,) of the second whose window stands in for its
+    own.
 
-    Half a window, at the end of a stretch, would count passing use as lasting.
+    That is the nearest second whose whole window of LASTING_S seconds lies in the same stretch of
+    `known` (S,) seconds, or the stretch's middle if there is none. Half a window, at the end of a
+    stretch, would count a short use as lasting.
     """
     at, half, rows = np.arange(known.size), LASTING_S // 2, np.flatnonzero(known)
     for stretch in np.split(rows, np.flatnonzero(np.diff(rows) > half) + 1) if rows.size else ():
@@ -185,8 +191,10 @@ def _window_centres(known: Bools) -> NDArray[np.intp]:
 
 
 def _silent_seconds(track: FlightTrack, second: NDArray[np.int64], count: int) -> Bools:
-    """Flag the seconds (S,) in flight in pauses of the log; `second` (T,) numbers each row's,
-    `count` is S."""
+    """Flag the seconds (S,) without a row, in a pause of the log with flight before and after it.
+
+    `second` (T,) is the number of each row's second, from 0; `count` is S.
+    """
     on = np.diff(track.time_s) > track.row_seconds[:-1]
     on &= track.flying[:-1] & track.flying[1:]
     found = np.zeros(count, dtype=np.bool_)
@@ -210,8 +218,10 @@ def _lasting_use(means: Floats, silent: Bools) -> Floats:
 
 
 def running_median(values: Floats, window: int) -> Floats:
-    """Return the median (S, R) of the known values among `window` rows around each; NaN where
-    none is."""
+    """Return the median (S, R) of the finite values among the `window` rows centred on each row.
+
+    NaN where none of them is finite.
+    """
     half = window // 2
     padded = np.pad(values, ((half, half), (0, 0)), constant_values=np.nan)
     around = np.sort(np.lib.stride_tricks.sliding_window_view(padded, window, axis=0), axis=-1)
@@ -223,10 +233,9 @@ def running_median(values: Floats, window: int) -> Floats:
 
 
 def _second_means(time_s: Floats, values: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """Return the number of the second (T,) of each row, and the means (S, R) of known values by
-    second.
+    """Return the number (T,) of each row's second, and the means (S, R) of known values by second.
 
-    A pause of the log is shortened to LASTING_S + 1 s. A mean without values is NaN.
+    A pause of the log is shortened to LASTING_S + 1 s. A mean without known values is NaN.
     """
     whole = np.floor(time_s - time_s[0]) if time_s.size else time_s
     steps = np.clip(np.diff(whole, prepend=0.0), 0.0, LASTING_S + 1.0)
@@ -303,8 +312,7 @@ class FlightAnalysis:
         )
 
     def state_at(self, row: int) -> FlightState:
-        """Return the state of the model's effects at a row, from which a window that begins there
-        starts.
+        """Return the state of the model's effects after `row`, with which the next window starts.
 
         Raises IndexError for a row that the track does not have.
         """
@@ -317,22 +325,22 @@ class FlightAnalysis:
 
     @property
     def withheld(self) -> tuple[Statement, ...]:
-        """Return the reasons why no margin is claimed; empty if one is.
+        """Return the reasons why the flight is not analysed with an airframe; empty if it is.
 
-        With a reason, all that needs the airframe is NaN.
+        With a reason, all figures that need the airframe, as margins, are NaN.
         """
         return self.claim.withheld
 
     @property
     def places(self) -> tuple[str, ...]:
-        """Return the name of each rotor's place; empty strings where the motors are in another
-        order."""
+        """Return the name of each rotor's arm; empty strings if the motor order is not the
+        airframe's."""
         names = self.model.airframe.rotor_names
         return ("",) * len(names) if self.claim.other_order else names
 
     @property
     def placed(self) -> bool:
-        """Return whether the place of each rotor is known, so that the rotor may be drawn there."""
+        """Return True if the arm of each rotor is known, so that the rotor may be drawn there."""
         return not (self.claim.withheld or self.claim.other_order)
 
     @property
@@ -348,8 +356,10 @@ class FlightAnalysis:
 
     @property
     def yaw_reserve(self) -> Floats:
-        """Return the share (T,) of the yaw authority that is left, by measured or output-based
-        rotor speeds; NaN where one is unknown, or where no margin is claimed."""
+        """Return the unused share (T,) of the yaw authority, by measured or inferred rotor speeds.
+
+        NaN where a speed is unknown, and everywhere if the aircraft is unknown (`withheld`).
+        """
         airframe = identified_airframe(self.model)
         if self.withheld or not airframe.rotor_count:
             return np.full(self.track.time_s.size, np.nan)
@@ -357,14 +367,14 @@ class FlightAnalysis:
 
     @property
     def measured(self) -> Bools:
-        """Return the rows (T,) in which every rotor has a speed, measured or made from its
+        """Flag the rows (T,) in which every rotor has a speed, measured or inferred from its motor
         output."""
         return np.all(np.isfinite(self.utilisation), axis=1)
 
     @property
     def any_measured(self) -> Bools:
-        """Return the rows (T,) in which at least one rotor has a speed, measured or made from its
-        output."""
+        """Flag the rows (T,) in which at least one rotor has a speed, measured or inferred from its
+        motor output."""
         return np.any(np.isfinite(self.utilisation), axis=1)
 
     @property
@@ -403,14 +413,13 @@ class FlightAnalysis:
 
     @property
     def from_outputs(self) -> Bools:
-        """Flag the rotor speeds (T, R) that were not measured but made from the motor's output."""
+        """Flag the rotor speeds (T, R) that were inferred from the motor's output, not measured."""
         error = self.track.standard_errors.get("rotor_speed_rpm")
         return np.zeros(self.utilisation.shape, bool) if error is None else error > 0.0
 
     @property
     def speed_basis(self) -> SpeedBasis:
-        """Return whether the flight's rotor speeds are measured, from motor outputs, or some of
-        each."""
+        """Return the basis of the flight's rotor speeds: measured, from motor outputs, or both."""
         return speed_basis(self.track)
 
     def basis_of(self, row: int, rotor: int) -> SpeedBasis:
@@ -441,10 +450,11 @@ class FlightAnalysis:
         return self._above(limit, INTERVAL)
 
     def _above(self, limit: float, errors: float) -> Bools:
-        """Flag the rows (T,) in flight in which a rotor's utilisation plus `errors` standard errors
-        exceeds `limit`.
+        """Flag the rows (T,) in flight in which any rotor's utilisation surely, or possibly, tops
+        `limit`.
 
-        The errors are those of the high side if `errors` is positive, else of the low side.
+        `errors` standard errors are added to it first; of the high side if positive, else the low
+        side.
         """
         use = self.known_utilisation + errors * self.row_errors[errors > 0.0]
         with np.errstate(invalid="ignore"):
@@ -465,9 +475,9 @@ def analyse(
     is NaN in rows without a channel that it needs: thrust and utilisation need rotor speed; weight,
     redundancy and trimmable loss need the tank. Voltage and density have stated fallbacks.
 
-    `claim` states on what grounds the flight is one of the model's airframe; without it the
-    airframe counts as given, and the flight is compared with it here. If a comparison contradicts,
-    no margin is claimed: the analysis is that of an unknown aircraft.
+    `claim` is the result of comparing the flight with the model's airframe; without it the
+    airframe counts as stated by the user, and the flight is compared with it here. If a comparison
+    contradicts, the analysis is that of an unknown aircraft: its margins are NaN.
 
     A track may be a window of a flight: its `time_s` counts from the flight's start, and `start` is
     `state_at` of its first row in the window before. Rows at least `model.look_back_s` after the
@@ -533,9 +543,10 @@ def analyse(
 
 
 def with_load_beyond_gauge(analysis: FlightAnalysis, beyond_kg: float) -> FlightAnalysis:
-    """Add `beyond_kg` to the weight of an analysis and lower its redundancy; the utilisation stays.
+    """Add `beyond_kg`, kg that no gauge reports, to the weight and lower the redundancy to match.
 
-    For single rows of a flight in progress, whose `analysis_for_verdict` has found that load.
+    Utilisation is by rotor speeds and unchanged. For single rows of a flight in progress whose
+    `analysis_for_verdict` found that load. Return the analysis unchanged for 0 or NaN.
     """
     if not beyond_kg > 0.0:
         return analysis
@@ -550,8 +561,8 @@ def with_load_beyond_gauge(analysis: FlightAnalysis, beyond_kg: float) -> Flight
 
 
 def with_density_error(analysis: FlightAnalysis, share: float) -> FlightAnalysis:
-    """Give the air of an analysis the standard error `share` of its density, which widens the
-    interval of the redundancy."""
+    """Set the density's standard error to `share` of the density, which widens the redundancy's
+    interval."""
     shares = np.full(analysis.density.shape, share)
     airframe = identified_airframe(analysis.model)
     return replace(
@@ -562,11 +573,10 @@ def with_density_error(analysis: FlightAnalysis, share: float) -> FlightAnalysis
 
 
 def with_bad_part(analysis: FlightAnalysis) -> FlightAnalysis:
-    """Remove figures that assume sound rotors from the analysis of an aircraft with a bad rotor or
-    motor.
+    """Remove figures that assume sound rotors from the analysis of an aircraft with a faulty rotor.
 
-    Redundancy after the loss of one more rotor was computed for sound rotors. Values of 1 and more
-    become NaN; values below 1 stay, because a bad rotor makes them worse.
+    The redundancy after losing one more rotor was computed for sound rotors: values of 1 and more
+    become NaN. Values below 1 stay, because a faulty rotor only lowers them.
     """
     kept, free = analysis.redundancy_yaw_kept, analysis.redundancy_yaw_uncontrolled
     return replace(
@@ -591,8 +601,8 @@ def with_true_speed(analysis: FlightAnalysis, rotor: int, factor: float) -> Flig
 def analysis_for_verdict(analysis: FlightAnalysis) -> FlightAnalysis:
     """Return the analysis of a whole flight on which its verdict is based.
 
-    Where hover thrust surely shows more load than the gauge or the statement, it is made anew with
-    that load. Return other analyses unchanged.
+    Where hover thrust surely shows more load than the gauge or the user stated, the flight is
+    analysed again with that load. Return other analyses unchanged.
     """
     track = with_load_for_verdict(
         analysis.track, identified_airframe(analysis.model), analysis.claim.outputs

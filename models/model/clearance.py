@@ -30,7 +30,7 @@ BLIND = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Condition:
-    """One thing that the last flights do not show, and the flight that left it open."""
+    """A limit on what the last flights can show, which the pilot must check, and its flight."""
 
     caveat: Caveat
     flight: Advice | None = None  # None: of the flight only its row in a hangar is known
@@ -40,8 +40,8 @@ class Condition:
 class Clearance:
     """Consequence of an aircraft's last flights for its next take-off.
 
-    `level` is the level that forbids it: one of GROUNDING, or UNKNOWN where no answer has a ground;
-    None where nothing forbids it. `flight` is the flight with that level.
+    `level` is the level that forbids it: one of GROUNDING, or UNKNOWN if the last flight supports
+    no verdict; None where nothing forbids it. `flight` is the flight with that level.
     """
 
     level: FlightLevel | None = None
@@ -57,16 +57,17 @@ class Clearance:
         return tuple(one.caveat for one in self.conditions)
 
 
-#: Nothing is known that forbids a take-off, and nobody looked: the answer of a plan alone.
+#: Nothing is known that forbids a take-off, and no flight was assessed: a plan alone.
 NO_FLIGHT = Clearance()
 #: A log without a flight shows nothing of the aircraft.
 NOT_SEEN = Clearance(conditions=(Condition(caveat=Caveat.ROTORS_NOT_SOUGHT),))
 
 
 def both(of_log: Clearance, of_aircraft: Clearance) -> Clearance:
-    """Return what the flights in a log and the earlier ones of the aircraft leave open together.
+    """Combine the clearance by the flights in a log with that by the aircraft's earlier flights.
 
-    The graver level counts; of equal ones that of the log, which has its flight.
+    The graver level counts, of equal ones that of the log; the conditions of both are listed, each
+    caveat once.
     """
     first, second = of_log, of_aircraft
     if _gravity(second) < _gravity(first):
@@ -83,8 +84,8 @@ def _gravity(one: Clearance) -> float:
 def grounding_level(advice: Advice) -> FlightLevel | None:
     """Return the gravest level of a flight that forbids the next take-off; None without one.
 
-    A flight in which all rotors had no thrust left was too heavy, which the next one need not be.
-    One rotor alone is a bad one.
+    NO_THRUST forbids it only if one rotor alone was exhausted, which is then faulty. All rotors
+    exhausted means too heavy a flight, and the next may be lighter.
     """
     found = [level for level in GROUNDING if level in advice.levels]
     alone = advice.use.spent_alone is not None
@@ -92,11 +93,11 @@ def grounding_level(advice: Advice) -> FlightLevel | None:
 
 
 def clearance(flights: Sequence[Advice]) -> Clearance:
-    """Return what the flights of one aircraft, in the order of time, mean for its next take-off.
+    """Return the consequence of one aircraft's flights, oldest first, for its next take-off.
 
-    A bad part of an earlier flight is a condition where a later flight looked at it and was sound,
-    for nobody has said that it was repaired; without such a flight it still forbids the take-off.
-    Lost control is explained by no later flight.
+    A faulty part forbids the take-off until a later flight could have shown the fault and did not.
+    It is then only a condition, because nobody has stated a repair. A loss of control always
+    forbids.
     """
     if not flights:
         return NO_FLIGHT
@@ -129,7 +130,10 @@ def clearance(flights: Sequence[Advice]) -> Clearance:
 
 
 def _shown_sound(bad: Advice, level: FlightLevel, flights: Sequence[Advice]) -> bool:
-    """Return whether a flight after `bad` looked at the part that was bad and found it sound."""
+    """Return True if a later flight than `bad` could have shown the bad part, and shows no fault.
+
+    Always False after a loss of control. `flights` are ordered by time and contain `bad`.
+    """
     if level is FlightLevel.LOST:
         return False
     after = flights[next(k for k, one in enumerate(flights) if one is bad) + 1 :]

@@ -56,7 +56,8 @@ class FaultTest:
     """
 
     def __init__(self, kind: Kind, steps: Floats, widths: Floats, prior: Prior) -> None:
-        """Start with sound rotors; see the class for `steps` and `widths`."""
+        """Begin without faults. `steps` (R, J, M) are the changes of M signals by a thrust loss of
+        size j of rotor r, `widths` (R, J, M) their standard deviations."""
         self.kind: Kind = kind
         self.faults: dict[int, RotorFault] = {}
         self._suspect: RotorFault | None = None  # of one of several rotors
@@ -71,12 +72,13 @@ class FaultTest:
 
     @property
     def current(self) -> tuple[RotorFault, ...]:
-        """Return the faults ordered by rotor, then the one whose rotor is still ambiguous."""
+        """Return the faults ordered by rotor, then the fault whose rotor is still ambiguous, if
+        any."""
         suspect = () if self._suspect is None else (self._suspect,)
         return (*(self.faults[rotor] for rotor in sorted(self.faults)), *suspect)
 
     def restart(self) -> None:
-        """Begin a new flight: the scatter is learnt anew, while the faults found so far stay."""
+        """Begin a new flight: estimate the scatter again, and keep the faults found so far."""
         self._block = BLOCK
         self._test, self._sound_probability = SuddenChange(self._prior, BLOCK, WINDOW), 1.0
         self._held_s, self._faults_before, self._named_rotor = math.nan, self.faults, -1
@@ -95,9 +97,9 @@ class FaultTest:
         return WINDOW * self._block / BLOCK
 
     def forget(self, known: Sequence[RotorFault] = ()) -> None:
-        """Replace all faults by the `known` ones; other parts count as sound, as if replaced.
+        """Replace all faults by `known`; rotors not in it count as fault-free, as if repaired.
 
-        A known fault stays until the signals return to the values of a sound rotor.
+        A fault in `known` stays until the signals return to the values of a fault-free rotor.
         """
         self.faults = {fault.rotor: fault for fault in known}
         self._step_now[:] = self._error[:] = 0.0
@@ -117,10 +119,10 @@ class FaultTest:
         self._remaining_widths = np.hypot(self._widths, self._error[:, None])
 
     def add(self, time_s: float, values: Floats, inputs: Floats) -> None:
-        """Add one block with its values (M,) and inputs (M, P), at `time_s` s.
+        """Test one block with the mean signals (M,) and inputs (M, P) of rows at about `time_s` s.
 
-        The first LEARN blocks of a flight are kept back until they show its scatter and the length
-        of a block; no fault is reported before.
+        The first LEARN blocks of a flight are stored, to estimate the scatter and the length of a
+        block; no fault is reported before they are complete.
         """
         if self._waiting is None:
             self._test_block(time_s, values, inputs)
@@ -137,11 +139,11 @@ class FaultTest:
                 self._test_block(*block)
 
     def _test_block(self, time_s: float, values: Floats, inputs: Floats) -> None:
-        """Update the test by one block: raise, confirm, correct or drop a fault.
+        """Update the test by one block at `time_s`, s: raise, confirm, correct or drop a fault.
 
-        A likelihood ratio above THRESHOLD for the same rotor in two consecutive blocks raises a
-        fault. For a window after that its size is refined, and then its step becomes the rotor's
-        new state.
+        `values` (M,) and `inputs` (M, P), or (1, P) for all, are the block's means. A likelihood
+        ratio above THRESHOLD for the same rotor in two consecutive blocks raises a fault. For a
+        window after that its size is refined, and then its step becomes the rotor's new state.
         """
         self._test.add(values - self._total_step, inputs, self._sound_probability)
         steps = self._remaining
@@ -241,8 +243,8 @@ class FaultTest:
         return sizes / sizes.sum()
 
     def _set_fault(self, rotor: int, posterior: Floats, *, begins: bool) -> None:
-        """Set or remove the fault of a rotor from the posterior (1 + J,) over its sizes, sound
-        first.
+        """Set or remove the fault of a rotor, from the posterior (1 + J,): of no fault, then of J
+        sizes.
 
         `begins`: the change may still be growing, so only the lower end of its size is reported. A
         fault is removed after two consecutive blocks in which the rotor is sound, and keeps its

@@ -102,8 +102,8 @@ def largest_fills(
     V.
 
     `airspeed` is in m/s, in flight into the wind; `density_error` is the standard error of ln
-    density. With `rotor_lost` the loss of one rotor must be
-    survivable with yaw uncontrolled. Raises AirframeError where the model has no rotors.
+    density. With `rotor_lost` the loss of one rotor must be survivable with yaw uncontrolled.
+    Raises AirframeError where the model has no rotors.
     """
     density, voltage = np.broadcast_arrays(
         np.asarray(density, np.float64).ravel(), np.asarray(voltage, np.float64).ravel()
@@ -186,7 +186,7 @@ NAN = float("nan")
 
 
 class FillLevel(StrEnum):
-    """The answer to how much to fill, which decides sentence, colour and action."""
+    """Verdict on how much to fill, which selects sentence, colour and action."""
 
     FILL = "fill"  # up to an amount
     NO_FILL = "no fill"  # none keeps the limits
@@ -220,7 +220,7 @@ class NextFill:
 
     @property
     def level(self) -> FillLevel:
-        """Return the one level that decides the sentence, the colour and the action."""
+        """Return the verdict on this fill: FILL, or why nothing or no amount can be stated."""
         if self.reason == "unsound":
             return FillLevel.UNSOUND
         if not np.isfinite(self.kg):
@@ -240,8 +240,10 @@ class NextFill:
 
 
 def unsound_fill(fill: NextFill) -> NextFill:
-    """Return the fill with its numbers unknown: a rotor or motor is bad, and limits assume sound
-    ones."""
+    """Return `fill` with NaN for all its kg and the reason "unsound": a rotor or motor is faulty.
+
+    The limits were computed for rotors without a fault.
+    """
     unknown = {"kg": NAN, "limit_kg": NAN, "low_kg": NAN, "high_kg": NAN, "fresh_kg": NAN}
     return replace(fill, **unknown, reason="unsound")
 
@@ -249,9 +251,10 @@ def unsound_fill(fill: NextFill) -> NextFill:
 def before_take_off(
     fills: Fills, model: RotorModel, condition: int = 0, *, day: Day = UNKNOWN_DAY
 ) -> NextFill:
-    """Return the fill to plan by in the condition of index `condition` of `fills`, before take-off.
+    """Return the fill to plan with, from condition number `condition` of `fills`, before take-off.
 
-    `day` is that condition. Its numbers are unknown if the model contains a weak rotor.
+    `day` describes the air, wind and battery of that condition. The result's numbers are NaN if the
+    model contains a weak rotor.
     """
     craft = identified_airframe(model)
     low, high = (float(end[condition]) for end in fills.interval)
@@ -273,12 +276,12 @@ def before_take_off(
 def next_fill(
     analysis: FlightAnalysis, use: ThrustUse, limit: float, heard: DaySource = DaySource.LOG
 ) -> tuple[NextFill, Floats, Floats]:
-    """Return the fill for another flight like this one, and two fills (T,) kg for each row.
+    """Return the fill for another flight like this one, and two fill limits (T,), kg, for each row.
 
-    In the two arrays the row would reach the limit of utilisation, and could not lose a rotor.
-    `limit` is the share of a rotor's thrust that may last, `heard` the source of what was measured.
-    All are unknown where no airframe is
-    claimed; without a row in flight the fills are unknown.
+    In a row, the first limit is the fill at which utilisation reaches `limit` (the share of a
+    rotor's largest thrust that may last), the second that at which the loss of a rotor is no longer
+    survivable. `heard` is the source of measured values, log or link. All are NaN where no airframe
+    is claimed or no row is in flight.
     """
     track, craft = analysis.track, identified_airframe(analysis.model)
     nothing = np.full(track.time_s.size, np.nan)
@@ -333,11 +336,11 @@ def next_fill(
 def _ends(
     analysis: FlightAnalysis, row: int, volts: float, airspeed: float, limit: float
 ) -> tuple[Floats, Floats, Floats]:
-    """Return the fills (4,) kg by each of REASONS in the air of a row at `volts` V, and the low and
-    high ends (4,) of their intervals.
+    """Return the fill limits (4,), kg, in the order of REASONS, and the ends (4,) of their
+    intervals.
 
-    The intervals include what the flight leaves open: its air, and thrust that outputs show beyond
-    the reported load.
+    They are for the air of `row` at `volts` V. The intervals include the error of the air and the
+    thrust that motor outputs show beyond the reported load.
     """
     empty = identified_airframe(analysis.model).empty_mass
     found = largest_fills(

@@ -30,10 +30,11 @@ _OF_DRIVE = (Cause.MOTOR, Cause.ESC, Cause.LEAD)
 
 
 def flight_arm_figures(analysis: FlightAnalysis, *, flight: str) -> ArmFigures:
-    """Return the figures of a flight's arms; `flight` is the digest of its log, or its name.
+    """Return the power, heat and vibration figures of each arm in a flight.
 
-    Speeds that were inferred from motor outputs are not used, because they show no power. A flight
-    without a date counts as of day 0. Where no margin is claimed (`withheld`) thrust is unknown.
+    `flight` identifies it: the digest of its log, or its name. Speeds inferred from motor outputs
+    are not used, because they show no power. A flight without a date counts as of day 0. Thrust is
+    NaN if the aircraft is unknown (`withheld`).
     """
     track, rotors = analysis.track, analysis.track.rotor_count
     signals = fault_signals(analysis, slice(None))
@@ -76,7 +77,8 @@ def flight_arm_figures(analysis: FlightAnalysis, *, flight: str) -> ArmFigures:
 
 
 def learnt_arms(model: RotorModel, tracks: Sequence[FlightTrack]) -> ArmLaw:
-    """Return the law of an aircraft's arms by its good flights, with `model` as it is made."""
+    """Return the figures of an aircraft's arms in its fault-free flights `tracks`, as a
+    reference."""
     return ArmLaw(
         flights=tuple(
             flight_arm_figures(analyse(track, model), flight=track.name) for track in tracks
@@ -89,9 +91,11 @@ def flight_arm_answer(
     faults: Sequence[RotorFault] = (),
     misread: MisreadSpeed | None = None,
 ) -> ArmAnswer:
-    """Return what is wrong with which arms in a flight, by what the model knows of them.
+    """Return which arms of a flight are faulty and why, compared with the model's state of the arms
+    in earlier flights.
 
-    It agrees with the thrust search, which reports `faults` and a `misread` speed.
+    `faults` and `misread` are what the search for weak rotors by speeds found; they limit the
+    causes of those arms.
     """
     model = analysis.model
     return arm_answer(
@@ -123,9 +127,10 @@ def flights_arm_answer(
 def _causes_left(
     faults: Sequence[RotorFault], misread: MisreadSpeed | None
 ) -> Mapping[int, tuple[Cause, ...]]:
-    """Return the causes that the thrust search leaves of each arm, from 0, that it reports.
+    """Return the causes that remain possible, by the arm (from 0) of each reported fault or misread
+    speed.
 
-    A fault of one of several rotors gives none: it does not say which arm.
+    A fault of one of several rotors adds no arm, because the arm is not known.
     """
     left: dict[int, tuple[Cause, ...]] = {}
     for fault in faults:

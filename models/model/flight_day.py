@@ -34,11 +34,11 @@ FEWEST_AT_REST = 3  # rows of voltage at rest that count
 def flight_day(
     analysis: FlightAnalysis, row: int, *, heard: DaySource = DaySource.LOG, voltage: float | None
 ) -> Day:
-    """Return the day of a flight with the air and the battery of one `row`.
+    """Return the day (air, wind, battery) of a flight, with the air and battery of one `row`.
 
-    `heard` is the source of what was measured. `voltage` is the V under load in that row that the
-    fill is computed with; None: the day has no battery. It counts as assumed where the row reports
-    none. The wind is the mean of the flight; unknown where none is reported.
+    `heard` is the source of measured values, log or link. `voltage` is the V under load in that row
+    that the fill is computed with; None: the day has no battery. It counts as assumed if the row
+    reports none. The wind is the flight's mean; unknown where none is reported.
     """
     track = analysis.track
     at_s = float(track.time_s[row])
@@ -51,11 +51,11 @@ def flight_day(
 
 
 def day_before_take_off(analysis: FlightAnalysis, *, heard: DaySource = DaySource.LOG) -> Day:
-    """Return the day of a flight as known before it takes off: air, and the battery at rest.
+    """Return the day (air, battery at rest) of a flight as known before it takes off.
 
-    Air that is the standard atmosphere's is left out, because nobody measured it. Voltage and air
-    are unknown where the log begins in flight or reports none. The wind is left out: an aircraft on
-    the ground does not know it. The resistance of the battery is that which the flight shows.
+    A standard-atmosphere temperature is left out, because nobody measured it. Voltage and air are
+    unknown where the log begins in flight or reports none. Wind is left out: an aircraft on the
+    ground cannot measure it. The battery's resistance is estimated from the flight.
     """
     flying = np.flatnonzero(analysis.track.flying)
     first = int(flying[0]) if flying.size else analysis.track.time_s.size
@@ -64,7 +64,8 @@ def day_before_take_off(analysis: FlightAnalysis, *, heard: DaySource = DaySourc
 
 
 def day_on_ground(analysis: FlightAnalysis, *, heard: DaySource = DaySource.LINK) -> Day:
-    """Return the day of an aircraft that stands on the ground now: air, and the battery at rest.
+    """Return the day (air, battery at rest) of an aircraft that is on the ground now, by its last
+    rows.
 
     Values are unknown and left out as in `day_before_take_off`.
     """
@@ -74,7 +75,10 @@ def day_on_ground(analysis: FlightAnalysis, *, heard: DaySource = DaySource.LINK
 
 
 def _day_at_rest(analysis: FlightAnalysis, rows: slice, heard: DaySource) -> Day:
-    """Return the day of `rows` on the ground: the air of the last, and the battery at rest."""
+    """Return the day of `rows` on the ground: air of the last row, voltage of the battery at rest.
+
+    An assumed temperature counts as unknown. `heard` is the source to name.
+    """
     if analysis.track.time_s.size == 0:
         return UNKNOWN_DAY
     air = _air(analysis, max(rows.stop - 1, 0), heard)
@@ -84,10 +88,9 @@ def _day_at_rest(analysis: FlightAnalysis, rows: slice, heard: DaySource) -> Day
 
 
 def flight_wind(track: FlightTrack, *, heard: DaySource = DaySource.LOG) -> tuple[DayValue, float]:
-    """Return the wind of a flight, m/s, and where it comes from, degrees from north.
+    """Return the mean wind of a flight, m/s, and where it comes from, degrees clockwise from north.
 
-    It is the mean of the velocities (T, 3) in flight; both are unknown (NaN) where none is
-    reported.
+    Both are unknown (NaN) where no row in flight reports the wind.
     """
     winds = track.wind_ned[track.flying, :2]
     winds = winds[np.isfinite(winds).all(axis=1)]
@@ -99,7 +102,8 @@ def flight_wind(track: FlightTrack, *, heard: DaySource = DaySource.LOG) -> tupl
 
 
 def _air(analysis: FlightAnalysis, row: int, heard: DaySource) -> Day:
-    """Return the air of a row: temperature, and pressure or else height."""
+    """Return the air of a row as a `Day`: temperature, and pressure or else height; unknown
+    where the density was given."""
     track = analysis.track
     if analysis.density_given:
         return UNKNOWN_DAY

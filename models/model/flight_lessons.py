@@ -25,7 +25,7 @@ def flight_offsets(
     """Measure the mode offsets of a flight against its model without a mode state.
 
     Rows count in flight, with all rotor speeds and the load measured. None with fewer than
-    FEWEST_ROWS rows or FEWEST_BLOCKS blocks, and where no margin is claimed. Raises DataError for
+    FEWEST_ROWS rows or FEWEST_BLOCKS blocks, or for an unknown aircraft. Raises DataError for
     a log without the time of day.
     """
     if not math.isfinite(start_unix_s):
@@ -83,7 +83,7 @@ def power_coefficient(analysis: FlightAnalysis) -> float:
 def flight_power(analysis: FlightAnalysis, flight: str) -> FlightPower | None:
     """Return the power coefficient of a flight with its day; None where it cannot be measured.
 
-    `flight` is the digest of the log. A flight without a date counts as of the first day of all.
+    `flight` is the digest of the log. A flight without a date counts as of the earliest day.
     """
     coefficient, track = power_coefficient(analysis), analysis.track
     if not coefficient > 0.0:

@@ -30,12 +30,18 @@ class ArmBesideModel:
 
     @property
     def outside(self) -> bool:
-        """Return whether the rotor is outside the interval of the earlier flights."""
+        """Return True if the rotor is outside the interval of the earlier flights."""
         return not (np.isnan(self.ratio) or self.low <= self.ratio <= self.high)
 
 
 def arms_beside_model(analysis: FlightAnalysis, lift_s: float) -> tuple[ArmBesideModel, ...]:
-    """Return each rotor in the seconds from SETTLED_S to HOVER_S after lift-off at `lift_s`."""
+    """Return each rotor's mean measured over predicted speed in the first hover.
+
+    Also the ends of the model's interval over the predicted speed.
+
+    Rows are SETTLED_S to HOVER_S s after lift-off at `lift_s` s. All NaN if a rotor has too few
+    rows, the model had no training flights, or the aircraft is unknown.
+    """
     track, made = analysis.track, analysis.prediction
     since = track.time_s - lift_s
     rows = track.flying & (since >= SETTLED_S) & (since <= HOVER_S)

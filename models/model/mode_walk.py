@@ -103,7 +103,8 @@ def local_day(unix_s: float, longitude_deg: float) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WalkStep:
-    """One flight in the walk: the state before it, and how far the flight was from that state."""
+    """State of the modes before and after one flight, and the flight's difference from the
+    state."""
 
     flight: FlightOffsets
     before: ModeState
@@ -132,7 +133,8 @@ def surprise_limit(modes: int) -> float:
 def mode_columns(airframe: Airframe) -> Floats:
     """Return the directions (R, R) of the modes, one a column, of root mean square 1.
 
-    Collective, roll, pitch and yaw as the mixer of the layout moves them, then the rest.
+    Collective, roll, pitch and yaw, as the mixer of the airframe moves them; the remaining columns
+    complete an orthogonal basis.
     """
     rows = mixer(airframe)
     rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
@@ -151,12 +153,12 @@ def walk(
     last_training: FlightOffsets | None = None,
     repairs: Sequence[float] = (),
 ) -> tuple[WalkStep, ...]:
-    """Run the filter over flights in the order of their time.
+    """Filter the mode offsets of flights, in order of time: a random walk observed once a flight.
 
     `last_training` is the last flight that the model was made from; without one the first flight
     counts as of another day. `repairs` are the Unix times, s, of repairs and other noted changes,
-    each of which lets every mode change by REPAIR_STEP. Before its first flight the state is 0
-    with the error of one step by flight and by day, because the model is the mean of other flights.
+    each of which lets every mode change by REPAIR_STEP. Before the first flight the state is 0 with
+    the error of one step by flight and by day, because the model is the mean of other flights.
     Raises DataError where one flight is given twice.
     """
     made, squares = [], 0.0
@@ -196,7 +198,7 @@ def _filtered(
     last_training: FlightOffsets | None,
     repairs: Sequence[float],
 ) -> Iterator[_Update]:
-    """Yield the update of each flight, by time. The steps may be arrays (S, 1) of several sizes.
+    """Yield the filter's update by each flight, in order of time. Step sizes may be arrays (S, 1).
 
     Raises DataError where one flight is given twice.
     """
@@ -223,7 +225,11 @@ def _filtered(
 def _step_variance(
     last: FlightOffsets | None, one: FlightOffsets, steps: WalkSizes, repairs: Sequence[float]
 ) -> float:
-    """Return the variance that a flight adds to each mode, by what lies since the `last` one."""
+    """Return the variance that is added to each mode between the `last` flight and flight `one`.
+
+    It is that of one flight, plus that of a day if the days differ, plus that of each repair
+    between.
+    """
     since = -math.inf if last is None else last.start_unix_s
     repaired = sum(since < time_s <= one.start_unix_s for time_s in repairs)
     days = last is not None and last.day != one.day
@@ -245,7 +251,8 @@ def state_before(
     last_training: FlightOffsets | None = None,
     repairs: Sequence[float] = (),
 ) -> ModeState:
-    """Return the state in which a flight of `rotors` rotors that starts at a time is predicted.
+    """Return the mode state with which to predict a flight of `rotors` rotors starting at a Unix
+    time, s.
 
     Only earlier flights count. See `walk` for the other arguments.
     """
@@ -262,7 +269,7 @@ def state_before(
 
 
 def log_likelihood(made: Sequence[WalkStep]) -> float:
-    """Return ln of the probability density of the walk's flights, each by the state before it."""
+    """Return the log likelihood of a walk: each flight's offsets given the state before it."""
     total = 0.0
     for one in made:
         variance = np.square(one.before.error) + np.square(one.flight.error)
@@ -276,9 +283,9 @@ def fit_steps(
     last_training: FlightOffsets | None = None,
     repairs: Sequence[float] = (),
 ) -> WalkSizes:
-    """Return the steps of the largest posterior density; without flights the prior medians.
+    """Fit the step sizes by maximum posterior density; without flights return the prior medians.
 
-    ln of each step is normal about its prior median with STEP_SPREAD.
+    ln of each step is normal about its prior median with standard deviation STEP_SPREAD.
     """
     return _fit_steps(tuple(flights), last_training, tuple(repairs))
 
@@ -289,7 +296,7 @@ def _fit_steps(
     last_training: FlightOffsets | None,
     repairs: tuple[float, ...],
 ) -> WalkSizes:
-    """Return the steps as `fit_steps` does."""
+    """Fit the steps; the cached part of `fit_steps`."""
 
     if not flights:
         return WalkSizes()

@@ -36,7 +36,7 @@ METADATA_KEY = "thrustmargin"
 #: metadata key of the content's digest, which files of earlier versions lack
 DIGEST_KEY = "thrustmargin.sha256"
 
-#: arrays of RotorNetwork beside its layers
+#: arrays of RotorNetwork other than its layers
 STANDARDISATION = ("input_mean", "input_scale", "output_mean", "output_scale")
 
 #: Raised by numpy and safetensors for types and shapes that numpy does not support.
@@ -104,7 +104,7 @@ def save_model(model: RotorModel, path: Path) -> None:
 
 
 def load_model(path: str | Path | None = None) -> RotorModel:
-    """Load a model file; without a path the one that ships, of the simulated F16.
+    """Load a model file; without a path the shipped one, of the simulated F16.
 
     Raises ModelError when it is missing, damaged or of another schema.
 
@@ -147,7 +147,7 @@ def _read_error(path: Path, error: Exception) -> ModelError:
 
 
 def _tensors(network: RotorNetwork | None) -> dict[str, np.ndarray]:
-    """Return the arrays of a network by name; empty without one."""
+    """Return the arrays of a network by name, as stored in a file; empty for None."""
     if network is None:
         return {}
     layers = {
@@ -180,7 +180,7 @@ def _network(tensors: dict[str, np.ndarray]) -> RotorNetwork | None:
 
 
 def _metadata(model: RotorModel) -> dict[str, Any]:
-    """Return the JSON part of a model file."""
+    """Return the JSON part of a model file: all of the model but the network's arrays."""
     return {
         "schema": SCHEMA,
         "airframe": airframe_table(model.airframe),

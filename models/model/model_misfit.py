@@ -45,7 +45,7 @@ from thrustmargin.models.provenance import Reason
 
 
 class Caveat(StrEnum):
-    """One limit on what the data of a flight can show."""
+    """A limit on what the data of a flight can show."""
 
     GAUGE = "tank gauge"
     LOAD = "load"  # hover thrust shows more than gauge or statement
@@ -145,14 +145,14 @@ class ModelMisfit:
 
     @property
     def interval_fails(self) -> bool:
-        """Return whether the prediction interval contains far fewer rows than its nominal
+        """Return True if the prediction interval contains far fewer rows than its nominal
         coverage."""
         return self.coverage_high < FAILS
 
     @property
     def speed_scale(self) -> float:
-        """Return reported over true rotor speed by the gain in manoeuvres; 1 where none is
-        shown."""
+        """Return reported over true rotor speed, by the gain in manoeuvres; 1 if the gain is
+        plausible."""
         low, high = POSSIBLE_GAIN
         if self.gain_high < low or self.gain_low > high:
             return float((self.gain_low * self.gain_high) ** 0.25)
@@ -167,7 +167,7 @@ class ModelMisfit:
 
     @property
     def found(self) -> bool:
-        """Return whether measurement and model contradict each other."""
+        """Return True if measured rotor speeds contradict the model's interval or their scale."""
         return self.interval_fails or self.speed_scale != 1.0
 
 
@@ -215,10 +215,10 @@ def model_misfit(analysis: FlightAnalysis, misread: MisreadSpeed | None = None) 
 
 
 def with_misfit(analysis: FlightAnalysis, misfit: ModelMisfit) -> FlightAnalysis:
-    """Extend the utilisation intervals of an analysis, on the high side alone, by `thrust_beyond`.
+    """Extend the utilisation intervals, on the high side alone, by the misfit's `thrust_beyond`.
 
-    The misfit shows that more thrust may be in use, never less. Return the analysis unchanged
-    without.
+    A misfit shows that more thrust may be in use, never less. Return the analysis unchanged without
+    one.
     """
     if not misfit.thrust_beyond > 0.0:
         return analysis
@@ -231,7 +231,8 @@ def with_misfit(analysis: FlightAnalysis, misfit: ModelMisfit) -> FlightAnalysis
 
 
 def _share(inside: Bools, time_s: Floats) -> scores.Estimate:
-    """Estimate the share of rows (n,) that are inside, with its interval over blocks of BLOCK_S.
+    """Estimate the share of rows `inside` (n,), with an interval from the scatter of blocks of
+    BLOCK_S.
 
     `time_s` (n,) are the times of the rows.
     """

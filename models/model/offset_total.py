@@ -40,7 +40,7 @@ MOST_DAYS = 60  # the last ones; a pattern may begin on each
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RotorTotal:
-    """A rotor whose loss of thrust the offsets since the last repair add up to."""
+    """A rotor, and the loss of thrust that the offsets since the last repair add up to."""
 
     rotor: int  # from 0
     loss: float  # share of its thrust at the last flight
@@ -58,11 +58,12 @@ def rotor_total(
     since_unix_s: float = -math.inf,
     jump_unix_s: float = -math.inf,
 ) -> RotorTotal | None:
-    """Return the weak rotor that the offsets of an aircraft add up to; None where none is probable.
+    """Return the weak rotor that the offsets of an aircraft's flights add up to.
 
-    `flights` are those whose offsets the walk follows; those after `since_unix_s` count, the time
-    of the last repair. At `jump_unix_s` the offsets moved more than the walk allows: the flights
-    from there on must still show the loss, because it may have been a repair that nobody noted.
+    None if its posterior probability is below NAMED. Of `flights` those after `since_unix_s`, the
+    time of the last repair, count. At `jump_unix_s` the offsets moved more than the walk allows:
+    the flights from there on must still show the loss, because the jump may be an unreported
+    repair.
     """
     rows = sorted((one for one in flights if one.start_unix_s > since_unix_s), key=_start)
     if not rows:
@@ -98,7 +99,7 @@ def rotor_total(
 
 
 def _still_lost(rows: Sequence[FlightOffsets], pattern: Floats, model: RotorModel) -> bool:
-    """Return whether flights are more probable with the offsets (R,) of a loss than without."""
+    """Return True if the flights' offsets fit the loss `pattern` (R,) better than no loss."""
     offsets = np.array([one.offset for one in rows])
     day = np.unique([one.day for one in rows], return_inverse=True)[1]
     courses = np.ones((2, 1, len(rows)))
@@ -118,11 +119,11 @@ def _losses() -> Floats:
 
 
 def _posterior(days: Sequence[Sequence[FlightOffsets]], model: RotorModel) -> Floats:
-    """Return ln of the posterior weight (2 R + 1, 2, D, GRID) of each pattern, course, first day
-    and size.
+    """Return ln of the unnormalised posterior (2 R + 1, 2, D, GRID) of pattern, course, day and
+    size.
 
     Patterns: R weak rotors, R single modes, and no change, which has all of its weight in one cell.
-    Courses: at once, and flight by flight from the first day on.
+    Courses: at once, and flight by flight from day one of D on. GRID sizes of loss.
     """
     columns = mode_columns(model.airframe)
     rotors, count = columns.shape[0], len(days)
@@ -161,7 +162,11 @@ class _LogDensity:
 
     @classmethod
     def of(cls, offsets: Floats, courses: Floats, day: NDArray[np.intp], scatter: Floats) -> Self:
-        """Sum over flights: `offsets` (N, R), `courses` (2, D, N), `day` (N,) from 0."""
+        """Compute the sums of a log density over N flights, between days and within days.
+
+        `offsets` (N, R) are the modes' offsets, `courses` (2, D, N) the D time courses tried in two
+        forms, `day` (N,) the number of each flight's day, from 0, `scatter` that of the modes.
+        """
         days = int(day[-1]) + 1
         of_day = np.equal.outer(np.arange(days), day) / np.bincount(day)[:, None]
         means, mean_courses = of_day @ offsets, courses @ of_day.T
@@ -190,8 +195,10 @@ class _LogDensity:
 
 
 def _scatter(model: RotorModel, rotors: int) -> Floats:
-    """Return the standard deviation (R,) of each mode among the good flights that made a model; 0
-    where it has none."""
+    """Return the standard deviation (R,) of each mode between the flights a model was trained on.
+
+    Relative to mean rotor speed; 0 where the model does not contain it.
+    """
     good = model.good_flights
     if good is None or len(good.mode_scatter_rpm) != rotors:
         return np.zeros(rotors)

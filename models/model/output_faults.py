@@ -56,7 +56,10 @@ LEAST_MISREAD = 0.04  # share of thrust, 2 % of speed: a smaller misreading is n
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MisreadSpeed:
-    """A rotor whose reported speed is wrong by a factor, or, without motor outputs, may be."""
+    """A rotor whose reported speed is wrong by a factor; if not `witnessed`, only possibly so.
+
+    It is not `witnessed` where no motor outputs confirm it.
+    """
 
     rotor: int  # from 0
     factor: float  # the reported speed over the true one
@@ -74,7 +77,7 @@ class Deviations:
 
     @classmethod
     def of(cls, signals: Floats, rotors: int) -> Deviations | None:
-        """Return medians over rows (N, 7 + 3 R) of `fault_signals`; None with too few of them."""
+        """Return medians over rows (N, 7 + 3 R) of `fault_signals`; None with too few rows."""
         excess, motors = signals[:, 1 : 1 + rotors], signals[:, 1 + rotors : 1 + 2 * rotors]
         known = np.isfinite(excess).all(axis=1) & np.isfinite(motors).all(axis=1)
         count = np.count_nonzero(known)
@@ -87,7 +90,8 @@ class Deviations:
         return cls(speed=speed, output=speed - motor, error=math.hypot(MOTORS, noise))
 
     def misread(self, rotor: int) -> bool:
-        """Return whether the output of a rotor is surely not what a speed so far off needs."""
+        """Return True if a rotor's reported speed is off and its motor output did not change with
+        it."""
         speed, output = float(self.speed[rotor]), float(self.output[rotor])
         output = output if speed > 0.0 else -output
         return (
@@ -97,7 +101,10 @@ class Deviations:
         )
 
     def raised(self, speed: float) -> Bools:
-        """Return (R,) whether an output is raised as that of a rotor whose speed is `speed` off."""
+        """Flag the rotors (R,) whose output exceeds the median as a speed error `speed` would need.
+
+        It must exceed it by RISEN `speed`, a share of thrust, and by APART standard errors.
+        """
         return self.output > max(RISEN * speed, APART * self.error)
 
 
@@ -118,8 +125,8 @@ class _FlightRows:
         self._count, self._stride = 0, 1
 
     def add(self, row: Floats) -> None:
-        """Keep every `_stride`-th row; drop every other kept row when there are more than
-        MOST_ROWS."""
+        """Store `row` if it is a `_stride`-th one; above MOST_ROWS drop every other stored row and
+        double the stride."""
         if self._count % self._stride == 0:
             self.kept.append(row)
             if len(self.kept) > MOST_ROWS:
@@ -129,10 +136,12 @@ class _FlightRows:
 
 
 class OutputWitness:
-    """Rows of `rotor_faults.fault_signals` of R rotors: the last LOOK_S, and the flight's so far.
+    """Rows of `rotor_faults.fault_signals` of R rotors: the last LOOK_S, and a thinned set of the
+    flight so far.
 
-    An ESC misreads for a whole flight, so what stood from the start is assessed by the whole
-    flight: wind, turns and the trim of half a minute move d and o of one rotor by a few percent.
+    An ESC misreads for a whole flight, so a deviation present from the start is assessed by the
+    whole flight: wind, turns and the trim of half a minute move the signals d and o of one rotor by
+    a few percent.
     """
 
     def __init__(self, rotors: int) -> None:
@@ -142,18 +151,18 @@ class OutputWitness:
         #: Of each rotor with a fault: s at which it was first assessed, and whether it was there in
         #: most of the rows then, as an ESC's is. What begins in flight is none: poles stay as many.
         self._first: dict[int, tuple[float, bool]] = {}
-        #: Of each rotor with a fault, what outputs showed last: it holds while they show nothing.
+        #: Of each rotor with a fault, the last result by outputs: valid until they give another.
         self._shown: dict[int, _Shown] = {}
 
     def add(self, row: Floats) -> None:
-        """Take a row in flight."""
+        """Store a row in flight, and drop rows older than LOOK_S from the recent ones."""
         self._flight.add(row)
         self._rows.append(row)
         while row[0] - self._rows[0][0] > LOOK_S or row[0] < self._rows[0][0]:
             self._rows.popleft()
 
     def forget(self) -> None:
-        """Begin another flight, perhaps with other parts."""
+        """Drop all rows and evidence, because another flight begins, perhaps with other parts."""
         self._rows.clear()
         self._flight = _FlightRows()
         self._first.clear()
@@ -162,11 +171,10 @@ class OutputWitness:
     def assessed(
         self, faults: Iterable[RotorFault], known: Collection[RotorFault] = ()
     ) -> tuple[RotorFault, ...]:
-        """Return the faults with the motor outputs' evidence, without those that are an ESC's
-        misreading.
+        """Return the faults with the evidence of the motor outputs; drop misread rotor speeds.
 
-        Faults in `known`, which the model had before the flight, and other kinds than "propeller"
-        are returned unchanged.
+        Faults in `known` (the model had them before the flight), faults of several possible rotors
+        and kinds other than "propeller" are returned unchanged.
         """
         found = tuple(faults)
         asked = [f for f in found if f.kind == "propeller" and not f.rotors and f not in known]
@@ -184,8 +192,8 @@ class OutputWitness:
     ) -> RotorFault | None:
         """Return one fault with the evidence of the outputs; None if only its ESC misreads.
 
-        The rows compared are the whole flight if the fault was present from the start and the
-        flight shows most of it, else the last LOOK_S if they do, else the rows since it was found.
+        The rows compared are the whole flight if the fault was present from the start and most of
+        the flight shows it, else the last LOOK_S if they show it, else the rows since it was found.
         Without outputs the fault is returned as not `witnessed`.
         """
         if whole is None:
@@ -224,10 +232,10 @@ class OutputWitness:
 def undecided(
     faults: Iterable[RotorFault], open_pairs: Collection[tuple[int, int]]
 ) -> tuple[RotorFault, ...]:
-    """Return the faults, each extended to the rotors whose speeds may be swapped with its own.
+    """Return the faults, each with all rotors (`rotors`) whose speeds may be swapped with its own.
 
-    `open_pairs` of rotors (0-based) are those that the flight's manoeuvres cannot distinguish. A
-    fault whose outputs rose with its speed is unchanged, because outputs do distinguish them.
+    `open_pairs` are the pairs of rotors, from 0, that the flight's manoeuvres cannot distinguish.
+    A fault confirmed by its motor output (`witnessed`) is unchanged: outputs distinguish rotors.
     """
     found = []
     for fault in faults:
@@ -243,9 +251,9 @@ def misread_speed(signals: Floats, rotors: int, *, taught: bool) -> MisreadSpeed
     """Return the rotor whose ESC reads too high or too low, from rows (N, 7 + 3 R) of
     `fault_signals`.
 
-    None if two or more seem to: an off-centre load or a wrong motor order changes several. Without
-    outputs only a speed that reads low is found, because one that reads high counts as a fault;
-    this needs a model that was `taught` by good flights how the rotors share the thrust.
+    None if no rotor's does, or two or more seem to: an off-centre load or a wrong motor order
+    changes several. Without outputs only a speed that reads too low is found (a high one counts as
+    a weak rotor), and only with `taught`: fault-free flights showed how the rotors share thrust.
     """
     shown = Deviations.of(signals, rotors)
     if shown is None:
@@ -259,7 +267,11 @@ def misread_speed(signals: Floats, rotors: int, *, taught: bool) -> MisreadSpeed
 
 
 def _slow(excess: Floats) -> MisreadSpeed | None:
-    """Return the only rotor that is slow for its thrust, by d (N, R)."""
+    """Return the rotor that alone is slow for its thrust, by the excess of its squared speed (N,
+    R).
+
+    None without one.
+    """
     known = excess[np.isfinite(excess).all(axis=1)]
     if len(known) < FEWEST:
         return None
@@ -312,7 +324,7 @@ def output_test(steps: Floats, widths: Floats, inputs: Floats) -> FaultTest:
 
 
 def of_outputs(fault: RotorFault) -> RotorFault:
-    """Return a fault of the outputs' test with the interval that the thrust curve's error leaves.
+    """Widen the interval of a fault found by motor outputs by the error of the thrust curve.
 
     The upper end stays MOST while the fault grows.
     """

@@ -61,7 +61,7 @@ class RotorFade:
         self.restart()
 
     def restart(self) -> None:
-        """Begin a new flight, with a reference of its own."""
+        """Drop all rows and the fault, because a new flight begins, with a reference of its own."""
         self.current: RotorFault | None = None
         self._begun_s, self._window, self._likely = math.nan, 0, -1
         self._blocks: list[Floats] = []
@@ -147,8 +147,10 @@ class RotorFade:
 
 
 def _variance(windows: Floats) -> Floats:
-    """Return the variance (M,) of one window from the medians (N, M) of all, without a steady
-    drift."""
+    """Return the variance (M,) of a window's median, from second differences of all N (N, M).
+
+    A steady drift has no second difference. Outliers are clipped, and a prior is added.
+    """
     square = (windows[:-2] - 2.0 * windows[1:-1] + windows[2:]) ** 2
     most = OUTLIER**2 * np.median(square, axis=0) / NORMAL_SQUARE
     # A second difference has the variance of six windows.

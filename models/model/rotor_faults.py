@@ -116,7 +116,7 @@ class FaultEpisode:
     fault: RotorFault  # as it was known last; of one that is over as it stood longest
 
     def holds(self, time_s: float) -> bool:
-        """Return whether the fault is present at a time of the flight, s."""
+        """Return True if the fault is present at a time of the flight, s."""
         return self.begin_s <= time_s and (self.end_s is None or time_s < self.end_s)
 
 
@@ -126,7 +126,7 @@ class RotorFaults:
 
     def __init__(self, model: RotorModel) -> None:
         # With fewer rotors than modes no rotor can be distinguished from a turn.
-        """Start with the weak rotors that the model contains."""
+        """Start with the weak rotors that the model contains as present faults."""
         enough = model.airframe.rotor_count >= FEWEST_ROTORS
         self._modes = mode_directions(model)
         self._tests = [_propeller_test(model, self._modes), _motor_test(model)] if enough else []
@@ -157,7 +157,7 @@ class RotorFaults:
         return tuple(map(of_outputs, self._outputs.current)) if self._outputs else ()
 
     def _current(self, test: FaultTest) -> tuple[RotorFault, ...]:
-        """Return the faults of a test, with what faded where that is not known as larger."""
+        """Return the faults of a test, replaced by the slow fading of a rotor if that is larger."""
         fade, found = self._fade and self._fade.current, test.current
         if fade is None or test is not self._tests[0]:
             return found
@@ -171,8 +171,10 @@ class RotorFaults:
             self._landed_s, self._rows = time_s, []
 
     def add(self, time_s: float, row: Floats) -> bool:
-        """Add a row of `fault_signals`, in flight and in order; return whether it completed a
-        block."""
+        """Add a row of `fault_signals`, in flight and in order of time.
+
+        Return True if it completed a block, after which `current` may have changed.
+        """
         begins = math.isnan(self._begun_s) or not math.isnan(self._landed_s)
         if not math.isnan(self._landed_s):
             for test in self._tests:
@@ -207,7 +209,8 @@ class RotorFaults:
             self.history.append((time_s, current))
 
     def _close_block(self, of_block: Sequence[Floats] | Floats) -> None:
-        """Pass the means of a completed block of rows to the tests."""
+        """Pass the means and slopes of a completed block of rows of `fault_signals` to the
+        tests; skip a block with too few rows."""
         rotors, self.tested = len(self._modes), {}
         if not len(of_block) or not self._tests:
             return
@@ -252,15 +255,16 @@ class RotorFaults:
             self.tested["motor"] = self._tests[1].current
 
     def _may_change(self, limit: float) -> bool:
-        """Return whether a block may add or clear faults, by its largest `RowLimit`."""
+        """Return True if a block of rows may add or clear faults; `limit` is its largest
+        `RowLimit`."""
         return limit < (RowLimit.NO_SECOND_FAULT if self.current else RowLimit.NO_FAULT)
 
 
 @lru_cache(maxsize=1)  # a replay needs it twice, which takes seconds for an hour of flight
 def fault_history(analysis: FlightAnalysis) -> FaultHistory:
-    """List the times, s, and the faults present from then on, of a whole flight.
+    """Return the changes of a whole flight's faults: each time, s, and the faults from then on.
 
-    They are those of the live alarms. Empty where no margin is claimed.
+    They equal those of the live alarms. Empty if the aircraft is unknown (`withheld`).
     """
     if analysis.withheld:
         return []
@@ -286,10 +290,10 @@ def _median(values: Floats) -> Floats:
 
 
 def fault_episodes(history: FaultHistory) -> tuple[FaultEpisode, ...]:
-    """List the faults of a flight, in the order in which they were found.
+    """List the faults of a flight with begin and end, in the order in which they were found.
 
-    A fault that is over has the size at which it stood longest, of the sizes that were bounded: a
-    part that becomes sound again passes through smaller ones. Otherwise the last size counts.
+    A fault that ended has the bounded size that lasted longest, because a part that becomes sound
+    again passes through smaller ones. One still present has its last size.
     """
     open_now: dict[tuple[str, tuple[int, ...]], FaultEpisode] = {}
     stood: dict[tuple[str, tuple[int, ...]], list[tuple[float, RotorFault]]] = {}
@@ -316,7 +320,7 @@ def fault_episodes(history: FaultHistory) -> tuple[FaultEpisode, ...]:
 
 
 def _stood_longest(stood: Sequence[tuple[float, RotorFault]], end_s: float) -> RotorFault:
-    """Return the bounded size of a fault that stood longest up to `end_s`, or its last size."""
+    """Return the bounded size of a fault that lasted longest up to `end_s` s, or its last size."""
     ends = [time_s for time_s, _ in stood[1:]] + [end_s]
     known = [
         (until - since, fault)
@@ -328,10 +332,10 @@ def _stood_longest(stood: Sequence[tuple[float, RotorFault]], end_s: float) -> R
 
 @lru_cache(maxsize=8)
 def faults_in_model(model: RotorModel) -> tuple[RotorFault, ...]:
-    """List the weak rotors that a model contains, of a size that an alarm would report.
+    """List the rotors whose thrust loss in the model is at least LEAST, as faults with intervals.
 
-    Adding a loss to the model does not repair the rotor: the fault stays until a flight shows a
-    sound one.
+    A loss that the model includes is not repaired: the fault stays until a flight shows the rotor
+    without it.
     """
     found = []
     for rotor, loss in losses_of(model.effects).items():
@@ -347,10 +351,11 @@ def faults_in_model(model: RotorModel) -> tuple[RotorFault, ...]:
 
 @lru_cache(maxsize=8)
 def _sound_speed_ratio(model: RotorModel) -> Floats:
-    """Return each rotor's speed (R,) in the model without its weak rotors over that with them.
+    """Return the ratio (R,) of each rotor's predicted speed without the model's weak rotors to it
+    with them.
 
-    In hover with half a tank. Predictions are multiplied by it, so that the tests compare with a
-    sound aircraft.
+    Computed in hover with half a tank. The faults' predictions are multiplied by the ratio, so that
+    the fault tests compare a flight with an aircraft without faults.
     """
     weak = {fault.rotor for fault in faults_in_model(model)}
     kept = tuple(r for r in model.effects if r.loss is None or (r.rotor or 0) - 1 not in weak)
@@ -426,7 +431,8 @@ def fault_signals(analysis: FlightAnalysis, rows: slice) -> Floats:
 
 
 def _row_limits(track: FlightTrack, airframe: Airframe) -> Floats:
-    """Return (T,) `RowLimit` of each row; what is unknown limits nothing."""
+    """Return the `RowLimit` (T,) of each row: which faults it may show. An unknown channel
+    limits nothing."""
     with np.errstate(invalid="ignore"):
         full = (track.throttle >= FULL_OUTPUT).any(axis=1)
         dead = track.voltage < POSSIBLE_VOLTAGE[0] * airframe.nominal_voltage
@@ -445,11 +451,10 @@ def mode_directions(model: RotorModel) -> Floats:
 
 @lru_cache(maxsize=8)  # for each of many vehicles
 def loss_steps(model: RotorModel) -> tuple[Floats, Floats]:
-    """Return the change (R, J, R) of all rotors' excess by each rotor's loss of each size, and its
-    error.
+    """Return the change (R, J, R) of all rotors' excess by a loss of each of J sizes on each rotor.
 
-    The excess is defined in `fault_signals`. In hover with half a tank. The error (R, J, R) is due
-    to the unknown torque of the bad rotor, relative to its thrust.
+    The excess is defined in `fault_signals`; hover with half a tank. Also return its standard error
+    (R, J, R), due to the unknown torque of the bad rotor relative to its thrust.
     """
     rotors, rows = model.airframe.rotor_count, np.zeros(FAULT_SIZES.size)
     track = FlightTrack.of(
@@ -477,8 +482,11 @@ def loss_steps(model: RotorModel) -> tuple[Floats, Floats]:
 
 
 def _good_trim(model: RotorModel) -> tuple[Floats, int] | None:
-    """Return twice the standard deviation (R,) by which the modes of good flights differ from the
-    model, and the number of those flights; None where no flights show it."""
+    """Return twice the standard deviation (R,) of each rotor speed mode between fault-free flights.
+
+    It is relative to the rotor speed in hover with half a tank; the second value is the number of
+    flights, 0 if unknown. None if the model contains no standard deviations.
+    """
     good = model.good_flights
     of_mode = good.mode_scatter_rpm if good else model.background_rpm
     flights = good.flights if good else model.training_domain and len(model.training_domain.flights)
@@ -489,10 +497,10 @@ def _good_trim(model: RotorModel) -> tuple[Floats, int] | None:
 
 
 def trim_known(model: RotorModel) -> bool:
-    """Return whether flights have shown how the sound rotors of a model's aircraft turn.
+    """Return True if the model knows from fault-free flights how the rotors share the thrust.
 
-    Without them a constant difference may be its centre of gravity as well as a weak rotor, and
-    only a change in flight is found.
+    Otherwise a constant difference between rotors may be an off-centre mass as well as a weak
+    rotor, and only a change in flight is found.
     """
     return _good_trim(model) is not None
 
@@ -506,7 +514,10 @@ def rotor_fade(model: RotorModel, modes: Floats) -> RotorFade:
 
 
 def _propeller_test(model: RotorModel, modes: Floats) -> FaultTest:
-    """Return the test for a sudden loss of thrust."""
+    """Return the test for a sudden loss of a rotor's thrust, in modal signals.
+
+    `modes` (R, R) has the direction of each signal as a column (`mode_directions`).
+    """
     rotors = model.airframe.rotor_count
     size = math.sqrt(rotors)
     steps, torque = (a @ modes for a in loss_steps(model))
@@ -522,7 +533,7 @@ def _propeller_test(model: RotorModel, modes: Floats) -> FaultTest:
 
 def _turn_inputs(model: RotorModel) -> Floats:
     """Return the prior standard deviations (R, 7) of each mode's coefficients of load factor,
-    body rates and their slopes."""
+    the three body rates, and their slopes."""
     airframe = model.airframe
     rotors, size = airframe.rotor_count, math.sqrt(airframe.rotor_count)
     # What a load factor of 2, or 1 rad/s² of a body all of whose mass sits at the rotors, needs.

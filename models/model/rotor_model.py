@@ -109,7 +109,8 @@ class RotorModel:
 
     @property
     def taught(self) -> bool:
-        """Return whether the model was made from flights; False for an airframe file alone."""
+        """Return True if the model was fitted to flights; False for one of an airframe file
+        alone."""
         shown = self.network is not None or self.good_flights is not None
         return bool(shown or self.effects or self.background_rpm)
 
@@ -153,7 +154,7 @@ class RotorModel:
 
     @property
     def _base_words(self) -> str:
-        """Return the description of the model without its effects."""
+        """Describe the model without its effects, in words."""
         if self.training_domain is None:
             return f"weight and thrust curve of {self.airframe.title}, no network"
         trained = f", trained {self.training.date}" if self.training else ""
@@ -170,11 +171,11 @@ class RotorModel:
         )
 
     def base_speed(self, airspeed: Floats, tank_kg: Floats) -> Floats:
-        """Return rotor speeds (N, R) rpm at airspeeds (N,) m/s and tank masses (N,) kg, in
-        reference air.
+        """Return rotor speeds (N, R), rpm, without effects, in air of the reference density.
 
-        By the network inside its training range of airspeed and tank, else by weight and thrust
-        curve; without effects. NaN where one of the model's `inputs` is NaN.
+        Given are airspeeds (N,) m/s and tank masses (N,) kg. By the network inside its training
+        range of both, else by weight and thrust curve. NaN where one of the model's `inputs` is
+        NaN.
         """
         speeds = hover_speed(self.airframe, tank_kg, np.full(tank_kg.shape, self.reference_density))
         if self.network is not None and self.training_domain is not None:
@@ -184,8 +185,8 @@ class RotorModel:
         return speeds
 
     def extrapolated_speed(self, airspeed: Floats, tank_kg: Floats) -> Floats:
-        """Return rotor speeds (N, R) rpm like `base_speed`, but continuous at the edge of the
-        training range.
+        """Return rotor speeds (N, R), rpm, like `base_speed`, but continuous at the training
+        range's edge.
 
         Beyond the range the network is evaluated at its edge and scaled by physics: weight, and
         drag and lift of forward flight. An effect fitted on top then meets no step of the base.
@@ -249,7 +250,7 @@ def physics_model(airframe: Airframe) -> RotorModel:
 
 
 def without_state(model: RotorModel) -> RotorModel:
-    """Return the model as it was made, without the offsets of later flights."""
+    """Return the model as it was trained, without the mode offsets (`state`) of later flights."""
     return model if model.state is None else replace(model, state=None)
 
 
@@ -279,7 +280,10 @@ def model_channels(
     effects: Iterable[Effect] | None = None,
     start: FlightState | None = None,
 ) -> Channels:
-    """Return the channels of a track that the effects of the model, or `effects`, read."""
+    """Return the channels of a track that the effects of the model, or else `effects`, read.
+
+    `start` is the state of the effects before the track's first row, if it is a window.
+    """
     return channels_of(
         track,
         model.airframe,
@@ -317,10 +321,10 @@ def _tolerant_effects(model: RotorModel) -> tuple[Placed, ...]:
 
 @lru_cache(maxsize=8)
 def identified_airframe(model: RotorModel) -> Airframe:
-    """Return the airframe with the changes of its identified effects: hidden mass, worn rotors.
+    """Return the airframe with the changes of the model's effects: hidden mass, worn rotors.
 
-    The same object is returned for one model, because `physics.allocation` solves its linear
-    programs once an object.
+    One model always returns the same object, because `physics.allocation` caches its linear
+    programs by object.
     """
     airframe = model.airframe
     for item in model.placed:
@@ -337,15 +341,15 @@ def temperature_offset(model: RotorModel) -> float:
 
 
 def follows_density(model: RotorModel) -> bool:
-    """Return whether an effect of the model makes rotor speed depend on air density."""
+    """Return True if an effect of the model makes rotor speed depend on air density."""
     return any(item.effect.temperature_offset is not None for item in model.placed)
 
 
 def in_air(track: FlightTrack, model: RotorModel, density: Floats) -> FlightTrack:
-    """Return a track that nobody has flown with pressure and thermometer of air of `density` (T,).
+    """Return the track of a planned flight with pressure and thermometer reading for air of
+    `density`.
 
-    Effects of a model read the air from these channels. The reading of the thermometer is that by
-    which the model's own offset finds `density`.
+    `density` is (T,), kg/m³. The reading is offset so that the model recovers `density` from it.
     """
     pressure, temperature = isa_air(density)
     return replace(
@@ -491,16 +495,16 @@ def predict(
 
 
 def _mixed(inner: Floats, outer: Floats, share: Floats) -> Floats:
-    """Return the `share` (0 to 1) of `outer` and the rest of `inner`; `outer` alone at 1."""
+    """Interpolate linearly: `inner` at a `share` of 0, `outer` at 1; at 1 `inner` may be NaN."""
     return np.where(share < 1.0, (1.0 - share) * inner + share * outer, outer)
 
 
 def _extrapolate(
     model: RotorModel, track: FlightTrack, density: Floats, rows: Bools
 ) -> tuple[Floats, Floats]:
-    """Return rotor speeds (N, R) rpm of `rows` (T,) outside the network's training domain.
+    """Return rotor speeds (N, R), rpm, of the N flagged `rows` (T,), outside the training domain.
 
-    Also return the part (N, R) rpm that physics adds for airspeed and load beyond the domain's
+    Also return the part (N, R), rpm, that physics adds for airspeed and load beyond the domain's
     edge.
     """
     assert model.training_domain is not None

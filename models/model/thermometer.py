@@ -63,12 +63,12 @@ def with_air_temperature(track: FlightTrack, thermometer: Thermometer | None) ->
 
 
 def learnt_thermometer(tracks: Sequence[FlightTrack], airframe: Airframe) -> Thermometer | None:
-    """Estimate the thermometer's offset from good flights; None where rotor speeds do not follow
-    it.
+    """Estimate the thermometer's offset, K, from fault-free flights.
 
-    It is used if flights, each compared with the mean of the others, differ less in ln N² with it
-    than with the standard atmosphere, by more than Student's limit for the mean gain. None with
-    fewer than FEWEST_FLIGHTS.
+    The offset is how much warmer the thermometer reads than the air. Return it only if it makes
+    flights agree better in ln N² than the standard atmosphere does (each against the mean of the
+    others; Student's t test of the squared differences); else None. Also None with fewer than
+    FEWEST_FLIGHTS flights, or if a flight needs no correction.
     """
     used = [track for track in tracks if training_rows(track, ("tank_kg",)).any()]
     if len(used) < FEWEST_FLIGHTS or not all(map(needs_thermometer, used)):
@@ -87,7 +87,8 @@ def learnt_thermometer(tracks: Sequence[FlightTrack], airframe: Airframe) -> The
 
 
 def needs_thermometer(track: FlightTrack) -> bool:
-    """Return whether nothing states that the temperature is that of the air or of a board."""
+    """Return True if a temperature is reported, and nothing states that it is that of the air or
+    of a board."""
     stated = "temperature" in track.standard_errors
     board = track.source("temperature").meaning is Meaning.BOARD_TEMPERATURE
     return track.reports("temperature") and not (stated or board)
@@ -96,11 +97,11 @@ def needs_thermometer(track: FlightTrack) -> bool:
 def _readings_and_speeds(
     tracks: Sequence[FlightTrack], airframe: Airframe
 ) -> tuple[Floats, Floats, Floats]:
-    """Return three values (F,) for each flight, by its training rows.
+    """Return three values (F,) of each flight, from its training rows.
 
-    They are the median K of the reading above standard air, the K of standard air, and the mean of
-    ln(sum N² rho / mass), rho by standard air, less the influence of airspeed, climb and load
-    factor within flights.
+    They are the reading's median excess over standard air, K; the temperature of standard air, K;
+    and the mean of ln(sum N² rho / mass), rho by standard air, corrected for the influence of
+    airspeed, climb and load factor within flights.
     """
     above, standard, speed, motion = [], [], [], []
     for track in tracks:
@@ -126,5 +127,5 @@ def _readings_and_speeds(
 
 
 def _others(values: Floats) -> Floats:
-    """Return the mean (F,) of the other values for each of F values."""
+    """Return, for each of F values, the mean of the remaining F - 1; shape (F,)."""
     return (values.sum() - values) / (values.size - 1)

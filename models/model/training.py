@@ -59,7 +59,7 @@ from thrustmargin.models.physics.smoothing import known_median, row_step
 from thrustmargin.models.scores import Score, score
 
 #: R² of training, validation and test that the paper prints for its field flights, which are not
-#: public; shown beside the user's own for comparison.
+#: public; printed next to the user's own for comparison.
 PAPER_R2 = (0.728, 0.719, 0.726)
 PAPER_LOWEST_LOSS = 0.27
 PAPER_BEST_EPOCH = 147
@@ -226,7 +226,8 @@ def train(
 def _model_of_network(
     network: RotorNetwork, samples: Samples, tracks: Sequence[FlightTrack], airframe: Airframe
 ) -> RotorModel:
-    """Build a model from a network and the training rows and flights given, and no other ones."""
+    """Build a model from a network; its domain, medians and drag come from `samples` and `tracks`
+    alone."""
     return RotorModel(
         airframe=airframe,
         network=network,
@@ -238,9 +239,9 @@ def _model_of_network(
 
 
 def _slow_rows(tracks: Sequence[FlightTrack], samples: Samples) -> Bools:
-    """Flag the rows (N,) to train on: all, but every n-th of a table faster than FASTEST.
+    """Flag the rows (N,) to train on: all, or every n-th of a track sampled faster than FASTEST.
 
-    Rotor speed depends on airspeed and tank here; neighbours of a hundredth of a second add no
+    Rotor speed depends on airspeed and tank here; rows a hundredth of a second apart add no
     information.
     """
     keep = np.ones(samples.flight.size, dtype=np.bool_)
@@ -254,8 +255,10 @@ def _slow_rows(tracks: Sequence[FlightTrack], samples: Samples) -> Bools:
 
 
 def _one_kind_of_speed(tracks: Sequence[FlightTrack]) -> SpeedBasis:
-    """Return the basis that the rotor speeds of all flights have in common. Raises DataError if
-    they differ."""
+    """Return the basis of rotor speeds (measured, inferred or both) that all flights share.
+
+    Raises DataError if the flights differ.
+    """
     kinds = {track.name: speed_basis(track) for track in tracks}
     if len(set(kinds.values())) > 1:
         named = "; ".join(f"{name} {kind}" for name, kind in kinds.items())
@@ -307,10 +310,9 @@ def _split_score(kind: str, samples: Samples, split: Split, fitted: NetworkFit) 
 
 
 def condition_scores(samples: Samples, predicted: Floats, seed: int) -> tuple[ConditionScore, ...]:
-    """Score held-out predictions (N, R) rpm on all rows, under several conditions, and on the mean
-    of the rotors.
+    """Score held-out predictions (N, R), rpm, on all rows, by condition, and on the rotors' mean.
 
-    Conditions without rows are left out.
+    Conditions are pump on, in and outside yaw turns; one without rows is left out.
     """
     measured, flight = samples.rotor_speed_rpm, samples.flight
     everything = np.arange(flight.size)
@@ -334,7 +336,7 @@ def condition_scores(samples: Samples, predicted: Floats, seed: int) -> tuple[Co
 
 
 def training_domain(samples: Samples) -> TrainingDomain:
-    """Return the ranges of airspeed, load, air, height and wind of the training rows."""
+    """Return the ranges of airspeed, load, density, height and wind in the training rows."""
     known = np.unique(samples.flight)
     return TrainingDomain(
         airspeed=_range(samples.airspeed),
@@ -347,7 +349,7 @@ def training_domain(samples: Samples) -> TrainingDomain:
 
 
 def _range(values: Floats) -> Range:
-    """Return the least and the largest known value; NaN without one."""
+    """Return the least and the largest finite value; (NaN, NaN) if none is finite."""
     known = values[np.isfinite(values)]
     return (float(known.min()), float(known.max())) if known.size else (np.nan, np.nan)
 
@@ -371,7 +373,7 @@ class NetworkPoints:
 
 
 def network_points(airframe: Airframe, model: RotorModel) -> NetworkPoints:
-    """Predict rotor speeds at the figure's airspeeds and shares of the tank.
+    """Predict rotor speeds for the figure's airspeeds and shares of a full tank.
 
     The model is evaluated in the air of its training, and Eq. 1 converts its speeds to the air of
     its airframe's thrust curve, in which the figure is drawn. Raises ModelError when the model is

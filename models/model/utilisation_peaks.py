@@ -64,7 +64,7 @@ class UtilisationPeak:
 
 
 def airborne_use(analysis: FlightAnalysis) -> Floats:
-    """(T, R) known thrust utilisation; NaN on the ground."""
+    """Return the known thrust utilisation (T, R), a share of 1; NaN on the ground."""
     return np.where(analysis.track.flying[:, None], analysis.known_utilisation, np.nan)
 
 
@@ -122,7 +122,7 @@ def _peak(analysis: FlightAnalysis, use: Floats, row: int) -> UtilisationPeak:
 
 
 def activities(track: FlightTrack, row: int) -> tuple[Activity, ...]:
-    """List what the vehicle did around a row, as far as the log's channels show it."""
+    """List the vehicle's activities around a row, as far as the log has channels for them."""
     time_s = track.time_s
     near = np.abs(time_s - time_s[row]) <= AROUND_S / 2
     words = []

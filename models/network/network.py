@@ -61,7 +61,7 @@ class EarlyStopping:
 
     @property
     def stop(self) -> bool:
-        """Return whether training should stop."""
+        """Return True if `patience` epochs passed without a better validation error."""
         return self.waited >= self.patience
 
 
@@ -132,9 +132,9 @@ def fit_network(
 
 @contextmanager
 def _interrupt_deferred() -> Iterator[None]:
-    """Hold a Ctrl-C back until the block has ended.
+    """Defer a Ctrl-C until the block has ended.
 
-    An exception in the midst of loading torch's libraries aborts the process without a word.
+    An exception in the midst of loading torch's libraries aborts the process without a message.
     """
     if threading.current_thread() is not threading.main_thread():
         yield  # signals reach the main thread alone
@@ -164,7 +164,8 @@ def _fit(
     config: NetConfig,
     on_epoch: OnEpoch | None,
 ) -> NetworkFit:
-    """Fit one network with torch, seeded by the caller."""
+    """Fit one network with torch, seeded beforehand. `inputs` (T, k) and `rotor_speed_rpm` (T,
+    R) are standardised by the training rows; `training` and `validation` select rows."""
     import torch
 
     input_mean, input_scale = inputs[training].mean(axis=0), _scale(inputs[training])
@@ -311,18 +312,17 @@ class RotorNetwork:
 
 
 def stack_networks(networks: Sequence[RotorNetwork]) -> RotorNetwork:
-    """Combine the members of all given networks into one ensemble, in order."""
+    """Combine the members of `networks`, in order, into one ensemble."""
     return _combine(np.concatenate, *networks)
 
 
 def _combine(
     make: Callable[[Sequence[np.ndarray]], np.ndarray], *networks: RotorNetwork
 ) -> RotorNetwork:
-    """Apply `make` to the corresponding arrays of all networks, and return the network of the
-    results."""
+    """Return the network whose arrays are `make` of the corresponding arrays of all `networks`."""
 
     def combine_field(name: str) -> Any:
-        """Apply `make` to one array of all networks."""
+        """Apply `make` to the arrays (or tuples of arrays) named `name` of all networks."""
         arrays = [getattr(network, name) for network in networks]
         if isinstance(arrays[0], tuple):
             return tuple(make(layer) for layer in zip(*arrays, strict=True))

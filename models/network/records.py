@@ -43,7 +43,7 @@ class SplitScore:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConditionScore:
-    """The score of the ensemble on held-out flights, on the rows of one condition."""
+    """The ensemble's score on held-out flights, in rows that meet one condition, as pump on."""
 
     condition: str
     score: Score
@@ -175,7 +175,7 @@ def gather(
 ) -> Samples:
     """Collect the training rows of all flights; flights without any are left out.
 
-    `inputs` are the channels that a row needs beside rotor speeds. Raises DataError when no flight
+    `inputs` are the channels that a row needs besides rotor speeds. Raises DataError when no flight
     has a usable row, flights differ in rotor count, or one flight is given twice (it would be in
     training and test at once).
     """
@@ -239,7 +239,7 @@ def _nothing_usable(tracks: Sequence[FlightTrack]) -> str:
 
 
 def _distinct(names: list[str]) -> tuple[str, ...]:
-    """Make names distinct by a number after repeated ones."""
+    """Append " (2)", " (3)", ... to repeated names, so that all are distinct."""
     result: list[str] = []
     for name in names:
         unique, count = name, 2
@@ -259,7 +259,10 @@ class Split:
 
 
 def split_by_samples(samples: Samples, seed: int) -> Split:
-    """Split rows at random 0.70 : 0.15 : 0.15, as the paper does."""
+    """Split rows at random into training, validation and test, 0.70 : 0.15 : 0.15.
+
+    As the paper does; rows of one flight are then in several sets (see `split_by_flight`).
+    """
     rows = np.random.default_rng(seed).permutation(samples.airspeed.size)
     first = round(SHARES[0] * rows.size)
     second = round((SHARES[0] + SHARES[1]) * rows.size)

@@ -132,7 +132,10 @@ class Interval:
         return np.asarray(self.factor) * self._scale(airspeed, spread_rpm)
 
     def _scale(self, airspeed: Floats, spread_rpm: Floats) -> Floats:
-        """Return s (N, R) rpm, the scatter and spread before the conformal factor."""
+        """Return s (N, R), rpm, the interval's half-width before the conformal factor.
+
+        It joins in squares the scatter at `airspeed` (N,) and the members' spread (N, R).
+        """
         scatter = np.asarray(self.scatter_rpm)
         place = np.interp(airspeed, self.airspeed, np.arange(len(self.airspeed), dtype=np.float64))
         below = np.minimum(place.astype(np.intp), len(self.airspeed) - 1)
@@ -154,10 +157,10 @@ def flights_needed(coverage: float) -> int:
 
 
 def hierarchical_quantile(scores: Floats, flight: Rows, level: float) -> float:
-    """Return the score that a row of a new flight stays below with probability `level`; inf if
-    unknown.
+    """Return the score that a row of a new flight stays below with probability `level`.
 
     scores (N,) of rows that belong to `flight` (N,), any labels. Each of K flights weighs 1/(K+1).
+    Infinite with too few flights for the level.
     """
     _, which, counts = np.unique(flight, return_inverse=True, return_counts=True)
     order = np.argsort(scores)
@@ -235,7 +238,8 @@ def measure_coverage(
 ) -> MeasuredCoverage | None:
     """Measure the coverage of each flight by an interval calibrated on the other flights.
 
-    None with too few flights, or if one flight less changes the method of calibration.
+    `residual_rpm` and `spread_rpm` are (T, R), `airspeed` (T,) m/s, `flight` (T,) the flight of
+    each row. None with too few flights, or if one flight less changes the method of calibration.
     """
     labels = np.unique(flight)
     needed = flights_needed(coverage)

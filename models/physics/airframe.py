@@ -80,7 +80,7 @@ _ROTOR_KEYS = ("name", "position_frd", "spin", "effectiveness")
 
 
 def wrong_kinds(table: dict[str, Any]) -> list[str]:
-    """List the sections that have the wrong type, so that the rest cannot be checked."""
+    """List the problems of sections that have the wrong type, which prevents all further checks."""
     kinds = (("quantities", dict), ("rotors", list))
     return [
         f"{key} must be a table, is {table[key]!r}"
@@ -90,7 +90,10 @@ def wrong_kinds(table: dict[str, Any]) -> list[str]:
 
 
 def with_rotors(table: dict[str, Any]) -> dict[str, Any]:
-    """Add the [[rotors]] of the layout, if the table has none but a known layout and an arm."""
+    """Return an airframe table with [[rotors]] added from its layout and arm length.
+
+    Return it unchanged if it has rotors, an unknown layout or no valid arm.
+    """
     layout = motor_layouts().get(str(table.get("layout")))
     arm = _value(table, "arm")
     if "rotors" in table or layout is None or not 0.0 < arm < inf:
@@ -242,7 +245,7 @@ def _impossible_together(table: dict[str, Any]) -> list[str]:
 
 
 def _unknown(given: dict[str, Any], known: Iterable[str], kind: str) -> list[str]:
-    """List unknown keys, each with the nearest known one."""
+    """List a message for each key of `given` not in `known`, with the most similar known key."""
     known = tuple(known)
     return [
         f"unknown {kind} {key!r}{_suggestion(key, known) or '; check its spelling'}"
@@ -252,18 +255,18 @@ def _unknown(given: dict[str, Any], known: Iterable[str], kind: str) -> list[str
 
 
 def _suggestion(word: str, known: Iterable[str]) -> str:
-    """Return a question with the nearest known word; empty without."""
+    """Return "; did you mean WORD?" with the most similar known word; empty without one."""
     near = get_close_matches(word, list(known), n=1)
     return f"; did you mean {near[0]}?" if near else ""
 
 
 def _is_text(table: dict[str, Any], key: str) -> bool:
-    """Return whether the value of a key is text."""
+    """Return True if the value of a key is text."""
     return isinstance(table.get(key), str)
 
 
 def _is_number(value: Any) -> bool:
-    """Return whether a value is a number below _LARGEST."""
+    """Return True if a value is an int or float, no bool, with a magnitude below _LARGEST."""
     number = isinstance(value, int | float) and not isinstance(value, bool)
     return number and abs(value) < _LARGEST
 
@@ -288,7 +291,7 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Airframe:
-    """One aircraft: masses, tank, rotors in motor order, thrust curve and its ceiling. SI units."""
+    """An aircraft: masses, tank, rotors in motor order, thrust curve and its ceiling. SI units."""
 
     name: str
     title: str
@@ -370,8 +373,10 @@ def load_airframe(name_or_path: str | Path) -> Airframe:
 
 
 def _read(name_or_path: str, children: tuple[str, ...]) -> dict[str, Any]:
-    """Read the table of an airframe, with the values it extends; `children` are the files that
-    extend it."""
+    """Read the table of an airframe, with the values it inherits by `extends`.
+
+    `children` are the files that extend it, to find cycles.
+    """
     path = Path(name_or_path)
     if path.suffix == ".toml":
         try:
@@ -426,7 +431,10 @@ def _extend(base: dict[str, Any], table: dict[str, Any]) -> dict[str, Any]:
 
 
 def quantity_table(quantity: Quantity) -> dict[str, Any]:
-    """Return a quantity as in its file; `guessed` is there only if true."""
+    """Return a quantity as the table of an airframe file: value, unit, source.
+
+    Keys `guessed` and `thrust_error` are only added where they are set.
+    """
     table = {"value": quantity.value, "unit": quantity.unit, "source": quantity.source}
     known = {} if np.isnan(quantity.thrust_error) else {"thrust_error": quantity.thrust_error}
     return table | ({"guessed": True} if quantity.guessed else {}) | known

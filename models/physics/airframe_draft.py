@@ -49,7 +49,7 @@ class PowerSet:
 
 @cache
 def power_sets() -> MappingProxyType[str, PowerSet]:
-    """Return the shipped power sets, by name."""
+    """Return the shipped power sets (motor, propeller, thrust) by name."""
     text = (resources.files("thrustmargin.models.shipped") / "power_sets.toml").read_text("utf-8")
     return MappingProxyType(
         {
@@ -64,7 +64,7 @@ def power_sets() -> MappingProxyType[str, PowerSet]:
 
 
 def guess(name: str, value: float, source: str) -> Quantity:
-    """Return a quantity marked as guessed, with the unit of its name."""
+    """Return a guessed quantity: `value` in the unit that airframe files use for `name`."""
     return Quantity(value, (QUANTITIES | OPTIONAL_QUANTITIES)[name], f"guessed: {source}", True)
 
 
@@ -74,7 +74,7 @@ def lower_effectiveness() -> Quantity:
 
 
 def complete_quantities(given: Mapping[str, Quantity]) -> dict[str, Quantity]:
-    """Return all quantities of an airframe, in the order of its file.
+    """Return all quantities of an airframe, in the order of its file; missing ones are derived.
 
     `given` must contain empty_mass, tank_volume_l, propeller_diameter, propeller_pitch,
     nominal_voltage, and nameplate_max_thrust or thrust_coefficient with max_rotor_speed_rpm. Raises

@@ -160,7 +160,7 @@ def _compute_air(track: FlightTrack, temperature_offset: float) -> Air:
 
 
 def _outside_temperature(track: FlightTrack, level: Floats) -> tuple[Floats, Floats, Statement]:
-    """Return the outside temperature (T,) K at `level` m AMSL, its standard error (T,), and its
+    """Return the outside temperature (T,), K, at `level` (T,), m AMSL, its standard error, and a
     source."""
     standard = isa_temperature(level)
     if "temperature" in track.standard_errors:

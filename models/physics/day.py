@@ -64,18 +64,18 @@ class DaySource(StrEnum):
 
     @property
     def stated(self) -> bool:
-        """Return whether the user stated the value for this command."""
+        """Return True if the user stated the value for this command."""
         return self in (DaySource.OPTION, DaySource.FILE)
 
     @property
     def assumed(self) -> bool:
-        """Return whether nobody reported or stated the value."""
+        """Return True if nobody reported or stated the value."""
         return self in (DaySource.DEFAULT, DaySource.STANDARD)
 
 
 @dataclass(frozen=True, slots=True)
 class DayValue:
-    """One value of a day with its source; NaN where unknown."""
+    """A value of a day's air, wind or battery with its source; NaN where unknown."""
 
     value: float = NAN
     source: DaySource = DaySource.DEFAULT
@@ -85,7 +85,7 @@ class DayValue:
 
     @property
     def known(self) -> bool:
-        """Return whether the value is a number."""
+        """Return True if the value is a number."""
         return math.isfinite(self.value)
 
 
@@ -95,9 +95,9 @@ UNKNOWN_VALUE = DayValue()
 def stated_value(
     name: str, value: float, source: DaySource = DaySource.OPTION, *, given_at: str = ""
 ) -> DayValue:
-    """Return the value in SI that a person states for the field `name` of a day.
+    """Return a user's `value`, in SI, for the field `name` of a day.
 
-    An air temperature has the same standard error as one that is stated for a log.
+    An air temperature has the same standard error as one stated for a log.
     """
     error = STATED_TEMPERATURE_ERROR if name == "air_temperature" else 0.0
     return DayValue(value, source, error, given_at=given_at)
@@ -148,7 +148,7 @@ class Day:
 
     @property
     def battery_assumed(self) -> bool:
-        """Return whether nobody reported or stated the voltage of the battery."""
+        """Return True if nobody reported or stated the voltage of the battery."""
         return (
             self.loaded_voltage if self.loaded_voltage.known else self.battery_voltage
         ).source.assumed
@@ -160,11 +160,11 @@ _INSTEAD = (("pressure", "height"), ("loaded_voltage", "battery_voltage"))
 
 
 def merged(*days: Day) -> Day:
-    """Return the day with each value from the best source of the `days`; see `DaySource`.
+    """Merge days: take each value from the best source (see `DaySource`); of equals, the first
+    day's.
 
-    Of days with the same source the first that has the value is taken. Pressure and height state
-    one thing, and so do the voltages under load and at rest. The one from the better source
-    replaces the other.
+    Pressure and height state one quantity, and so do the voltages under load and at rest: the one
+    from the better source replaces the other.
     """
     values = {one.name: _best([getattr(day, one.name) for day in days]) for one in fields(Day)}
     for pair in _INSTEAD:
@@ -181,10 +181,10 @@ def _best(values: list[DayValue]) -> DayValue:
 
 
 def default_day(nominal_voltage: float, *, falls: bool) -> Day:
-    """Return the values that are assumed where nobody knows them, the same for all commands.
+    """Return the values assumed for unknown ones, which are the same for all commands.
 
     `nominal_voltage` is the battery's, V, NaN where unknown. `falls`: the capacity is known, so the
-    voltage can be followed from a full battery down. Without it the battery is half used.
+    voltage can be computed from a full battery down. Without it the battery is half used.
     """
     still, sea = DayValue(0.0), DayValue(0.0)
     day = Day(
@@ -196,7 +196,10 @@ def default_day(nominal_voltage: float, *, falls: bool) -> Day:
 
 
 def complete_day(nominal_voltage: float, *days: Day) -> Day:
-    """Return the merged `days` with the default for what none of them knows."""
+    """Merge `days`, as `merged` does, and fill values unknown in all of them with the defaults.
+
+    `nominal_voltage` is the battery's, V, NaN where unknown.
+    """
     known = merged(*days)
     return merged(known, default_day(nominal_voltage, falls=known.battery_capacity_ah.value > 0.0))
 
@@ -207,7 +210,8 @@ def cells_in_series(nominal_voltage: float) -> int:
 
 
 def full_at_rest(nominal_voltage: float) -> float:
-    """Return V at rest of a full battery of `nominal_voltage` V; NaN where that is unknown."""
+    """Return the voltage, V, at rest of a full battery of `nominal_voltage` V; NaN if that is
+    unknown."""
     return FULL_CELL * cells_in_series(nominal_voltage) or NAN
 
 
@@ -224,11 +228,11 @@ class DayField:
     offset: float = 0.0
 
     def to_si(self, written: float) -> float:
-        """Return the value in SI of what people write."""
+        """Convert a value in the unit that users write to SI."""
         return self.factor * written + self.offset
 
     def written(self, value: float) -> float:
-        """Return what people write for a value in SI."""
+        """Convert a value in SI to the unit that users write."""
         return (value - self.offset) / self.factor
 
 

@@ -67,8 +67,8 @@ class PowerLaw:
     def error(self) -> float:
         """Return the standard error of ln k for one flight on a further day.
 
-        It is the scatter between flights, drawn towards POWER_SCATTER where they are few, and the
-        error of the mean of as many values as there are days.
+        It combines the scatter between flights, shrunk towards POWER_SCATTER where they are few,
+        and the error of their mean, in which each day counts as one independent value.
         """
         values = [math.log(one.coefficient) for one in self.flights]
         prior, days = POWER_SCATTER, self.days
@@ -84,10 +84,10 @@ class PowerLaw:
 
 
 def power_law(flights: Sequence[FlightPower], known: PowerLaw | None = None) -> PowerLaw | None:
-    """Return the power law of `flights` and of those in `known`; None without any.
+    """Return the power law of `flights` together with the flights of `known`; None without any.
 
-    A flight that is in both counts once, as in `flights`. Flights without a coefficient (NaN) are
-    left out.
+    A flight in both counts once, with the value in `flights`. Flights without a coefficient (NaN)
+    are left out.
     """
     new = {one.flight: one for one in flights if one.coefficient > 0.0}
     kept = [one for one in (known.flights if known else ()) if one.flight not in new]
@@ -96,5 +96,6 @@ def power_law(flights: Sequence[FlightPower], known: PowerLaw | None = None) -> 
 
 
 def power_factors(error: float) -> tuple[float, float]:
-    """Return the factors on a power whose ln has the standard `error`, to its 90 % interval."""
+    """Return the factors from a power to the ends of its 90 % interval, if ln power has that
+    `error`."""
     return math.exp(-NORMAL * error), math.exp(NORMAL * error)

@@ -25,12 +25,12 @@ NOTHING_IN_HAND = 0.95
 def training_rows(track: FlightTrack, inputs: Sequence[str] = ("airspeed", "tank_kg")) -> Bools:
     """Flag the rows (T,) of a flight that can train or check a rotor speed model.
 
-    They are in flight, between take-off and landing, with the `inputs` of the model measured and
-    every rotor's speed above 0. Each run in flight begins with its first second of level flight
-    (climb rate below 0.3 m/s) or where it first sinks after a climb, and ends with its last such
-    second or where it last climbs before it sinks, none of it lower than half its usual low height.
-    So climbs in between, yaw turns and hover are kept, because the model must predict them too.
-    With neither climb rate nor height reported, the whole run is kept.
+    Such rows are in flight, between take-off and landing, with the `inputs` of the model measured
+    and every rotor's speed above 0. Each run in flight begins with its first second of level flight
+    (climb rate below 0.3 m/s), or where it first sinks after a climb; it ends with its last second
+    of level flight, or where it last climbs before it sinks. Neither may be below half the 10 %
+    quantile of the run's height. Climbs in between, yaw turns and hover are kept, because the model
+    must predict them too. With neither climb rate nor height reported, the whole run is kept.
     """
     with np.errstate(invalid="ignore"):
         known = np.all(track.rotor_speed_rpm > 0.0, axis=1)
@@ -63,7 +63,7 @@ def training_rows(track: FlightTrack, inputs: Sequence[str] = ("airspeed", "tank
 def hover_rows(track: FlightTrack) -> Bools:
     """Flag the rows (T,) of steady hover: in flight, upright, slow, neither climbing nor turning.
 
-    Motor outputs, where known, must leave a reserve. Each row lies in a second or more of hover.
+    Motor outputs, where known, must leave a reserve. Each row is part of a second or more of hover.
     Tilt and climb rate must be known; horizontal speed is airspeed where reported, else ground
     speed, and may be unknown. Wind may blow.
     """

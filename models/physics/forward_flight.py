@@ -40,7 +40,7 @@ class ForwardFlight:
 
 
 class Straight(NamedTuple):
-    """N rows of straight flight."""
+    """Channels of N rows of straight flight, all finite."""
 
     airspeed: Floats  # m/s
     mass: Floats  # kg
@@ -89,11 +89,11 @@ def thrust_ratio(
 def manoeuvre_load(
     flight: ForwardFlight, track: FlightTrack, airframe: Airframe, span: float
 ) -> Floats:
-    """Return rotor force (T,) over that of steady flight at the airspeed.
+    """Return rotor force (T,) over that of steady flight at the same airspeed.
 
-    Velocity is differentiated over `span` s. Accelerating against drag needs more than the sum of
-    both alone. Gusts that no channel reports are not included, so that a missing wind or drag
-    remains in the residual of the rotor speeds.
+    Velocity is differentiated over `span` s. Acceleration and drag are added as vectors. Gusts that
+    no channel reports are not included, so that a missing wind or drag remains in the residual of
+    the rotor speeds.
     """
     wind = np.where(np.isfinite(track.wind_ned), track.wind_ned, 0.0)
     way = (track.velocity_ned - wind) * np.array([1.0, 1.0, 0.0])
@@ -106,8 +106,10 @@ def manoeuvre_load(
 
 
 def fit_forward_flight(tracks: Sequence[FlightTrack], airframe: Airframe) -> ForwardFlight | None:
-    """Fit drag and lift to the training flights; None with too few rows or too little range of
-    airspeed."""
+    """Fit drag and lift of forward flight to the training flights.
+
+    None with too few rows or too small a range of airspeed.
+    """
     parts = [straight_flight(track, airframe) for track in tracks]
     x = Straight(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
     if x.airspeed.size < LEAST_ROWS or np.ptp(x.airspeed) < 1.0:
@@ -127,7 +129,10 @@ def fit_forward_flight(tracks: Sequence[FlightTrack], airframe: Airframe) -> For
 
 
 def wind_by_drag(track: FlightTrack, airframe: Airframe, flight: ForwardFlight) -> Floats:
-    """Return the wind (T, 2) m/s, north and east, whose drag would explain the aircraft's tilt."""
+    """Return the wind (T, 2), m/s, north and east, whose drag would explain the aircraft's tilt.
+
+    It is the direction the air moves to.
+    """
     _, pushed = _balance(track)
     mass = airframe.empty_mass + track.tank_kg
     linear, square = flight.rotor_drag, 0.5 * track_air(track).density * flight.drag_area / mass
@@ -146,7 +151,10 @@ def _balance(track: FlightTrack) -> tuple[Floats, Floats]:
 
 
 def straight_flight(track: FlightTrack, airframe: Airframe) -> Straight:
-    """Return the rows of straight flight with all channels reported."""
+    """Return airspeed, mass, density, drag and lift in rows of straight flight.
+
+    Rows with any of the five unknown are left out. An unknown wind counts as 0.
+    """
     force, pushed = _balance(track)
     wind = np.where(np.isfinite(track.wind_ned), track.wind_ned, 0.0)
     way = (track.velocity_ned - wind)[:, :2]
@@ -171,7 +179,8 @@ def straight_rows(track: FlightTrack) -> Bools:
 
 
 def _huber_fit(columns: Floats, target: Floats, scale: float, least: float = -np.inf) -> Floats:
-    """Return the coefficients, at least `least`, of a linear fit with Huber's loss at `scale`."""
+    """Return the coefficients (k,), at least `least`, of a linear fit of `target` (T,) by
+    `columns` (T, k) with Huber's loss at `scale`."""
     from scipy.optimize import least_squares
 
     start = np.maximum(np.linalg.lstsq(columns, target, rcond=None)[0], least)

@@ -33,11 +33,12 @@ class KnownBattery:
 def known_battery(
     rest_voltages: Sequence[float], resistances: Sequence[tuple[float, float]]
 ) -> KnownBattery:
-    """Return the battery of earlier flights: V at rest of each, and ohm with its standard error.
+    """Estimate the battery from earlier flights: V at rest of each, and ohm with its standard
+    error.
 
-    The voltage is the mean, and its error that of one flight more: a battery is not always full.
-    The resistance is the geometric mean over the flights that know it better than UNSURE, and its
-    error that of one flight more. NaN counts as unknown.
+    The voltage is the mean, the resistance the geometric mean of those with a relative error below
+    UNSURE; each has the error of predicting one more flight, since a battery is not always full.
+    NaN counts as unknown.
     """
     volts = [value for value in rest_voltages if value > 0.0]
     known = [math.log(ohm) for ohm, error in resistances if ohm > 0.0 and error < UNSURE * ohm]

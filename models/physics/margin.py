@@ -59,22 +59,22 @@ class Holdable:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrimCurve:
-    """The least thrust that one rotor must make at each level collective; both (K,), increasing."""
+    """The least thrust of one rotor in trim, by the level collective; both (K,), increasing."""
 
     collective: Floats
     rotor: Floats
 
 
 def mixer(airframe: Airframe) -> Floats:
-    """Return the matrix (4, R) from rotor thrusts, N, to collective, N, and roll, pitch, yaw
-    moment, N m."""
+    """Return the matrix (4, R) from rotor thrusts, N, to collective, N, and roll, pitch and yaw
+    moment, N m, in the body frame (forward, right, down)."""
     x, y = airframe.rotor_position_frd[:, :2].T
     return np.stack([np.ones_like(x), -y, x, airframe.rotor_spin * airframe.torque_ratio])
 
 
 @lru_cache(maxsize=256)
 def holdable(airframe: Airframe) -> Holdable:
-    """Compute the largest level collectives with all rotors, and with each of them lost.
+    """Compute the largest level collective with all rotors, and with each of them lost.
 
     On a quad with any offset of the centre of gravity a rotor on its side cannot be lost: two
     rotors on a diagonal hold only a weight on the line between them.
@@ -96,11 +96,11 @@ def holdable(airframe: Airframe) -> Holdable:
 
 @lru_cache(maxsize=256)
 def trim_curve(airframe: Airframe, rotor: int, yaw_kept: bool = True) -> TrimCurve:
-    """Compute the least thrust of rotor `rotor` (from 0) for each level collective.
+    """Compute the least thrust of rotor number `rotor`, from 0, for each level collective.
 
-    By the program's dual, the least thrust is the maximum of lines in the collective, one for each
-    corner of the dual. The curve follows the highest line from the largest collective without the
-    rotor to the largest one with it.
+    By the linear program's dual, the least thrust is the maximum of lines in the collective, one
+    for each corner of the dual. The curve follows the highest line from the largest collective
+    without the rotor to the largest one with it.
     """
     collective, largest = (_largest(airframe, yaw_kept=yaw_kept, lost=r) for r in (rotor, None))
     moments = _moments(airframe, yaw_kept)
@@ -122,7 +122,8 @@ def trim_curve(airframe: Airframe, rotor: int, yaw_kept: bool = True) -> TrimCur
 
 
 def _largest(airframe: Airframe, *, yaw_kept: bool, lost: int | None = None) -> float:
-    """Compute the largest level collective, by the program's dual.
+    """Compute the largest level collective, by the linear program's dual; `lost` rotor has no
+    thrust.
 
     The minimum over l of sum of ceiling x max(0, 1 + l . moments) lies at a corner, where as many
     of its terms as l has components are 0.
@@ -135,7 +136,7 @@ def _largest(airframe: Airframe, *, yaw_kept: bool, lost: int | None = None) -> 
 
 
 def _moments(airframe: Airframe, yaw_kept: bool) -> Floats:
-    """Return the rows (2 or 3, R) that are 0 in trim, scaled to about 1."""
+    """Return the moments (2, or 3 with yaw kept; R) that must be 0 in trim, scaled to about 1."""
     matrix = mixer(airframe)
     arm = float(np.max(np.hypot(matrix[1], matrix[2])))
     rows: Floats = matrix[1:3] / arm
@@ -177,11 +178,11 @@ class Ceiling:
 
 
 def ceiling(airframe: Airframe, density: ArrayLike, voltage: ArrayLike | None = None) -> Ceiling:
-    """Compute the ceiling at `density` (T,) or a number, kg/m³, and battery `voltage` (T,) V, NaN
-    unknown.
+    """Compute the rotors' largest speed and thrust at `density` (T,) or a number, kg/m³.
 
-    An unknown voltage is replaced by the battery's nominal one, as `voltage_basis` states. Above
-    the ceiling's own voltage the speed does not increase, because it was not measured there.
+    `voltage` (T,) is the battery's, V; an unknown one (NaN, 0) is replaced by the nominal voltage,
+    as `voltage_basis` states. Above the ceiling's own voltage the speed does not increase, because
+    it was not measured there.
     """
     rho = np.atleast_1d(np.asarray(density, dtype=np.float64))
     given = np.nan if voltage is None else voltage
@@ -213,7 +214,7 @@ def ceiling(airframe: Airframe, density: ArrayLike, voltage: ArrayLike | None = 
 
 
 def nameplate_ceiling(airframe: Airframe) -> Ceiling:
-    """Return the ceiling, one row, by the maker's printed maximum thrust, for any air and
+    """Return the ceiling, one row, by the maker's printed maximum thrust, whatever the air and
     battery."""
     free = np.array([airframe.nameplate_max_thrust])
     return Ceiling(
@@ -269,12 +270,11 @@ def redundancy(airframe: Airframe, limits: Ceiling, load: ArrayLike, *, yaw_kept
 def trimmable_loss(
     airframe: Airframe, limits: Ceiling, load: ArrayLike, *, yaw_kept: bool = True
 ) -> Floats:
-    """Return the share (T,) of its largest thrust that any one rotor can lose with `load` held
-    level.
+    """Return the share (T,) of its largest thrust that any rotor can lose in level flight.
 
-    It is that of the worst-placed rotor: 1 where a rotor can be lost altogether, 0 without
-    a reserve. On a quad with heading kept it is the thrust margin 1 - u, with yaw uncontrolled 2 (1
-    - u) up to 1.
+    `load` (T,) is the weight, N. The share is that of the worst-placed rotor: 1 where any rotor can
+    be lost altogether, 0 or less without a reserve; NaN where the load is NaN. On a quad with
+    heading kept it is the thrust margin 1 - u, with yaw uncontrolled 2 (1 - u) up to 1.
     """
     collective = np.asarray(load, dtype=np.float64) / limits.free_thrust
     worst = np.where(np.isnan(collective), np.nan, np.inf)
@@ -286,13 +286,13 @@ def trimmable_loss(
 
 
 def yaw_reserve(airframe: Airframe, thrust: Floats) -> Floats:
-    """Return the share (T,) of the yaw authority that is left, 1 in the middle of it, 0 at its end.
+    """Return the unused share (T,) of the yaw authority: 1 in the middle of its range, 0 at an end.
 
     `thrust` (T, R) is in units of a free rotor's ceiling. The authority is the range of yaw moments
-    that the rotors can make with collective, roll and pitch moment as they are, and no rotor below
-    0 or above its ceiling; the reserve is the distance to its nearer end over half of its width.
-    A rotor at its ceiling in a standing roll or pitch moment takes authority on one side or both.
-    NaN where a rotor's thrust is unknown.
+    that the rotors can make with collective, roll and pitch moment unchanged, and no rotor below 0
+    or above its ceiling; the reserve is the distance to its nearer end over half of its width. A
+    rotor at its ceiling in a steady roll or pitch moment takes authority on one side or both. NaN
+    where a rotor's thrust is unknown.
     """
     matrix = mixer(airframe)
     arm = float(np.max(np.hypot(matrix[1], matrix[2]), initial=1e-9))
@@ -308,11 +308,11 @@ def yaw_reserve(airframe: Airframe, thrust: Floats) -> Floats:
 
 
 def _most(airframe: Airframe, columns: Floats, way: float, moments: Floats) -> Floats:
-    """Return the largest yaw moment (T,), to the right with `way` 1 and to the left with -1, with
-    the others as they are.
+    """Return the largest yaw moment (T,) in one direction with the other `moments` unchanged.
 
-    By the dual: the least, over its corners l, of l . moments plus the sum of ceiling x
-    max(0, way x spin - l . column).
+    `way` is the sign of that yaw moment: 1 right, -1 left. Computed by linear programming's dual:
+    the minimum, over its corners l, of l . moments plus the sum over rotors of ceiling x max(0, way
+    x spin - l . column).
     """
     gain = way * airframe.rotor_spin
     corners = _intersections(columns, gain)

@@ -102,7 +102,10 @@ def match_airframe(airframe: Airframe) -> Matching:
 def _ceiling_match(
     airframe: Airframe, name: str, limits: Ceiling, full: Floats, empty: Floats
 ) -> CeilingMatch:
-    """Compare the weights `full` and `empty`, N, with one ceiling."""
+    """Compare the weights with a full and an empty tank, N, with one set of largest thrusts.
+
+    Return utilisation in hover and redundancy for both; `name` is the ceiling's.
+    """
     survived = partial(redundancy, airframe, limits)
     return CeilingMatch(
         name=name,
@@ -117,7 +120,7 @@ def _ceiling_match(
 
 
 def same_aircraft(first: Airframe, second: Airframe) -> bool:
-    """Return whether two airframes are of one design: mass, tank, propeller, curve and rotor count.
+    """Return True if two airframes are of one design: mass, tank, propeller, curve and rotor count.
 
     Their air and voltage may differ, as between an aircraft and its simulation.
     """

@@ -42,7 +42,7 @@ _PAIR_HEIGHT = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MotorLayout:
-    """One arrangement of R motors, motor 1 first."""
+    """An arrangement of R motors, motor 1 first."""
 
     name: str
     place: Floats  # (R, 2) forward and right, the farthest at 1
@@ -104,7 +104,11 @@ def bearings(place: Floats) -> Floats:
 
 
 def rotor_names(place: Floats, lower: tuple[bool, ...]) -> list[str]:
-    """Name each rotor by its place: "front right", "left, lower", "front left 22.5"."""
+    """Name each rotor by its place (R, 2 or 3): "front right", "left, lower", "front left 22.5".
+
+    A number, the bearing in degrees, distinguishes rotors of one name. `lower` flags the lower
+    rotors of coaxial pairs; empty if there are none.
+    """
     sectors = [_sector(float(b)) for b in bearings(place)]
     if any(lower):
         sectors = [
@@ -164,8 +168,11 @@ def ardupilot_layout(frame_class: int, frame_type: int) -> MotorLayout | None:
 
 
 def layout_of_rotors(position_frd: Floats, spin: Floats) -> MotorLayout | None:
-    """Return the layout with the places (R, 3) and spins (R,) of rotors, in its motor order;
-    None if unknown."""
+    """Return the known layout whose motors, in order, have the rotors' bearings and spins.
+
+    `position_frd` (R, 3) is in m; `spin` (R,) is 1 for counter-clockwise, -1 for clockwise.
+    Bearings may differ by less than 15 degrees. None if no layout fits.
+    """
     for layout in motor_layouts().values():
         if layout.rotor_count != len(position_frd) or np.any(layout.spin != spin):
             continue
@@ -176,9 +183,9 @@ def layout_of_rotors(position_frd: Floats, spin: Floats) -> MotorLayout | None:
 
 
 def layout_of_text(texts: Iterable[str], frame_type: int = -2) -> MotorLayout | None:
-    """Return the layout named by ArduPilot's boot text "Frame: HEXA/X"; None without one.
+    """Return the layout named by ArduPilot's boot text, as "Frame: HEXA/X"; None without one.
 
-    `frame_type` is the shape for older firmware, whose text is "Frame: HEXA".
+    `frame_type` is the FRAME_TYPE used for older firmware, whose text is "Frame: HEXA".
     """
     for text in texts:
         head, _, rest = text.strip().partition(": ")

@@ -47,7 +47,7 @@ class OutputCurve:
 
     @property
     def is_assumed(self) -> bool:
-        """Return whether no parameter of the vehicle sets the curve."""
+        """Return True if no parameter of the vehicle sets the curve."""
         return self.steepness_error == STEEPNESS_ASSUMED
 
     @property
@@ -67,8 +67,10 @@ class OutputCurve:
 
 
 def curve_of(speeds: Provenance, outputs: Provenance) -> OutputCurve:
-    """Return the curve by which `speeds` was made from motor outputs, else the default one for
-    `outputs`."""
+    """Return the output curve stored in the provenance `speeds` of inferred rotor speeds.
+
+    If `speeds` contains none, return the default curve for the source `outputs`.
+    """
     numbers = dict(speeds.numbers)
     if not numbers.keys() >= {*_CURVE_FIELDS}:
         return output_curve({}, outputs)
@@ -77,10 +79,10 @@ def curve_of(speeds: Provenance, outputs: Provenance) -> OutputCurve:
 
 
 def output_curve(parameters: Mapping[str, float], source: Provenance = NOT_REPORTED) -> OutputCurve:
-    """Return the curve that a vehicle's parameters set; `source` is that of its outputs.
+    """Return the curve from motor output to thrust that a vehicle's parameters set.
 
-    PX4's `actuator_motors` is thrust before its curve, its servo outputs are after it. A parameter
-    outside the range that the firmware allows counts as not set.
+    `source` is that of the outputs: PX4's `actuator_motors` is thrust before its curve, its servo
+    outputs are after it. A parameter outside the range that the firmware allows counts as not set.
     """
     factor = parameters.get("THR_MDL_FAC")
     before = source.meaning is Meaning.THRUST_DEMAND

@@ -13,12 +13,12 @@ _MEAN_S, _LEAST_MEANS = 5.0, 12
 def battery_resistance(
     time_s: Floats, voltage: Floats, current: Floats, flying: Bools
 ) -> tuple[float, float]:
-    """Ohm, and its standard error, by which the voltage (T,) falls with the current (T,).
+    """Estimate the battery's resistance, ohm, and its standard error from voltage, current (T,).
 
-    Least squares of 5 s means from the rest before take-off on, with the drain (charge drawn, to
-    the second power) removed. In flight alone current falls as the tank empties and the battery
-    drains: from such means it would come out several times too large. NaN where the log has no
-    current, no rest before it flies, or too little flight.
+    Least squares of 5 s means of the rest before take-off and the flight, with a polynomial of the
+    charge drawn (second degree) as regressor. In flight alone current falls as the tank empties and
+    the battery drains, which would give a value several times too large. Both NaN if the log has no
+    current, no rest before take-off, or too little flight.
     """
     nothing = float("nan"), float("nan")
     known = np.isfinite(voltage) & np.isfinite(current)

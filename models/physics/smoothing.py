@@ -39,7 +39,7 @@ def known_median(values: Floats) -> float:
 
 
 def _over_known(figure: Callable[[Floats], Any]) -> Callable[[Floats], float]:
-    """Return a function that applies `figure` to the finite values; NaN without one."""
+    """Return a function of an array: `figure` of its finite values; NaN if none is finite."""
 
     def figure_of_known(values: Floats) -> float:
         """Apply the figure to the finite values; NaN without one."""
@@ -54,7 +54,7 @@ known_mean, known_most, known_least = _over_known(np.mean), _over_known(np.max),
 
 
 def known_means(values: Floats) -> Floats:
-    """Return the mean (T,) of the known columns of (T, R); NaN where none is."""
+    """Return the row means (T,) of the finite values (T, R); NaN in rows without one."""
     known = np.isfinite(values)
     total = np.sum(values, axis=1, where=known)
     return np.divide(
@@ -73,8 +73,10 @@ def _slope_weights(window: int, step: float) -> Floats:
 
 
 def derivative(time_s: Floats, values: Floats, span: float) -> Floats:
-    """Differentiate values (T, ...) by a local quadratic over `span` seconds; NaN next to a gap
-    and at the ends."""
+    """Differentiate values (T, ...) by a local quadratic over `span` s, in units per s.
+
+    NaN next to a gap and at the ends.
+    """
     if time_s.size < 9:
         return np.full_like(values, np.nan)
     step = row_step(time_s)
@@ -114,7 +116,7 @@ def running_mean(values: Floats, width: int, *, padding: _Beyond = "symmetric") 
 
 
 def median_of_five(values: Floats) -> Floats:
-    """Return the medians (n,) of each value and two on either side; the end values are repeated."""
+    """Return the running median (n,) over five values; the end values are repeated outwards."""
     a, b, c, d, e = np.lib.stride_tricks.sliding_window_view(np.pad(values, 2, "edge"), 5).T
     # Without the least and the largest of four, the middle of the two left and the fifth; in place,
     # as a long log's times are as large as the log.

@@ -81,9 +81,9 @@ def speed_from_thrust(
     density: ArrayLike | None = None,
     reference_density: float | None = None,
 ) -> Floats:
-    """Return the rotor speed, rpm, that makes `thrust` in N: the inverse of `thrust_from_speed`.
+    """Return the rotor speed, rpm, that produces `thrust`, N: the inverse of `thrust_from_speed`.
 
-    NaN for a negative thrust, which no rotor speed makes.
+    NaN for a negative thrust, which no rotor speed produces.
     """
     squared = _floats(thrust) / (_floats(coefficient) * _density_ratio(density, reference_density))
     return np.sqrt(np.where(squared >= 0.0, squared, np.nan))

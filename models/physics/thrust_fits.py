@@ -49,7 +49,7 @@ ONE_HOVER = 1.6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HoverFit:
-    """Thrust curve and trim of R rotors from steady hover, each with its 95 % interval."""
+    """Thrust curve and trim of R rotors from steady hover, with 95 % intervals."""
 
     coefficient: Estimate  # N/rpm² at reference_density
     reference_density: float  # kg/m³, the median of the hover
@@ -65,9 +65,9 @@ class HoverFit:
 def fit_hover(tracks: Sequence[FlightTrack], airframe: Airframe) -> HoverFit:
     """Fit thrust coefficient and trim to the steady hover of flights with measured rotor speeds.
 
-    The weight is the airframe's empty mass and the tank's content. Nothing else of the airframe is
-    used but its rotors' places, spin and effectiveness. Raises DataError when there is too little
-    steady hover with every rotor's speed.
+    The weight is the airframe's empty mass and the tank's content. Of the airframe only that mass
+    and its rotors' places, spin and effectiveness are used. Raises DataError when there is too
+    little steady hover with every rotor's speed, or flights have another number of rotors.
     """
     parts, airs = [], []
     for number, track in enumerate(tracks):
@@ -114,8 +114,10 @@ def fit_hover(tracks: Sequence[FlightTrack], airframe: Airframe) -> HoverFit:
     expected /= expected.sum()
 
     def figures(kept: np.ndarray) -> Floats:
-        """Return coefficient, trims, place of the load and yaw split, each the mean over
-        flights."""
+        """Return the HoverFit values of the rows flagged in `kept`, as means over flights.
+
+        In order: coefficient, R trims, place of the load x and y, yaw split.
+        """
         means = []
         for one in np.unique(flight[kept]):
             rows = kept & (flight == one)
@@ -143,7 +145,10 @@ def fit_hover(tracks: Sequence[FlightTrack], airframe: Airframe) -> HoverFit:
 
 
 def check_one_hover(needed: Floats) -> None:
-    """Raise DataError where thrust over weight (n,) varies too much in the hover of a flight."""
+    """Raise DataError if thrust over weight, `needed` (n,), varies too much for one hover.
+
+    The 95 % quantile must not exceed ONE_HOVER times the 5 % quantile.
+    """
     low, high = np.percentile(needed, (5, 95))
     if high > ONE_HOVER * low:
         raise DataError(

@@ -78,7 +78,7 @@ def aircraft(
 
 
 def _list(place: Hangar, console: Console) -> int:
-    """Print a line for each aircraft."""
+    """Print one line per aircraft."""
     from thrustmargin.gcs_plugin.wording.aircraft_words import counted_words
 
     stored = _stored_alone(place)
@@ -102,8 +102,10 @@ def _list(place: Hangar, console: Console) -> int:
 
 
 def _stored_alone(place: Hangar) -> dict[str, int]:
-    """Return the number of stored flights of each aircraft of which the hangar has flights alone,
-    by its name; empty where the season's libraries are not installed."""
+    """Return the number of stored flights by aircraft, for aircraft without a record in the hangar.
+
+    Empty where the season's libraries are not installed.
+    """
     if not (place.folder / "flights").is_dir() or find_spec("pyarrow") is None:
         return {}
     from collections import Counter
@@ -116,7 +118,7 @@ def _stored_alone(place: Hangar) -> dict[str, int]:
 
 
 def _show(known: KnownAircraft, console: Console) -> None:
-    """Print the timeline of one aircraft: its flights and what was noted, by time."""
+    """Print the timeline of one aircraft: its flights and noted changes, by time."""
     from thrustmargin.gcs_plugin.wording.aircraft_words import (
         counted_words,
         flight_line,
@@ -177,7 +179,10 @@ def _day(unix_s: float, longitude_deg: float = float("nan")) -> str:
 
 
 def _unix(words: str | None) -> float:
-    """Return the Unix time, s, of a day or time in the computer's zone; without one now."""
+    """Return the Unix time, s, of an ISO date or time in the computer's time zone; None means now.
+
+    Raises DataError for other text.
+    """
     if words is None:
         return time.time()
     try:

@@ -96,7 +96,7 @@ def print_airframe(console: Console, craft: Airframe) -> None:
         )
 
 
-#: The checks of `inspect` that are about the airframe, in the order of the answer.
+#: The checks of `inspect` that are about the airframe, in the order of the output.
 _OF_INSPECT = ("vehicle", "motors", "frame", "motor order", "voltage", "tank", "rotor speed")
 _OF_INSPECT += ("rotor speed limit", "motor output")
 
@@ -145,7 +145,7 @@ class AirframeCheck:
 
 
 def airframe_findings(craft: Airframe, logs: Sequence[FlightLog]) -> list[Finding]:
-    """Compare each claim of an airframe file with flights; return the findings."""
+    """Compare each quantity of an airframe file with flights; return the findings."""
     from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 
     found = [
@@ -154,7 +154,7 @@ def airframe_findings(craft: Airframe, logs: Sequence[FlightLog]) -> list[Findin
         for finding in inspect_log(log, craft).findings
         if finding.check in _OF_INSPECT
     ]
-    # The same answer of several flights is one answer, the graver of two the first.
+    # The same result from several flights is one result, the graver of two the first.
     order = {"warning": 0, "ok": 1, "unknown": 2}
     kept: dict[str, Finding] = {}
     for finding in sorted(found, key=lambda f: (_OF_INSPECT.index(f.check), order[f.level])):
@@ -163,7 +163,8 @@ def airframe_findings(craft: Airframe, logs: Sequence[FlightLog]) -> list[Findin
 
 
 def _hover(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
-    """Compare the thrust coefficient with the weight in hover, and the trim of the rotors."""
+    """Compare the file's thrust coefficient with the weight in hover, and report the trim of the
+    rotors."""
     from thrustmargin.gcs_plugin.commands.airframe.fitted import hover_sentences, interval
     from thrustmargin.gcs_plugin.logs.findings import Finding, Severity
     from thrustmargin.gcs_plugin.wording.language import percent
@@ -176,7 +177,7 @@ def _hover(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
         yield Finding(check=check, level=Severity.UNKNOWN, words=str(error))
         return
     claim = craft.thrust_coefficient * fit.reference_density / craft.reference_density
-    # Two standard errors of the air's density, beside what the flights scatter.
+    # Two standard errors of the air's density, besides the scatter of the flights.
     air = 1.96 * fit.density_error / fit.reference_density
     apart = claim / fit.coefficient.value - 1.0
     low, high = fit.coefficient.low * (1 - air), fit.coefficient.high * (1 + air)
@@ -203,9 +204,8 @@ def _hover(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
 
 
 def _ceiling(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
-    """Compare the largest rotor speed with the highest measured one, and with the one extrapolated
-    from outputs.
-    """
+    """Compare the largest rotor speed with the highest measured one, and with that by motor
+    outputs."""
     import numpy as np
 
     from thrustmargin.gcs_plugin.commands.airframe.fitted import figure, interval
@@ -239,7 +239,8 @@ def _ceiling(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
 
 
 def within_ends(claim: float, low: float, high: float) -> Severity:
-    """Return whether a claim lies within an interval; None where any of the three is unknown."""
+    """Return OK if a file's value is within an interval, WARNING if not, UNKNOWN if any is not
+    finite."""
     from thrustmargin.gcs_plugin.logs.findings import Severity
 
     if not (isfinite(claim) and isfinite(low) and isfinite(high)):

@@ -27,7 +27,7 @@ SIGMAS_95 = 1.96  # standard errors on either side of a 95 % interval
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fitted:
-    """Quantities with their sources, and what else the data say, in sentences."""
+    """Quantities with their sources, and sentences on further results of the data."""
 
     quantities: dict[str, Quantity] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -92,11 +92,11 @@ def bench_quantities(path: Path) -> Fitted:
 
 
 def hover_quantities(logs: Sequence[Path], craft: Airframe, reading: ReadingOptions) -> Fitted:
-    """Thrust coefficient of the steady hover of flights at the mass of `craft` and their load.
+    """Fit the thrust coefficient to steady hover, for the mass of `craft` and the flights' load.
 
-    Where the ceiling is a guess, it becomes what a climb at full output shows, else what outputs
-    and rotor speeds extrapolate to. Flights without rotor speeds give that alone. Raises DataError
-    or LogError when there is neither.
+    A guessed ceiling is replaced by the one that a climb at full output shows, else by that
+    extrapolated from outputs and rotor speeds. Flights without rotor speeds give only the ceiling.
+    Raises DataError or LogError when there is neither.
     """
     from thrustmargin.gcs_plugin.logs import read_sorties
     from thrustmargin.models.model.inferred.output_speed import (
@@ -172,11 +172,11 @@ def hover_quantities(logs: Sequence[Path], craft: Airframe, reading: ReadingOpti
 
 
 def with_data_sheet(top: Estimate, sheet_rpm: float) -> Estimate:
-    """Combine an extrapolated largest rotor speed with that of the maker's largest thrust.
+    """Combine an extrapolated largest rotor speed, rpm, with that of the maker's largest thrust.
 
-    Each counts by the inverse of its variance. The maker's thrust is off by GUESS, and so is the
-    square of the voltage that it was measured at, which data sheets seldom state. Where the two
-    differ by more than their errors, the interval is widened by that ratio.
+    Weights are inverse variances of ln thrust. The maker's thrust has the relative error GUESS, and
+    VOLTAGE_ERROR of the voltage (squared) at which it was measured, which data sheets seldom state.
+    If the two differ by more than their errors, the interval is widened by that ratio.
     """
     import numpy as np
 
@@ -196,14 +196,13 @@ def with_data_sheet(top: Estimate, sheet_rpm: float) -> Estimate:
 
 
 def _thrust_error(top: Estimate) -> float:
-    """Return the standard error of ln thrust of a rotor speed with its 95 % interval."""
+    """Return the standard error of ln thrust of a rotor speed from its 95 % interval."""
     return log(top.high / top.low) / SIGMAS_95
 
 
 def _use_words(craft: Airframe, fit: HoverFit, top: Estimate) -> str:
-    """Return the sentence on the uncertainty of an extrapolated ceiling, and the flight that would
-    reduce it.
-    """
+    """Return the sentence on the uncertainty of an extrapolated ceiling, and on how to reduce
+    it."""
     from thrustmargin.models.physics.atmosphere import G0
 
     mass = craft.empty_mass + craft.tank_capacity_kg
@@ -217,9 +216,8 @@ def _use_words(craft: Airframe, fit: HoverFit, top: Estimate) -> str:
 
 
 def ceiling_notes(craft: Airframe) -> tuple[str, ...]:
-    """Return a note where the file's full thrust differs from the maker's, and which of them is
-    used.
-    """
+    """Return a note where the file's full thrust differs from the maker's, and which one is
+    used."""
     used = craft.thrust_coefficient * craft.max_rotor_speed_rpm**2
     if abs(used / craft.nameplate_max_thrust - 1.0) <= SAME_THRUST:
         return ()
@@ -231,7 +229,7 @@ def ceiling_notes(craft: Airframe) -> tuple[str, ...]:
 
 
 def hover_sentences(fit: HoverFit) -> tuple[str, ...]:
-    """Return what a hover shows of trim, each part with its interval."""
+    """Return sentences on the trim in a hover, each value with its interval."""
     trims = ", ".join(f"{n + 1}: {100 * t.value:.0f} %" for n, t in enumerate(fit.trim))
     place = ", ".join(
         f"{abs(e.value) * 1000:.0f} mm {forward if e.value >= 0 else back} "
@@ -267,8 +265,9 @@ def figure(x: float) -> str:
 
 
 def interval(e: Estimate) -> str:
-    """Return text such as `2.58e-06 (2.53e-06 to 2.63e-06)`; a remark where flights are too short
-    for an interval.
+    """Return text such as `2.58e-06 (2.53e-06 to 2.63e-06)`.
+
+    A remark replaces the interval where flights are too short for one.
     """
     value, low, high = map(figure, (e.value, e.low, e.high))
     return f"{value} ({low} to {high})" if e.bounded else f"{value} ({NO_INTERVAL})"

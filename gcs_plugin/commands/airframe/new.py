@@ -94,10 +94,11 @@ class AirframeNew:
         return 0 if made.fits or not self.hover else 1
 
     def made(self, console: Console) -> MadeAirframe:
-        """Write the airframe file and return what it was made of; ask in a terminal.
+        """Write the airframe file and return the airframe with its sources; ask questions in a
+        terminal.
 
-        Raises UsageError for options that are missing or cannot be, DataError where the file
-        cannot be written.
+        Raises UsageError for options that are missing or cannot be, DataError where the file cannot
+        be written.
         """
         from thrustmargin.gcs_plugin.commands.airframe.fitted import Fitted, bench_quantities
         from thrustmargin.gcs_plugin.commands.airframe.questions import (
@@ -167,7 +168,7 @@ class AirframeNew:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MadeAirframe:
-    """An airframe that was made, and what it was made of."""
+    """A new airframe, and the log, flights and options it was made from."""
 
     craft: Airframe
     notes: tuple[str, ...]
@@ -178,7 +179,7 @@ class MadeAirframe:
 
 
 def _reported(found: VehicleParameters, owner: OwnerStatement, fitted: Fitted) -> ReportedAirframe:
-    """Return the facts that the vehicle reports and a bench table shows."""
+    """Return the facts that the vehicle reports, with those of a bench table."""
     from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import reported_airframe
 
     reported = reported_airframe(
@@ -192,7 +193,8 @@ def _reported(found: VehicleParameters, owner: OwnerStatement, fitted: Fitted) -
 
 
 def _guessed_cells(craft: Airframe) -> tuple[str, ...]:
-    """Return the note that the number of cells is guessed, by what, and how to state it."""
+    """Return a note if the number of cells is guessed, with the grounds and the option that states
+    it; else ()."""
     nominal = craft.quantities["nominal_voltage"]
     if not nominal.guessed:
         return ()
@@ -207,9 +209,10 @@ def _made(
     hover: Sequence[Path],
     reading: ReadingOptions,
 ) -> tuple[Airframe, tuple[str, ...], bool]:
-    """The airframe, notes on it, and whether every flight of hover could be used.
+    """Return the airframe, notes on it, and True if every flight of hover could be used.
 
-    Answers are not lost for a flight that cannot be fitted: the file then has what is stated.
+    If a flight cannot be fitted the user's answers are not lost: the airframe then has the stated
+    values.
     """
     from thrustmargin.gcs_plugin.commands.airframe.fitted import ceiling_notes, hover_quantities
 
@@ -232,11 +235,10 @@ def new_airframe(
     name: str,
     fitted: Mapping[str, Quantity] = MappingProxyType({}),
 ) -> Airframe:
-    """The airframe of what the owner states and the vehicle reports; the rest is guessed.
+    """Build the airframe from the owner's statements and the vehicle's report; guess the rest.
 
-    What is `fitted` to data takes the place of all but what the owner states.
-
-    Raises UsageError for a value that cannot be, AirframeError when values contradict.
+    Values `fitted` to data replace all but the owner's. Raises UsageError for a value that cannot
+    be, AirframeError when values contradict.
     """
     from thrustmargin.models.physics.airframe import airframe_from_table, quantity_table
     from thrustmargin.models.physics.airframe_draft import complete_quantities, lower_effectiveness
@@ -270,9 +272,9 @@ def new_airframe(
 
 
 def print_answer(console: Console, log: Path, file: Path, reading: ReadingOptions) -> None:
-    """Print the report's verdict of a log by an airframe file, and how to get its page.
+    """Print the verdict of a log with an airframe file, and the command for its page.
 
-    An error of the report is printed: it is no fault of the file.
+    An error of the report is printed instead of raised, because the airframe file is complete.
     """
     from thrustmargin.gcs_plugin.commands.flight.report import print_verdicts
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, read_flights

@@ -27,15 +27,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleParameters:
-    """Parameters by name, other facts of the vehicle in a log, and a description of their
-    origin.
-    """
+    """Parameters by name, further facts of the vehicle from a log, and their source in words."""
 
     parameters: Mapping[str, float]
     facts: VehicleFacts | None = None
     texts: tuple[str, ...] = ()
     highest_voltage: float = float("nan")  # V of the battery
-    gauge: bool = False  # a log says what is in the tank
+    gauge: bool = False  # a log reports the tank level
     words: str = ""  # where they are from; empty: from nowhere
     log: Path | None = None
     autopilot: str = ""
@@ -43,7 +41,8 @@ class VehicleParameters:
 
     @property
     def leaves_open(self) -> str:
-        """Begin of the sentence on values that the vehicle's report lacks."""
+        """Return the begin of the sentence on values that the vehicle's parameters do not
+        contain."""
         if not self.words and self.not_named:
             first, count = self.not_named[0], len(self.not_named)
             return f"{count} logs in this folder, none named (--from {first} says much of this)"
@@ -52,7 +51,8 @@ class VehicleParameters:
         return f"{self.words} does not say everything"
 
     def found_words(self, reported: ReportedAirframe) -> str:
-        """Return a sentence on what was found of the aircraft."""
+        """Return a sentence on what the source contains: autopilot, layout, battery cells and
+        tank gauge."""
         cells, program = reported.quantities.get("nominal_voltage"), self.words or "nothing"
         return "; ".join(
             (
@@ -67,7 +67,7 @@ class VehicleParameters:
 
 
 def read_source(source: str, *, vehicle: int | None, timeout: float) -> VehicleParameters:
-    """Read the parameters in a log or parameter file, or of the vehicle on a link.
+    """Read the parameters in a log or parameter file, or from the vehicle on a link.
 
     Raises LogError or LinkError when there are none.
     """
@@ -112,7 +112,7 @@ def _fetched(url: str, vehicle: int | None, timeout: float) -> VehicleParameters
 
 
 LARGEST = 1e6  # of any number that an owner states, in its unit
-#: Question -> the unit that may stand behind its answer.
+#: Question -> the unit that may follow its answer.
 _UNITS = {
     "mass": "kg",
     "load": "kg",
@@ -139,7 +139,7 @@ _NUMBERS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OwnerStatement:
-    """The owner's statements on an aircraft; None is not stated."""
+    """The owner's statements about an aircraft; None where not stated."""
 
     name: str | None = None
     """Short name of the aircraft; without it the name of the file."""
@@ -174,7 +174,8 @@ class OwnerStatement:
 
 
 def stated(owner: OwnerStatement, reported: ReportedAirframe) -> dict[str, Quantity]:
-    """Quantities of the power set, over them the vehicle's, over them what the owner states.
+    """Merge quantities of the power set, the vehicle and the owner; later ones replace earlier
+    ones.
 
     Raises UsageError for a number or propeller that cannot be one, or a power set not known.
     """
@@ -214,7 +215,7 @@ def stated(owner: OwnerStatement, reported: ReportedAirframe) -> dict[str, Quant
 
 
 def check_numbers(owner: OwnerStatement) -> None:
-    """Raise UsageError for a number that no aircraft has."""
+    """Raise UsageError for a number that no aircraft can have."""
     for option in _NUMBERS:
         value = getattr(owner, option)
         if value is None:
@@ -229,20 +230,20 @@ def _flag(option: str) -> str:
     return "--" + option.replace("_", "-")
 
 
-#: Ending of the tables that reports write beside logs.
+#: Ending of the tables that reports write into a log's folder.
 TABLE = ".csv"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answers:
-    """The owner's statement, and kg on board at the start of the flights; None is not stated."""
+    """The owner's statements, and the load at take-off, kg; None where not stated."""
 
     owner: OwnerStatement
     load: float | None = None
 
 
 def logs_here(folder: Path) -> list[Path]:
-    """List the logs of a folder by name, without tables: reports write tables beside logs."""
+    """List the logs of a folder by name, except tables, which reports write next to logs."""
     from thrustmargin.gcs_plugin.logs.read import log_endings
 
     endings = log_endings() - {TABLE}
@@ -252,10 +253,10 @@ def logs_here(folder: Path) -> list[Path]:
 def open_fields(
     answers: Answers, reported: ReportedAirframe, *, asks_load: bool, asks_guessed: bool = False
 ) -> tuple[str, ...]:
-    """Keys of QUESTIONS that have no answer yet, in their order.
+    """Return the keys of QUESTIONS without an answer yet, in their order.
 
-    `asks_load`: the weight in a flight is compared with its thrust, and no gauge says what was on
-    board. `asks_guessed`: a number of cells that was guessed is asked for.
+    `asks_load`: the weight in a flight is compared with its thrust, and no gauge reports the load
+    on board. `asks_guessed`: a number of cells that was guessed is asked for.
     """
     owner, known = answers.owner, reported.quantities
     nominal = known.get("nominal_voltage")
@@ -281,7 +282,8 @@ def open_fields(
 def require_all(
     answers: Answers, reported: ReportedAirframe, *, asks_load: bool, source: str
 ) -> None:
-    """Raise UsageError that names every option that is missing, or a layout that is not known."""
+    """Raise UsageError that lists the missing options, or for an unknown layout, or if both arm and
+    wheelbase are given."""
     from thrustmargin.models.physics.motor_layouts import motor_layouts
 
     owner, missing = answers.owner, open_fields(answers, reported, asks_load=asks_load)
@@ -310,9 +312,9 @@ def layouts_offered(reported: ReportedAirframe) -> list[str]:
 
 
 def asked(answers: Answers, reported: ReportedAirframe, *, asks_load: bool) -> Answers:
-    """The answers with one to every question that is open, each checked when it is given.
+    """Ask each open question in the terminal, check the answers, and return all of them.
 
-    Raises DataError when the answers end before the questions.
+    Raises DataError when the input ends before the questions.
     """
     while open_now := open_fields(answers, reported, asks_load=asks_load, asks_guessed=True):
         answers = _answered(open_now[0], answers, reported)
@@ -338,7 +340,10 @@ def _answered(name: str, answers: Answers, reported: ReportedAirframe) -> Answer
 
 
 def _with(name: str, answer: str, answers: Answers, reported: ReportedAirframe) -> Answers:
-    """Raises ValueError or UsageError for what cannot be an answer."""
+    """Return the answers with `answer` to the question `name`.
+
+    Raises ValueError or UsageError if it cannot be an answer.
+    """
     from thrustmargin.models.physics.motor_layouts import motor_layouts
 
     if not answer:

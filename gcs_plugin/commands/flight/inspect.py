@@ -140,7 +140,8 @@ def inspect(
 
 
 def _inspect(inputs: Inputs, console: Console) -> list[Inspection]:
-    """Inspect every sortie of the one log of `inputs`."""
+    """Inspect every sortie of the single log in `inputs`; with a verdict, its findings are
+    included."""
     from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
     from thrustmargin.gcs_plugin.logs.findings import gravest_first
     from thrustmargin.gcs_plugin.logs.inspection import inspect_log

@@ -272,10 +272,9 @@ def _makers(options: Mapping[str, Any]) -> list[tuple[OutputFactory, Any]]:
 
 
 def _found_link(seconds: float) -> str:
-    """Return the first usual endpoint on which a vehicle is heard; print which were tried
-    meanwhile.
+    """Return the first usual endpoint on which a vehicle is heard; print which are tried meanwhile.
 
-    Raises LinkError after so many s.
+    Raises LinkError after `seconds` s.
     """
     from thrustmargin.gcs_plugin.link.find_link import LinkFinder
     from thrustmargin.gcs_plugin.wording.live_words import tried_words
@@ -303,9 +302,8 @@ def _show(
     *,
     page: bool,
 ) -> None:
-    """Show the table, above which `console` prints, until the end; without a terminal print lines
-    alone.
-    """
+    """Display the table, above which `console` prints, until the end; without a terminal only
+    print lines."""
     from thrustmargin.gcs_plugin.live.console import Screen
 
     if printer is not None:
@@ -321,7 +319,8 @@ def _show(
 
 
 def _summary(live: LiveMonitor) -> None:
-    """Print what was heard and the answer of each flight, at the end of the watch."""
+    """Print, at the end, the vehicles heard, the answer of their last flights, and the link's
+    state."""
     from thrustmargin.gcs_plugin.live.console import answer_lines, status_lines
     from thrustmargin.gcs_plugin.wording.check_words import described_words, statement_words
     from thrustmargin.gcs_plugin.wording.live_words import of_vehicle

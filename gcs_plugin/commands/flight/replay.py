@@ -123,8 +123,8 @@ def replay_view(
     limit: float = LIMIT,
     **options: Any,
 ) -> ReplayView:
-    """Return the view of a recorded flight; with a model `before` also its residual before and
-    after.
+    """Return the view of a recorded flight; with a model `before` also its residual under both
+    models.
 
     A model that was not `given` is used only for a flight that is recognised as one of its
     airframe. Of several sorties the view shows number `sortie`, else the one with the worst

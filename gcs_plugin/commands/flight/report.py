@@ -166,7 +166,7 @@ def report(
     for also in (json, pdf):
         if also is not None:
             summary.print(f"wrote {also}")
-    # A flight that is not of the airframe that was given has no answer either.
+    # A flight that is not of the airframe that was given has no verdict either.
     unfit = any(one.claim.basis == "given" and one.claim.withheld for one, _ in flights)
     return 1 if unread or unfit else 0
 

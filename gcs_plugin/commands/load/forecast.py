@@ -303,7 +303,8 @@ def forecast(
 def _write_sorties(
     made: PlanForecast, plan: Path, folder: Path, pump: PumpOutput | None
 ) -> list[Path]:
-    """Write one .plan for each sortie, none of which replaces the plan that was read."""
+    """Write one .plan for each sortie and return the paths. Raises DataError if one already
+    exists."""
     from thrustmargin.mission.forecast.plan_forecast import sortie_plans
     from thrustmargin.mission.plan import write_plan
 
@@ -364,7 +365,8 @@ def _fill_kg(words: str, liquid: float, capacity_kg: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _FlightBefore:
-    """The results of the flights in the log that a plan is in; all but two are of the last one."""
+    """Results of the flights in the log that contains the plan; all but two are those of the last
+    flight."""
 
     clearance: Clearance  # of all its flights
     faults: FaultHistory | None = None  # of the flight that grounds the aircraft
@@ -382,7 +384,7 @@ class _FlightBefore:
 
 
 def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
-    """Return what the flights of a log mean for the next one; nothing of a plan file."""
+    """Return the consequences of a log's flights for the next one; empty for a plan file."""
     from thrustmargin.models.model.clearance import NO_FLIGHT, NOT_SEEN, clearance
 
     if plan.suffix.lower() in PLANS:
@@ -428,7 +430,8 @@ def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
 
 
 def _lift_off(track: FlightTrack) -> tuple[float, float, float] | None:
-    """Return the place of the first row in flight with a known position; None without one."""
+    """Return latitude, longitude, degrees, and height, m AMSL, of the first row in flight with a
+    position; None without one."""
     known = track.flying & np.isfinite(track.position_ned).all(axis=1)
     if track.origin is None or not known.any():
         return None
@@ -437,7 +440,8 @@ def _lift_off(track: FlightTrack) -> tuple[float, float, float] | None:
 
 
 def _at_lift_off(plan: MissionPlan, before: _FlightBefore) -> MissionPlan:
-    """Return the plan with the height of the last lift-off as home's, if that was at its home."""
+    """Return the plan with home's height set to that of the last lift-off; unchanged if that was
+    not at home."""
     import pymap3d
 
     from thrustmargin.mission.plan_items import with_home_height

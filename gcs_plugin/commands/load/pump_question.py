@@ -35,10 +35,10 @@ def never_switched(
     parameters: Mapping[str, float],
     craft: Airframe,
 ) -> bool:
-    """Return whether nothing says where the pump is on: not the plan, not the airframe file.
+    """Return True if neither the plan nor the airframe file states where the pump is on.
 
-    Also return False without a tank, and where an order of the plan may be the pump's: its line
-    already names the remedy.
+    False without a tank, and where an order of the plan may be the pump's: its line already names
+    the remedy.
     """
     from thrustmargin.mission.pump_rule import airframe_rule, orders_pump
     from thrustmargin.mission.steps import plan_steps, pump_output
@@ -51,7 +51,8 @@ def never_switched(
 
 
 def asked_pump_rule(airframe: str | None) -> PumpRule | None:
-    """Ask for the rule at a terminal and write it into the airframe file, if one was given.
+    """Ask at a terminal when the pump runs in a plan ("always", on "lines" or "off"); store it in
+    the airframe file, if one was given.
 
     Return None for "off", without a terminal, and at the end of the input.
     """
@@ -77,7 +78,7 @@ def asked_pump_rule(airframe: str | None) -> PumpRule | None:
 
 
 def remember_pump_rule(path: Path, rule: PumpRule) -> None:
-    """Write `pump_on` into an airframe file and keep all else of it, comments too.
+    """Write `pump_on` into an airframe file, leaving all else in it, comments too.
 
     Raise DataError if the file cannot be written.
     """

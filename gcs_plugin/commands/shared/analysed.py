@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 def analysed_flights(
     inputs: Inputs, console: Console
 ) -> tuple[list[tuple[FlightAnalysis, FlightLog]], float, list[UnusedLog]]:
-    """Return every sortie of the logs, the limit of thrust utilisation, and the logs not read.
+    """Return the analysis and log of every sortie, the limit of utilisation, and the unread logs.
 
     Options that the user did not give are those of the recording. Raises DataError when no log can
     be read, UsageError when the limit is not a share.
@@ -53,8 +53,9 @@ def analysed_flights(
 def flights_of(
     inputs: Inputs, console: Console
 ) -> tuple[list[tuple[FlightAnalysis, FlightLog]], list[UnusedLog]]:
-    """Return every sortie of the logs with the load that its verdict rests on, and the logs not
-    read. Raises DataError when no log can be read.
+    """Return the analysis for the verdict and the log of every sortie, and the logs not read.
+
+    Raises DataError when no log can be read.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import listed, read_logs
     from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
@@ -83,10 +84,10 @@ OPTIONS = "options.json"
 def with_engineer_notes(
     logs: Sequence[FlightLog], notes: Path | None, console: Console
 ) -> list[FlightLog]:
-    """Return the logs, in their order, with the notes of `notes`, else of a notes.csv beside each.
+    """Return the logs, in their order, with the notes of the file `notes`.
 
-    A notes.csv that cannot be read is named and left out. Raises LogError for such a file that the
-    user named, UsageError where it is named for several logs.
+    Without it, a notes.csv next to each log is read; if it cannot be, that is printed and the log
+    has none. Raises LogError if `notes` cannot be read, UsageError if it is given for several logs.
     """
     from thrustmargin.gcs_plugin.logs.notes_file import notes_beside, with_notes
 
@@ -112,7 +113,7 @@ def with_engineer_notes(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Table:
-    """The content of options.json, with the type of each value."""
+    """The content of options.json, with value types."""
 
     model: str | None
     airframe: str | None
@@ -121,7 +122,7 @@ class _Table:
 
 
 def with_recorded(user: Inputs, console: Console) -> Inputs:
-    """Return the inputs with the recording's options where the user gave none; print those taken.
+    """Return the inputs with the recording's options where the user gave none; print those used.
 
     Raises DataError when a recording's options cannot be read, or those of the logs differ.
     """
@@ -162,7 +163,7 @@ def _common(recorded: Sequence[Inputs], logs: Sequence[Path], part: Callable[[In
 
 
 def _options_of(log: Path) -> Inputs:
-    """Read the options.json beside a .tlog; return no options where there is no such file."""
+    """Read the options.json next to a .tlog; return no options if there is none."""
     path = log.parent / OPTIONS
     if log.suffix.lower() != ".tlog" or not path.exists():
         return Inputs()
@@ -187,16 +188,16 @@ def _options_of(log: Path) -> Inputs:
 
 
 class TracksOnDisk(Sequence["FlightTrack"]):
-    """Tracks in files of a folder, each read again whenever it is indexed.
+    """Tracks in pickle files of a folder, each read again whenever it is indexed.
 
-    The folder is the caller's and private to it: the files are pickles that this process wrote.
+    The folder must be private: reading a pickle runs code of whoever wrote it.
     """
 
     def __init__(self, folder: Path, files: Sequence[Path] = ()) -> None:
         self.folder, self.files = folder, list(files)
 
     def append(self, track: FlightTrack) -> None:
-        """Write one more track, which the caller may then drop."""
+        """Write one more track to a file, so that its memory can be freed."""
         file = self.folder / f"{len(list(self.folder.iterdir()))}.track"
         file.write_bytes(pickle.dumps(track, protocol=pickle.HIGHEST_PROTOCOL))
         self.files.append(file)

@@ -27,9 +27,8 @@ from thrustmargin.models.whole_file import regular, whole_file
 def anonymous(
     analysis: FlightAnalysis, log: FlightLog, name: str
 ) -> tuple[FlightAnalysis, FlightLog]:
-    """Return the flight under another `name`, without persons and places; its figures are
-    unchanged.
-    """
+    """Return the flight as `name`, without persons, serial numbers, places and texts; margins are
+    unchanged."""
     track, model, domain = analysis.track, analysis.model, analysis.model.training_domain
     placed = np.all(np.isfinite(track.position_ned), axis=1)
     start = track.position_ned[np.argmax(placed)] if placed.any() else np.zeros(3)
@@ -71,12 +70,12 @@ def anonymous(
 
 
 def without_name(text: str, name: str) -> str:
-    """Return a text without the log's name."""
+    """Replace the log's name in a text."""
     return text.replace(name, "the log").replace(Path(name).stem, "the log")
 
 
 def _without_name(one: Statement, name: str) -> Statement:
-    """Return a statement without the log's name in any of its values."""
+    """Replace the log's name by `name` in all values of a statement."""
 
     def cleaned(value: Value) -> Value:
         if isinstance(value, Statement):
@@ -89,7 +88,7 @@ def _without_name(one: Statement, name: str) -> Statement:
 
 
 def pseudonym(key: str, text: str) -> str:
-    """16 hexadecimal digits that stand for a text, and tell it to nobody without the key."""
+    """Return 16 hexadecimal digits that stand for a text; without the key they do not reveal it."""
     return hmac.new(bytes.fromhex(key), text.encode(), sha256).hexdigest()[:16]
 
 
@@ -100,9 +99,9 @@ def key_file() -> Path:
 
 
 def own_key() -> str:
-    """The key by which one aircraft has one pseudonym in every run; made when there is none.
+    """Return the user's key, with which an aircraft has one pseudonym in every run.
 
-    Raises DataError when the file holds another thing.
+    Write a random key if there is none. Raises DataError when the file contains no key.
     """
     path = key_file()
     if not path.exists():

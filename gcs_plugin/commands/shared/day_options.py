@@ -20,10 +20,10 @@ from thrustmargin.models.physics.day import (
 
 
 def stated_day(file: Path | None, **options: float | None) -> Day:
-    """Return what the user states of the day: the options by the fields of `Day`, else the `file`.
+    """Return what the user stated of the day: the options, by the fields of `Day`, else the `file`.
 
     Options are in the unit of the command line; None is not stated. Raises UsageError for a value
-    that no day has, DataError for a file that is none.
+    that no day has, DataError for a file that is no day.
     """
     found: dict[str, DayValue] = {}
     for name, written in options.items():
@@ -35,7 +35,7 @@ def stated_day(file: Path | None, **options: float | None) -> Day:
 
 
 def day_of_command(craft: Airframe, stated: Day, console: Terminal, *known: Day) -> Day:
-    """Return the complete day of a command, and remember what the user stated of it.
+    """Return the complete day of a command, and store what the user stated for later commands.
 
     `known` are the days of the log and of the link. Raises UsageError for a voltage that the
     battery of the airframe cannot have, DataError when the remembered day is damaged.

@@ -74,7 +74,7 @@ class ReadingOptions:
 
     @property
     def states_load(self) -> bool:
-        """Whether the user states the load at the start."""
+        """Return True if the user stated the load at the start."""
         return self.load is not None or self.tank_start_kg is not None
 
 
@@ -85,9 +85,9 @@ Reading = Annotated[ReadingOptions, tyro.conf.OmitArgPrefixes]
 
 
 def reading_keywords(reading: ReadingOptions) -> dict[str, Any]:
-    """Return the options as `read_log` and `WatchSettings` take them, checked.
+    """Return the options as keyword arguments of `read_log` and `WatchSettings`, checked.
 
-    Raises UsageError when one of them is impossible or two exclude each other.
+    Raises UsageError if one of them is impossible or two exclude each other.
     """
     # Imported here: the MAVProxy module loads this file at once and must stay light.
     from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
@@ -135,7 +135,7 @@ def reading_keywords(reading: ReadingOptions) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KnownOptions:
-    """The known aircraft that a command works with.
+    """Options that select the known aircraft.
 
     Example: --aircraft north-field-2
     """
@@ -155,16 +155,16 @@ ANY_KNOWN = KnownOptions()
 Known = Annotated[KnownOptions, tyro.conf.OmitArgPrefixes]
 
 
-#: Airframe of the shipped model: taken where none is given, for a flight recognised as one of it.
+#: Airframe of the shipped model: used where none is given, for a flight recognised as one of it.
 SHIPPED_AIRFRAME = "topxgun-f16-sitl"
 LIMIT = 0.5  # share of a rotor's maximum thrust, where nobody names another
-NAMED = 3  # logs that an error names beside the first: a line, whatever their number
+NAMED = 3  # logs that an error names besides the first: a line, whatever their number
 
 
 def chosen_model(model: Path | None, airframe: str | None) -> RotorModel:
-    """Load the model file; without one, return the shipped model, or for another airframe its
-    weight and thrust curve.
+    """Load the model file; without one return the shipped model.
 
+    For another `airframe` than the shipped one, return a model of its weight and thrust curve.
     Raises ModelError or AirframeError when a file is unfit, DataError when the two disagree.
     """
     # Imported here, as in the functions below: a command's help must be there at once.
@@ -184,7 +184,7 @@ def chosen_model(model: Path | None, airframe: str | None) -> RotorModel:
 
 
 def _same_numbers(one: Airframe, other: Airframe) -> bool:
-    """Return whether two airframes are equal in name, quantities and rotor positions.
+    """Return True if two airframes are equal in name, quantities and rotor positions.
 
     The name alone is not enough: a user's own file may have kept the name of another.
     """
@@ -198,10 +198,10 @@ def _same_numbers(one: Airframe, other: Airframe) -> bool:
 def starting_model(inputs: Inputs) -> tuple[RotorModel, str]:
     """Return the model that a search starts from, and its name for the result.
 
-    Of a known aircraft it is the model as it was made, without what later flights taught: that is
-    what the search is to explain. It is the shipped model if no aircraft is given. Unlike in
+    For a known aircraft it is the model as trained, without updates by later flights, which the
+    search has to explain. It is the shipped model if no aircraft is given. Unlike in
     `chosen_model`, an airframe alone always means its weight and thrust curve, so that the search
-    can begin without what a network has learnt. Raises as `chosen_model`.
+    can begin without a network. Raises as `chosen_model`.
     """
     from thrustmargin.models.model.model_file import shipped_model
     from thrustmargin.models.model.rotor_model import physics_model
@@ -272,28 +272,27 @@ class Inputs:
 
     @property
     def given(self) -> bool:
-        """Whether the user named the aircraft: by a model, an airframe or its name."""
+        """Return True if the user named the aircraft: by a model, an airframe or its name."""
         return self.by_file or self.known.aircraft is not None
 
     @property
     def by_file(self) -> bool:
-        """Whether the user named the aircraft by a model or an airframe."""
+        """Return True if the user named the aircraft by a model or an airframe."""
         return self.model is not None or self.airframe is not None
 
     @property
     def limit(self) -> float:
-        """Largest share of a rotor's maximum thrust that may be in use."""
+        """Return the largest share, 0 to 1, of a rotor's maximum thrust that may be in use."""
         return LIMIT if self.max_utilisation is None else self.max_utilisation
 
     @property
     def files(self) -> list[Path | str | None]:
-        """The files that are read, for `check_outputs`: logs, model and airframe."""
+        """Return the files that are read, for `check_outputs`: logs, model and airframe."""
         return [*self.logs, self.model, self.airframe]
 
     def rotor_model(self) -> RotorModel:
-        """Load the model: of the known aircraft that is named, with its state now; else see
-        `chosen_model`.
-        """
+        """Load the model of the named aircraft, with its state now; without one as
+        `chosen_model`."""
         if self.known.aircraft is None or self.by_file:
             return chosen_model(self.model, self.airframe)
         import time
@@ -304,7 +303,7 @@ class Inputs:
 
     @property
     def words(self) -> str:
-        """The options as they would be typed."""
+        """Return the options as they would be typed."""
         named = {
             "--model": self.model,
             "--airframe": self.airframe,
@@ -320,7 +319,7 @@ class Inputs:
         return " ".join(f"{name} {value}" for name, value in named.items() if value is not None)
 
     def as_table(self) -> dict[str, Any]:
-        """Return the options for the options.json of a recording; files with their whole path."""
+        """Return the options for the options.json of a recording; files with absolute paths."""
         airframe = self.airframe
         if airframe is not None and airframe.endswith(".toml"):
             airframe = str(Path(airframe).resolve())
@@ -422,10 +421,11 @@ def read_flights(
     reading: ReadingOptions = AS_HEARD,
     any_vehicle: bool = False,
 ) -> list[tuple[FlightLog, AirframeClaim]]:
-    """Read every sortie of a log, each with the decision whether it is of the model's airframe.
+    """Read every sortie of a log, each with the claim: if it is of the model's airframe, and why
+    not.
 
-    `given`: the user named the airframe. A sortie that is not of the airframe is read without one.
-    Raises as `read_sorties`.
+    `given`: the user named the airframe. A sortie of another airframe is read without one. Raises
+    as `read_sorties`.
     """
     from thrustmargin.gcs_plugin.logs.log_answer import claimed_flights
 

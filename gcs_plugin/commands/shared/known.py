@@ -28,21 +28,25 @@ if TYPE_CHECKING:
 
 
 def hangar_of(inputs: Inputs) -> Hangar:
-    """Return the hangar that the options name."""
+    """Return the hangar that the options select."""
     from thrustmargin.gcs_plugin.store.hangar import open_hangar
 
     return open_hangar(inputs.known.hangar)
 
 
 def named_aircraft(inputs: Inputs) -> KnownAircraft | None:
-    """Return the known aircraft that is named; None without one."""
+    """Return the known aircraft that the user named; None without one."""
     if inputs.known.aircraft is None or inputs.by_file:
         return None
     return hangar_of(inputs).load(inputs.known.aircraft)
 
 
 def recognised(path: Path, inputs: Inputs, hangar: Hangar) -> Recognition:
-    """Return which known aircraft a log is of. Raises LogError where it cannot be read."""
+    """Return which known aircraft flew a log: the one named by the options, else by the log's
+    marks.
+
+    Raises LogError if the log cannot be read.
+    """
     from thrustmargin.gcs_plugin.commands.shared.inputs import reading_keywords
     from thrustmargin.gcs_plugin.logs.read import read_sorties
     from thrustmargin.gcs_plugin.store.aircraft_marks import Recognition, marks_of
@@ -53,8 +57,9 @@ def recognised(path: Path, inputs: Inputs, hangar: Hangar) -> Recognition:
 
 
 def with_recognised(inputs: Inputs, console: Console) -> Inputs:
-    """Return the inputs with the name of the known aircraft of all their logs; unchanged where
-    they are of none, of several or of one that is named already.
+    """Return the inputs with the name of the known aircraft, if all their logs are of one.
+
+    Unchanged for logs of none or several, or if the user named the aircraft.
     """
     hangar = hangar_of(inputs)
     if inputs.given or not hangar.names():
@@ -75,11 +80,12 @@ def with_recognised(inputs: Inputs, console: Console) -> Inputs:
 def known_flights(
     inputs: Inputs, unread: list[UnusedLog], console: Console
 ) -> list[tuple[FlightAnalysis, FlightLog]]:
-    """Return the flights of those logs whose aircraft is known, each by the state before it.
+    """Return the flights in logs of known aircraft, each analysed with the aircraft's state before
+    it.
 
-    The flights of an aircraft are taken in the order of their time, and each updates the state
-    before the next, unless the options exclude that. A log whose aircraft must be asked for is
-    reported on the console and left to the caller, like one of an unknown aircraft.
+    The flights of an aircraft are processed in order of time, and each updates the state before the
+    next, unless the options exclude that. A log whose aircraft the user must state is reported on
+    the console and left out, like one of an unknown aircraft.
     """
     from thrustmargin.gcs_plugin.wording.aircraft_words import open_words
 
@@ -114,9 +120,10 @@ def learn_logs(
     *,
     must_keep: bool = False,
 ) -> tuple[list[tuple[LearntFlight, FlightLog]], KnownAircraft]:
-    """Analyse the logs of one aircraft in the order of their time, and keep what each teaches.
+    """Analyse the logs of one aircraft in order of time, and store each flight's effect on its
+    state.
 
-    Return the flights, and the aircraft with them. Where the disk refuses the console says so;
+    Return the flights, and the aircraft with them. If the disk refuses, the console reports it;
     `must_keep` raises DataError instead.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import read_logs
@@ -160,8 +167,11 @@ def learn_logs(
 def keep(
     flights: Sequence[tuple[LearntFlight, FlightLog]], aircraft: KnownAircraft, hangar: Hangar
 ) -> None:
-    """Write flights of a known aircraft into the hangar, and into the season's store where an extra
-    has one. Raises DataError where the disk refuses."""
+    """Write flights of a known aircraft to the hangar, and to the season's store if an extra has
+    one.
+
+    Raises DataError where the disk refuses.
+    """
     from thrustmargin.gcs_plugin.commands import extras
 
     for flight, _ in flights:
@@ -177,9 +187,9 @@ def explained(
     aircraft: KnownAircraft,
     change: AircraftChange,
 ) -> AircraftChange:
-    """Return a change with what the search over effects says of it, where an extra has a search.
+    """Return a change with its cause by the search over effects, if an extra has a search.
 
-    It is of the flights since the change, of those that were analysed just now, against the state
+    The search is over the flights since the change that were just analysed, against the state
     before the first of them.
     """
     from thrustmargin.gcs_plugin.commands.__init__ import extras
@@ -196,7 +206,7 @@ def explained(
 
 
 def with_change(flight: LearntFlight, change: AircraftChange) -> LearntFlight:
-    """Return a flight with another change, everywhere where it stands."""
+    """Return a flight with another change, in its analysis, advice and record."""
     return replace(
         flight,
         analysis=replace(flight.analysis, change=change),
@@ -208,8 +218,10 @@ def with_change(flight: LearntFlight, change: AircraftChange) -> LearntFlight:
 def mission_of(
     log: FlightLog, flight: LearntFlight, aircraft: KnownAircraft
 ) -> FlownMission | None:
-    """Return the mission of a log beside its forecast by what was known of the aircraft before the
-    flight; None where the log has no mission that it flew.
+    """Compare the mission flown in a log with its forecast by the aircraft's state before the
+    flight.
+
+    None where the log has no mission that it flew.
     """
     from thrustmargin.gcs_plugin.commands.shared.plan_source import plan_of_waypoints
     from thrustmargin.mission.forecast.battery import FlightBattery
@@ -233,7 +245,7 @@ def mission_of(
 
 
 def with_flight(aircraft: KnownAircraft, row: AircraftFlight) -> KnownAircraft:
-    """Return the aircraft with one flight more, in the place of an older row of that flight."""
+    """Return the aircraft with `row` added; it replaces an older row of the same flight."""
     others = (one for one in aircraft.flights if one.flight != row.flight)
     return replace(
         aircraft, flights=tuple(sorted([*others, row], key=lambda one: one.started_unix_s))
@@ -241,10 +253,11 @@ def with_flight(aircraft: KnownAircraft, row: AircraftFlight) -> KnownAircraft:
 
 
 def model_of_log(inputs: Inputs, log: Path, console: Console) -> RotorModel:
-    """Return the model for one recorded flight: of its known aircraft with the state before it,
-    else that of the options.
+    """Return the model for a recorded flight: that of its known aircraft, in the state before the
+    flight.
 
-    Where the aircraft must be asked for, the console shows the question.
+    Without a known aircraft, return the model of the options. Print the names among which the user
+    must choose if the log's marks do not decide.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import reading_keywords
     from thrustmargin.gcs_plugin.logs.read import read_sorties
@@ -269,7 +282,7 @@ def model_of_log(inputs: Inputs, log: Path, console: Console) -> RotorModel:
 
 
 def flight_key(log: FlightLog) -> str:
-    """Return the digest of a log's file, with the sortie from the second on."""
+    """Return the digest of a log's file; from the second sortie on with the sortie's number."""
     from hashlib import file_digest
 
     with log.path.open("rb") as file:

@@ -34,7 +34,7 @@ OLD_LIMIT = {"report": "thrust in use", "monitor": "thrust margin"}
 
 
 def refuse_renamed(argv: Sequence[str]) -> None:
-    """Raise UsageError that says how an option of an older command line is written now."""
+    """Raise UsageError for an option of an older command line, with its present form."""
     if not argv or argv[0] not in OLD_LIMIT:
         return
     for place, word in enumerate(argv):
@@ -96,7 +96,7 @@ def check_utilisation(value: float) -> None:
 
 
 def check_range(option: str, value: float | None, low: float, high: float, unit: str = "") -> None:
-    """Raise UsageError unless the `value` of an option is from `low` to `high`; None is."""
+    """Raise UsageError unless `value` is within [low, high]; None passes."""
     if value is None or (math.isfinite(value) and low <= value <= high):
         return
     of = f" {unit}" if unit else ""
@@ -116,12 +116,12 @@ def check_port(port: int | None, option: str = "--port") -> None:
 
 @dataclass(frozen=True, slots=True)
 class OutputFile:
-    """A file that a command is asked to write, and the option that names it."""
+    """A file that a command is to write, and the option that names it."""
 
     option: str
     path: Path | None
     endings: tuple[str, ...] = ()  # that its name may have; () is any
-    keep: bool = False  # what stands there already is not replaced
+    keep: bool = False  # an existing file is not replaced
     content: str = ""  # outputs of one path may be one file if this is the same, and not empty
 
 
@@ -161,9 +161,10 @@ def check_outputs(outputs: Iterable[OutputFile], *, inputs: Iterable[Path | str 
 
 
 def json_apart(out: Path | None, json: Path | None) -> tuple[Path | None, Path | None]:
-    """Return --out and --json, an --out that ends in .json as the --json that it asks for.
+    """Return `out` and `json`; an `out` ending in .json becomes `json`, unless `json` names another
+    file.
 
-    It stays, and is refused by its ending, where --json names another file.
+    In that case it stays, to be refused for its ending.
     """
     if out is None or out.suffix.lower() != ".json" or json not in (None, out):
         return out, json
@@ -179,7 +180,7 @@ def _same_file(first: Path, second: Path) -> bool:
 def check_voltage(voltage: float, craft: Airframe) -> None:
     """Raise UsageError for a voltage that no battery of the airframe has in flight.
 
-    That is less than an empty one has, or more than a charger leaves in it.
+    It is below that of an empty battery, or above that of a fully charged one.
     """
     from thrustmargin.models.checks.voltage import POSSIBLE_VOLTAGE, TOLERANCE, full_voltage
 

@@ -34,7 +34,7 @@ _ENDINGS = (".plan", ".mission", ".waypoints")
 #: What `cover` reads.
 _FIELDS = (".kml", ".kmz", ".geojson", ".shp", ".xml")
 #: Bytes of a file beyond which it is not searched to its end for a log that it may not be: so many
-#: samples of so many bytes each hold messages in hundreds, and noise next to none.
+#: samples of so many bytes each hold messages in hundreds, and noise almost none.
 _LARGE, _SAMPLES, _SAMPLE, _FEW = 32 << 20, 16, 1 << 16, 20
 #: Messages with home: of MAVLink, of DataFlash.
 _HOMES = ("HOME_POSITION", "ORGN")
@@ -42,9 +42,9 @@ _FIRMWARE = {"ArduPilot": FIRMWARE_ARDUPILOT, "PX4": FIRMWARE_PX4}
 
 
 def read_assumed(path: Path, *, beside: Path | None) -> PlanConditions:
-    """Read what a plan was forecast with, from the JSON that `forecast --json` wrote.
+    """Read the conditions of a plan's forecast from the JSON that `forecast --json` wrote.
 
-    Raises PlanError for another file, and without a plan (`beside`).
+    Raises PlanError for another file, and if there is no plan (`beside` is None).
     """
     if beside is None:
         raise PlanError(f"{path.name} is what a plan was forecast with; give the plan with --plan")
@@ -83,16 +83,16 @@ def read_assumed(path: Path, *, beside: Path | None) -> PlanConditions:
 
 
 def _numbers(content: dict[str, float | None]) -> dict[str, float]:
-    """Return the values that are known."""
+    """Return the entries that are not None."""
     return {name: float(value) for name, value in content.items() if value is not None}
 
 
 def read_plan(path: str | Path, *, vehicle: int | None = None) -> MissionPlan:
-    """The plan of a `.plan`, `.mission` or `.waypoints` file, or the mission inside a log.
+    """Read the plan of a `.plan`, `.mission` or `.waypoints` file, or the mission inside a log.
 
     Of a log (`.tlog`, DataFlash `.BIN` or `.log`) it is the last mission that `vehicle`, a system
-    id, got or gave; nothing of the flight is used. Raises PlanError with what to do when there is
-    no plan, or one that cannot be flown as it stands; LogError when a log cannot be read.
+    id, received or sent; nothing of the flight is used. Raises PlanError, with the remedy, when
+    there is no plan, or one that cannot be flown as it is; LogError when a log cannot be read.
 
         >>> plan = read_plan("sitl_logs/campaign/v4_m16_q2.5.tlog")
         >>> len(plan.items)
@@ -154,7 +154,8 @@ def _plan_of_log(path: Path, vehicle: int | None) -> MissionPlan:
 
 
 def _holds_messages(path: Path) -> bool:
-    """Return False for a large file in which neither MAVLink nor DataFlash messages are found."""
+    """Return False for a large file in whose samples neither MAVLink nor DataFlash messages are
+    found."""
     from thrustmargin.gcs_plugin.logs.dataflash.message_scan import HEAD
     from thrustmargin.gcs_plugin.mavlink.scan import PADDING, scan
 
@@ -199,7 +200,7 @@ def plan_of_waypoints(
 ) -> MissionPlan:
     """Return the plan of the mission items in a log called `source`.
 
-    `home` (degrees, degrees, m AMSL) is what the log reports beside them.
+    `home` (degrees, degrees, m AMSL) is the home that the log reports.
 
     Raises PlanError when items are missing or cannot be flown as they are.
     """
@@ -224,8 +225,9 @@ def pump_rule_of(words: str | None) -> PumpRule | None:
 
 
 def pump_of(words: str) -> PumpOutput:
-    """Parse `sprayer`, `servo:9:1900:1100` or `relay:0` into the pump's output. Raises UsageError
-    for other text.
+    """Parse `sprayer`, `servo:9:1900:1100` or `relay:0` into the pump's output.
+
+    Raises UsageError for other text.
     """
     from thrustmargin.mission.steps import PumpOutput
 

@@ -38,7 +38,7 @@ _ROWS, _FLAGS = ("lasting", "reach"), ("surely_above", "maybe_above")
 
 
 class NoVerdict(StrEnum):
-    """The kind of reason why a flight has no verdict."""
+    """The kind of reason for which a flight has no verdict."""
 
     NOT_KNOWN = "aircraft_not_known"
     CONTRADICTED = "airframe_contradicted"
@@ -51,7 +51,8 @@ class NoVerdict(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StoredAnswer:
-    """The answer of one stored flight: what its words are made of, and no words."""
+    """The advice of one stored flight with the data its sentences are made from, but no
+    sentences."""
 
     advice: Advice  # of whose arrays only `any` is known
     reasons: tuple[NoVerdict, ...]  # empty where there is a verdict
@@ -63,7 +64,7 @@ class StoredAnswer:
 def no_verdict_reasons(
     advice: Advice, claim: AirframeClaim, track: FlightTrack
 ) -> tuple[NoVerdict, ...]:
-    """Return the kinds of reasons why a flight has no verdict; empty where it has one."""
+    """Return the kinds of reasons for which a flight has no verdict; empty if it has one."""
     if advice.level is not FlightLevel.UNKNOWN:
         return ()
     if claim.withheld:
@@ -81,9 +82,10 @@ def no_verdict_reasons(
 def stored_answer(
     advice: Advice, claim: AirframeClaim, track: FlightTrack, worst_time_s: float | None
 ) -> StoredAnswer:
-    """Return the answer of a flight to be stored.
+    """Return the advice of a flight in the form to be stored.
 
-    `worst_time_s` is the time of its worst moment, s from the first row of `track`, if it has one.
+    `worst_time_s` is the time of the row with the largest utilisation, s from the first row of
+    `track`; None without one.
     """
     row = None if worst_time_s is None else int(np.argmin(np.abs(track.time_s - worst_time_s)))
     return StoredAnswer(
@@ -105,7 +107,8 @@ def fault_rotors(advice: Advice) -> list[int]:
 
 
 def answer_columns(answer: StoredAnswer) -> dict[str, Any]:
-    """Return the columns of `schema.FLIGHTS` that contain an answer: as JSON, and by kinds."""
+    """Return the columns of `schema.FLIGHTS` that contain the advice: as JSON, and as lists of
+    kinds."""
     advice, use = answer.advice, answer.advice.use
     kept: dict[str, Any] = {
         f.name: getattr(advice, f.name) for f in fields(advice) if f.name != "use"
@@ -128,7 +131,7 @@ def answer_columns(answer: StoredAnswer) -> dict[str, Any]:
 
 @lru_cache(maxsize=4096)
 def read_answer(stored: str) -> StoredAnswer | None:
-    """Return an answer from its JSON; None for one of a version with other fields."""
+    """Return the stored advice from its JSON; None for a version with other fields."""
     try:
         data = json.loads(stored)
         data["advice"] = _advice(data["advice"])

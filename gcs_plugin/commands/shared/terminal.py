@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 
 class Terminal(Console):
-    """A rich console for text from anywhere: markup, emoji codes and control bytes stay text.
+    """A rich console for untrusted text: markup, emoji codes and control bytes stay text.
 
-    With --quiet standard output is silent, and standard error has words and no progress. Where
-    nobody reads any more it is silent too: the command goes on with its files, or with `ends` set
-    ends.
+    With --quiet standard output is silent, and standard error has words and no progress. Once
+    nobody reads the output any more it is silent too: the command continues with its files, or ends
+    if `ends` is set.
     """
 
-    unread: ClassVar[bool] = False  # in this run of a command: its exit code says it
+    unread: ClassVar[bool] = False  # the output was closed in this run; the exit code reports it
 
     def __init__(
         self, *, stderr: bool = False, soft_wrap: bool = False, ends: bool = False, **options: Any
@@ -44,7 +44,7 @@ class Terminal(Console):
         )
 
     def on_broken_pipe(self) -> None:
-        """Raises SystemExit where the command is to end."""
+        """Silence the terminal; raise SystemExit if a closed pipe ends the command."""
         if self._ends:
             super().on_broken_pipe()
         self.quiet, Terminal.unread = True, True
@@ -52,7 +52,7 @@ class Terminal(Console):
     def render(
         self, renderable: RenderableType, options: ConsoleOptions | None = None
     ) -> Iterable[Segment]:
-        """The segments of what is printed; only rich's own may steer the terminal."""
+        """Yield the segments to print; only rich's own ones may control the terminal."""
         for segment in super().render(renderable, options):
             yield segment if segment.control else segment._replace(text=clean_lines(segment.text))
 
@@ -61,8 +61,8 @@ class Terminal(Console):
 def steps(
     console: Console, *, total: float, lines: bool = False
 ) -> Iterator[Callable[[str, float], None]]:
-    """Show a progress bar up to `total`; yield a function that takes the work being done and the
-    amount done.
+    """Display a progress bar up to `total`; yield a function of the present work and the amount
+    done.
 
     With `lines`, where there is no terminal, each kind of work prints a line when it begins:
     minutes without a word look like a hang.
@@ -86,8 +86,9 @@ def steps(
 
 @contextmanager
 def transfer_bar() -> Iterator[tuple[Callable[[str], None], Callable[[int, int], None]]]:
-    """Show a progress bar on standard error; yield functions that set its text, and done and
-    total.
+    """Display a progress bar on standard error; yield two functions.
+
+    The first sets its text, the second the amounts done and total.
     """
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn())
     console = Terminal(stderr=True)

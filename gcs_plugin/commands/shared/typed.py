@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 if TYPE_CHECKING:
     from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
-#: In the wheel as in the project, beside `gcs_plugin`.
+#: In the wheel as in the project, next to `gcs_plugin`.
 BUNDLED = Path(__file__).resolve().parents[3] / "sitl_logs" / "campaign" / "v4_m16_q2.5.tlog"
 #: The field of `cover demo`, in the wheel too.
 BUNDLED_FIELD = Path(__file__).resolve().parents[3] / "mission" / "demo_field.kml"
@@ -28,10 +28,10 @@ _SHARE = "--max-utilisation"
 
 
 def as_read(argv: Sequence[str]) -> list[str]:
-    """Return the words with `demo` replaced by the bundled file, a limit in percent as a share, and
-    amounts without their unit.
+    """Return the words of a command line in the form that the parser takes.
 
-    Where the working folder has a file or folder named demo, `demo` stays and means that one.
+    `demo` becomes the bundled file, a limit in per cent a share, and amounts lose their unit. Where
+    the working folder has a file or folder named demo, `demo` means that one.
     """
     words: list[str] = []
     for word in _without_units(_renamed(argv)):
@@ -66,7 +66,7 @@ def _split(word: str) -> list[str]:
 
 
 def _share(word: str) -> str:
-    """Return `50%` or `50 %` as the word 0.5, and any other word as it is."""
+    """Return `50%` or `50 %` as `0.5`; other words unchanged."""
     found = re.fullmatch(r"(--[\w-]+=)?\s*(\d+(?:[.,]\d+)?)\s*%", word)
     if found is None:
         return word
@@ -83,10 +83,10 @@ _UNITS = {
 
 
 def _without_units(words: Sequence[str]) -> list[str]:
-    """Return the words with `6 kg` and `6kg` as 6 behind an option in kg, likewise litres.
+    """Return the words with `6 kg` and `6kg` as 6 after an option in kg, likewise litres.
 
-    The unit stays behind an option that takes both, joined to its number. Another unit than the
-    option's stays too, and is refused by it.
+    After an option that takes both, the unit stays, joined to its number. A unit other than the
+    option's stays too, so that the option rejects it.
     """
     made: list[str] = []
     for word in words:
@@ -112,9 +112,8 @@ _AMOUNT_IN_UNIT = re.compile(rf"\s*({_AMOUNT.pattern})\s*([a-zA-Z]+)\s*")
 
 
 def hide_none(target: Any) -> None:
-    """Annotate a command, and dataclasses among its parameters, so that help has no `(default:
-    None)`.
-    """
+    """Annotate a command, and dataclasses in its parameters, so that help has no `(default:
+    None)`."""
     import tyro
 
     nothing = tyro.conf.arg(help_behavior_hint="")
@@ -135,7 +134,7 @@ def _inner_types(hint: Any) -> Iterator[Any]:
 
 
 def plain_optionals() -> ConstructorRegistry:
-    """Return the tyro rules by which help shows PATH for an optional path, not {None}|PATH."""
+    """Return the tyro rules with which help prints PATH for an optional path, not {None}|PATH."""
     from tyro.constructors import ConstructorRegistry, PrimitiveTypeInfo
 
     registry = ConstructorRegistry()

@@ -63,15 +63,13 @@ Key = tuple[str, int | None]
 
 
 def severity_of(trouble: Trouble) -> int:
-    """Return the MAV_SEVERITY of the alarm of a finding: as soon as it asks for something in
-    flight."""
+    """Return the MAV_SEVERITY of a finding's alarm, from the urgency of its action in flight."""
     return _SEVERITIES[answer_to(trouble, Phase.IN_FLIGHT).urgency]
 
 
 class AlarmState(StrEnum):
-    """The state of an alarm, which ends only by evidence to the contrary, never because its data
-    are missing.
-    """
+    """The state of an alarm. It ends only by evidence to the contrary, never because data are
+    missing."""
 
     ACTIVE = "active"
     UNCONFIRMED = "unconfirmed"
@@ -79,9 +77,7 @@ class AlarmState(StrEnum):
 
 
 class Missing(StrEnum):
-    """The kind of data that an alarm needs and that is missing; `alarm_words.MISSING` has its
-    name.
-    """
+    """The kind of missing data that an alarm needs; its words are in `alarm_words.MISSING`."""
 
     NOTHING = ""
     LINK = "link"
@@ -119,8 +115,11 @@ class AlarmSettings:
 
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """One alarm of one vehicle. `text` fits the 50 characters of a STATUSTEXT; as a string it is in
-    the program's language, which the link has, and as a `Sentence` in every other one."""
+    """An alarm of one vehicle.
+
+    `text` fits the 50 characters of a STATUSTEXT; as a `str` it is in the link's language, as a
+    `Sentence` in any other.
+    """
 
     name: str
     rotor: int | None  # from 1; None: of no rotor, or of one of `rotors`
@@ -140,15 +139,16 @@ class Alarm:
 
     @property
     def line(self) -> str:
-        """Text with the number of times, or why the alarm cannot be confirmed, in the language that
-        is spoken now."""
+        """Return the text with how often and how long the alarm was raised, or why it cannot be
+        confirmed, in the current language."""
         return words.alarm_line(
             in_spoken(self.text), self.missing, self.times, self.last_s - self.since_s
         )
 
     @property
     def order(self) -> tuple[int, int, bool, float]:
-        """Sort key for every screen, lowest first: severity, part, confirmed before not, age."""
+        """Return the sort key for all screens, lowest first: severity, part, confirmed before not,
+        age."""
         part = len(GRAVEST_FIRST)
         if self.name in GRAVEST_FIRST:
             part = GRAVEST_FIRST.index(self.name)
@@ -166,19 +166,19 @@ class AlarmEvent:
 
     @property
     def raised(self) -> bool:
-        """Whether the alarm was not listed before."""
+        """Return True if the alarm was not listed before."""
         return self.before is AlarmState.CLEARED
 
     @property
     def kind(self) -> str:
-        """One of raised, cleared, unconfirmed and confirmed."""
+        """Return "raised", "cleared", "unconfirmed" or "confirmed"."""
         if self.raised:
             return "raised"
         return "confirmed" if self.alarm.state is AlarmState.ACTIVE else self.alarm.state
 
     @property
     def line(self) -> str:
-        """Sentence on the change."""
+        """Return a sentence on the change, such as raised or cleared, with the alarm's text."""
         return words.event_line(self.kind, self.alarm.line)
 
 
@@ -192,7 +192,11 @@ class Debounce:
     since: float = float("nan")  # when the opposite of `active` began; NaN: it has not
 
     def after(self, time_s: float, on: bool, off: bool) -> Debounce:
-        """The next state; `on` wants it active, `off` inactive, neither leaves it as it is."""
+        """Return the state after `time_s`: `on` requests active, `off` inactive, neither no change.
+
+        The state changes once a request has lasted `hold` s (to active) or `release` s (to
+        inactive).
+        """
         if not (off if self.active else on):
             return replace(self, since=float("nan")) if self.since == self.since else self
         began = self.since if self.since == self.since else time_s
@@ -203,10 +207,10 @@ class Debounce:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AlarmChecks:
-    """The result of a rule for N rows of K alarms, one for each rotor or a single one.
+    """The result of a rule for N rows of K alarms, one per rotor or a single one.
 
-    `on` raises an alarm and `off` clears it; with neither it stays. Where not `known`, the data
-    that the rule needs were missing.
+    `on` raises an alarm and `off` clears it; with neither it keeps its state. `known` is False
+    where data that the rule needs are missing.
     """
 
     on: Bools  # (N, K)
@@ -222,7 +226,7 @@ class AlarmChecks:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RowsNow:
-    """The N rows `rows` of an analysis of T rows and R rotors and what else is known at them."""
+    """The N rows `rows` of an analysis of T rows and R rotors, with further values in them."""
 
     analysis: FlightAnalysis
     rows: slice
@@ -232,17 +236,18 @@ class RowsNow:
     #: (N,) faults by kind that was tested, at the ends of blocks; empty between
     faults: Sequence[dict[Kind, tuple[RotorFault, ...]]] = ()
     balances: Sequence[TankBalance | None] = ()  # (N,) about one a second
-    stopped: Bools | None = None  # (N, R) rotors that were found to stand still by that row
+    stopped: Bools | None = None  # (N, R) rotors that were found at rest by that row
     heat: ArmHeat | None = None  # (N, R) of the arms by that row
     #: (T, R) s for which messages came without a rotor's speed; NaN: none was ever reported
     unheard_s: Floats | None = None
     from_outputs: bool = False  # all rotor speeds are made from motor outputs
     takeoff: TakeoffCheck | None = None  # of the last run-up; None before the first
-    listed: Mapping[Key, Alarm] = field(default_factory=dict)  # what stands before these rows
+    listed: Mapping[Key, Alarm] = field(default_factory=dict)  # the alarms raised before these rows
 
     @property
     def bad_rotors(self) -> tuple[int, ...]:
-        """Rotors, from 1, of the gravest alarm on a bad rotor or motor; empty for none."""
+        """Return the rotors, from 1, of the gravest alarm on a bad rotor or motor; empty for
+        none."""
         parts = [alarm for (name, _), alarm in self.listed.items() if name in OF_PARTS]
         first = min(parts, key=lambda alarm: alarm.order, default=None)
         if first is None:
@@ -265,9 +270,8 @@ class LinkNow:
 
 @dataclass(frozen=True, slots=True)
 class AlarmRule:
-    """One alarm: its check, and the times in s for which the condition must be true to raise and
-    false to clear it.
-    """
+    """Rule of an alarm: its check, and the s for which a condition must be true to raise it, or
+    false to clear it."""
 
     name: str
     hold: float
@@ -275,7 +279,7 @@ class AlarmRule:
     checks: Callable[[AlarmSettings, Any], AlarmChecks]
     needs: Missing = Missing.NOTHING  # what is missing where nothing is known
     on_ground: str = "cleared"  # or "kept" as it was, or "checked" there too
-    lull: float = 0.0  # s for which it stands after that, to be counted when it comes again
+    lull: float = 0.0  # s for which it stays raised after that, to be counted when it comes again
     sampled: bool = False  # found out now and then: nothing is asked between
     of_airframe: bool = False  # nothing is known of it without a verdict
 

@@ -78,12 +78,11 @@ def _tank_checks(texts: Sequence[str], known: Sequence[bool], severity: int) -> 
 
 
 def pump_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
-    """Return the sentence on a disagreement of gauge and pump; empty when they agree or are
-    unknown.
-    """
+    """Return the sentence on a disagreement of gauge and pump; empty if they agree or are
+    unknown."""
 
     def parts(one: float, other: float) -> bool:
-        """Return whether two losses, kg, differ by more than either tolerance; False for an unknown
+        """Return True if two losses, kg, differ by more than either tolerance; False for an unknown
         one.
         """
         allowed = settings.tank_share * max(abs(one), abs(other))
@@ -102,9 +101,9 @@ def pump_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
 
 
 def mass_verdict(balance: TankBalance, settings: AlarmSettings, bad: Sequence[int] = ()) -> str:
-    """Return the sentence on a mass by thrust that differs from the gauge; empty when it does not.
+    """Return the sentence on a mass from thrust that differs from the gauge; empty if it does not.
 
-    `bad` are the rotors, from 1, that have an active alarm.
+    `bad` are the rotors (1-based) with an active alarm.
     """
     apart = abs(balance.apart_kg) > settings.tank_mass_kg
     return words.thrust_against_gauge(balance.apart_kg, bad) if apart else ""
@@ -146,7 +145,7 @@ def control(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
 
 
 def takeoff(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
-    """Check in each row of a run-up whether a finding before it forbids to lift."""
+    """Check, in each row of a run-up, if a finding up to that row forbids to lift."""
     track, check = now.analysis.track, now.takeoff
     time_s, flying = track.time_s[now.rows], track.flying[now.rows]
     found = () if check is None else check.forbidding
@@ -208,8 +207,8 @@ def _low(
     rotors=True,
     bad: Sequence[int] = (),
 ) -> AlarmChecks:
-    """Check margins 1 - `use` (N, R) against the limit; a notice where the limit lies within the 90
-    % interval.
+    """Check margins 1 - `use` (N, R) against the limit; a notice if the limit is in the 90 %
+    interval.
 
     Rows with `clears` (N,) clear above the limit, and rows with `off` (N,) whatever the margin is.
     """
@@ -259,7 +258,7 @@ def stopped(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
     return AlarmChecks(
         found,
         turning,
-        # Its own silence says nothing new; without the others' speeds nothing is known.
+        # That it reports nothing is no news; without the others' speeds nothing is known.
         np.broadcast_to(turning.any(axis=1, keepdims=True), turning.shape),
         severity=lambda *_: severity_of(Trouble.ROTOR),
         text=lambda _, k: fault_words(stopped_fault(k), names),
@@ -304,7 +303,8 @@ def esc(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
 
 
 def heat(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
-    """Check when the ESC or motor of each arm, whichever is first, passes its temperature limit."""
+    """Check when the ESC or the motor of each arm, whichever is first, reaches its temperature
+    limit."""
     track = now.analysis.track.rows(now.rows)
     unknown = np.full(track.esc_temperature.shape, np.nan)
     esc_s, motor_s = (unknown, unknown) if now.heat is None else (now.heat.esc_s, now.heat.motor_s)
@@ -328,7 +328,7 @@ def heat(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
 
 
 def lead(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
-    """Check whether a lead loses more power than the others', which heats its lugs."""
+    """Check if a lead loses more power than the other leads, which heats its lugs."""
     rows = now.analysis.track.esc_voltage[now.rows]
     none: Floats = np.full(rows.shape, np.nan)
     watts = none if now.heat is None else now.heat.lead_watts
@@ -375,16 +375,15 @@ def motor_order(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
 
 
 def _always(now: RowsNow, on: bool, severity: int, text: str) -> AlarmChecks:
-    """Return checks of a condition that is known and equal at every row."""
+    """Return checks of a condition that is known, and has the value `on`, at every row."""
     every = np.ones(now.analysis.track.time_s[now.rows].size, dtype=np.bool_)
     found = every & on
     return one_alarm(found, ~found, every, severity=lambda *_: severity, text=lambda *_: text)
 
 
 def faulty(kind: Kind, s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
-    """Check for the faults of one kind: one column for each rotor, then one for a fault of several
-    candidates.
-    """
+    """Check for faults of one kind: a column for each rotor, then one for a fault of several
+    candidates."""
     rotors, names = now.analysis.track.rotor_count, now.analysis.places
     on = np.zeros((len(now.faults), rotors + 1), dtype=np.bool_)
     known = on.copy()
@@ -437,7 +436,7 @@ def rotor_speeds(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     rotors, rows = now.analysis.track.rotor_count, now.rows
     unheard = np.full((now.analysis.track.time_s.size, rotors), np.nan)
     unheard = (unheard if now.unheard_s is None else now.unheard_s)[rows]
-    # A rotor that stands owes no speed.
+    # A rotor at rest need not report a speed.
     stands = [("stopped", k + 1) in now.listed for k in range(rotors)]
     # The rest of the time it must hold: speeds are not the first to be heard after a lost link.
     missing = (unheard > s.silence - ROTORS_HOLD) & ~np.array(stands, dtype=np.bool_)
@@ -480,7 +479,7 @@ OF_ROWS = (
     AlarmRule("misfit", 0.0, 0.0, misfit, on_ground="kept"),
     AlarmRule("motor order", 0.0, 0.0, motor_order, on_ground="kept"),
 )
-#: On the ground nothing of the flight stands, but for a rotor that was found bad.
+#: On the ground all alarms of the flight are cleared, except for a rotor that was found bad.
 OF_SOUGHT_ROWS = tuple(
     AlarmRule(
         *(name, 0.0, 0.0, partial(faulty, kind), Missing.SPEEDS),

@@ -59,11 +59,11 @@ class _Condition:
 
 
 class Alarms:
-    """The alarms of one vehicle, kept up by `rows` and `heard`. They return what changed."""
+    """The listed alarms of one vehicle; `rows` and `heard` update them and return the changes."""
 
     def __init__(self, settings: AlarmSettings | None = None) -> None:
         self.settings = AlarmSettings() if settings is None else settings
-        #: Replaced one by one, never changed: other threads read what stands.
+        #: Replaced one by one, never changed: other threads read the list.
         self.listed: dict[Key, Alarm] = {}
         self._faults: RotorFaults | None = None
         self._weighed_s = float("-inf")
@@ -76,19 +76,18 @@ class Alarms:
 
     @property
     def fault_history(self) -> FaultHistory:
-        """Changes of the faults of rotors and motors: time by the vehicle's clock, and the faults
-        from then on.
-        """
+        """Return the changes of the rotor and motor faults: time by the vehicle's clock, and the
+        faults from then on. Empty where faults are not followed."""
         return [] if self._faults is None else self._faults.history
 
     @property
     def takeoff(self) -> TakeoffCheck | None:
-        """The check of the last run-up; None before the first."""
+        """Return the check of the last run-up; None before the first."""
         return self._takeoff.now
 
     @property
     def of_parts(self) -> bool:
-        """Whether an alarm on a bad rotor or motor is listed."""
+        """Return True if an alarm on a bad rotor or motor is listed."""
         return any(name in OF_PARTS for name, _ in self.listed)
 
     def rows(
@@ -106,15 +105,16 @@ class Alarms:
         unheard_s: Floats | None = None,
         from_outputs: bool = False,
     ) -> list[AlarmEvent]:
-        """Take the rows from `first` on, in order; arrays are (T,), as long as the analysis.
+        """Check the rows from `first` on, in order; return the changes. Arrays (T,) are as the
+        analysis.
 
-        What rests on the prediction is checked in the rows `settled`, and faults of rotors and
-        motors in the rows `sought`, where these may come later.
-        `pumped_kg` is the liquid pumped so far, `virtual_kg` the virtual gauge, `margin_ahead` the
-        least predicted margin on the rest of the route; NaN where unknown. `esc_failures` (T, R)
-        are ESC_FAILURE_FLAGS, NaN where an ESC does not report on itself. `unheard_s` (T, R) are
-        the s for which messages came without a rotor's speed, NaN where none was ever reported;
-        `from_outputs`: all speeds are made from motor outputs.
+        Checks that use the prediction cover the rows `settled`, and those for faults of rotors and
+        motors the rows `sought`, where these become final later. `pumped_kg` is the liquid pumped
+        so far, `virtual_kg` the virtual gauge, `margin_ahead` the least predicted margin on the
+        rest of the route; NaN where unknown. `esc_failures` (T, R) are ESC_FAILURE_FLAGS, NaN where
+        an ESC does not report on itself. `unheard_s` (T, R) are the s for which messages came
+        without a rotor's speed, NaN where none was ever reported; `from_outputs`: all speeds are
+        inferred from motor outputs.
         """
         new, final = slice(first, None), slice(first, None) if settled is None else settled
         known = final if sought is None else sought
@@ -152,7 +152,7 @@ class Alarms:
         return sorted(events, key=lambda event: event.time_s)
 
     def _rest(self, analysis: FlightAnalysis, rows: slice) -> None:
-        """Return the battery's voltage before take-off, or the first one that was heard."""
+        """Store the battery's voltage before take-off, or the first one received."""
         track = analysis.track
         volts = track.voltage[rows]
         rest = volts[(volts > 0.0) & ~track.flying[rows]]
@@ -165,7 +165,8 @@ class Alarms:
     def _faulty(
         self, analysis: FlightAnalysis, rows: slice, clock_s: Floats
     ) -> list[dict[Kind, tuple[RotorFault, ...]]]:
-        """Return by row what was tested of rotors and motors, and found."""
+        """Return, for each row of `rows`, the faults found by each test that ran in it; empty
+        for a row without a test. `clock_s` (T,) is the vehicle's clock."""
         track, at = analysis.track, range(analysis.track.time_s.size)[rows]
         faults: list[dict[Kind, tuple[RotorFault, ...]]] = [{} for _ in at]
         if analysis.withheld or not at:
@@ -192,7 +193,8 @@ class Alarms:
         pumped_kg: Floats,
         virtual_kg: Floats,
     ) -> list[TankBalance | None]:
-        """Return by row how gauge, pump and thrust agree about the tank, once a second."""
+        """Return, for each row of `rows`, how gauge, pumped mass and hover thrust agree about
+        the tank; once a second, else None. `pumped_kg` and `virtual_kg` (by thrust) are (T,)."""
         track, at = analysis.track, range(analysis.track.time_s.size)[rows]
         balances: list[TankBalance | None] = [None for _ in at]
         if analysis.withheld:
@@ -210,7 +212,7 @@ class Alarms:
         return balances
 
     def restarted(self, clock_s: float) -> None:
-        """Begin to count anew at `clock_s`, s of the clock of a vehicle that has restarted.
+        """Restart all times at `clock_s`, s of the clock of a vehicle that has restarted.
 
         Times of its earlier clock have no meaning in the new one. Active alarms stay active.
         """
@@ -231,7 +233,10 @@ class Alarms:
             )
 
     def heard(self, now_s: float, link: LinkNow) -> list[AlarmEvent]:
-        """Check the link at `now_s` of the ground's clock; return the changes."""
+        """Check the link at `now_s`, s of the ground's clock, and return changes of alarms.
+
+        While the link is lost or shared by two vehicles, all other alarms become unconfirmed.
+        """
         events: list[AlarmEvent] = []
         unheard, unusable = link.silent > self.settings.silence, link.rows_behind > UNSEEN
         # However late the link was looked at, it was lost when the silence became too long.
@@ -254,7 +259,8 @@ class Alarms:
         return events
 
     def restate(self, faults: Sequence[RotorFault], places: Sequence[str]) -> None:
-        """Take the sizes of the faults that stand from a report of their flight, which is over."""
+        """Replace the texts of listed faults by those of the same faults in the ended flight's
+        report."""
         for fault in faults:
             names = (name for name, kind in PARTS if kind == fault.kind and not fault.rotors)
             for name in names:
@@ -272,7 +278,8 @@ class Alarms:
         flying: Bools,
         missing: Missing,
     ) -> None:
-        """Take one rule's checks of N rows: `times` (N,) s of the vehicle, `flying` (N,)."""
+        """Apply one rule's checks of N rows, and append the changes of its alarms to `events`.
+        `times` (N,) s is the vehicle's clock, `flying` (N,) flags rows in flight."""
         keys: list[Key] = [
             (rule.name, k + 1 if k < found.rotor else None) for k in range(found.on.shape[1])
         ]
@@ -301,10 +308,10 @@ class Alarms:
         seen: tuple[bool, bool, bool, bool],
         missing: Missing,
     ) -> None:
-        """Take one row of one alarm.
+        """Apply one row to one alarm.
 
-        `seen` is on, off, known and over; an alarm is over at once where it has landed or has lost
-        its object.
+        `seen` is on, off, known and over; an alarm is over at once when the vehicle has landed or
+        its object no longer exists.
         """
         on, off, known, over = seen
         before = self._conditions.get(key)
@@ -345,7 +352,8 @@ class Alarms:
         at: tuple[int, int],
         time_s: float,
     ) -> None:
-        """Raise an alarm whose condition was true for long enough, or count it again."""
+        """Raise an alarm whose condition was true for long enough; one raised again soon counts
+        on."""
         cleared, cleared_s = self._cleared.pop(key, (None, float("-inf")))
         before = self.listed.get(key) or (cleared if time_s - cleared_s <= AGAIN else None)
         if before is None:
@@ -362,7 +370,7 @@ class Alarms:
         time_s: float,
         missing: Missing = Missing.NOTHING,
     ) -> None:
-        """Store an alarm with a state; return an event where the state is new."""
+        """Store an alarm with a state, and append an event to `events` if the state is new."""
         now = replace(alarm, state=state, missing=missing)
         if state is AlarmState.UNCONFIRMED:
             now = replace(now, text=alarm.past or alarm.text)
@@ -376,7 +384,7 @@ class Alarms:
 
 
 def _worded(alarm: Alarm, found: AlarmChecks, at: tuple[int, int]) -> Alarm:
-    """Return an alarm with the words and the severity of a row."""
+    """Return an alarm with text, severity and rotors of the check at `at`, (row, column)."""
     rotors = () if found.rotors is None else found.rotors(*at)
     past = "" if (words := found.past) is None else Sentence.of(lambda: say(words(at[1]))[:50])
     text = Sentence.of(lambda: say(found.text(*at))[:50])

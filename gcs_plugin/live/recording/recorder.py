@@ -59,10 +59,10 @@ if TYPE_CHECKING:
 
 
 class RecordingOutput(Output):
-    """The output that writes frames, samples and events of a monitor into one recorder.
+    """An output that writes frames, samples and events of a monitor with one recorder.
 
-    An event waits until nothing earlier can be found: `found_us` gives the ground's clock, µs, up
-    to which all is known.
+    An event is held back until no earlier one can follow: `found_us` returns the ground's clock,
+    µs, up to which everything is analysed.
     """
 
     name = "recording"
@@ -86,7 +86,7 @@ class RecordingOutput(Output):
             )
 
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
-        """Record an alarm that was raised, cleared, or can (not) be confirmed."""
+        """Record that an alarm was raised, cleared, confirmed or can no longer be confirmed."""
         alarm = event.alarm
         more = {
             "alarm": alarm.name,
@@ -126,9 +126,8 @@ class RecordingOutput(Output):
 
 
 def sample_batch(update: Update, new: slice) -> pa.RecordBatch:
-    """Return the rows `new` of an update as a record batch, of one schema for one number of
-    rotors.
-    """
+    """Return the rows `new` of an update as a record batch; its schema depends on the rotor
+    count alone."""
     import pyarrow as pa
 
     analysis, track = update.analysis, update.analysis.track
@@ -179,7 +178,7 @@ QUEUE = 500_000  # frames: over a minute of 100 vehicles at 50 messages/s
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecorderStatus:
-    """The state of a recording: what was written and what was lost."""
+    """State of a recording: amounts written and lost."""
 
     folder: Path
     frames: int  # written
@@ -192,14 +191,14 @@ class RecorderStatus:
 
 @cache
 def tabulates() -> bool:
-    """Return whether samples are recorded, which needs pyarrow. A report computes them anew
-    without.
-    """
+    """Return True if pyarrow is installed, so that samples are recorded; else reports recompute
+    them."""
     return find_spec("pyarrow") is not None
 
 
 class Recorder:
-    """A writer of one session into a new folder below `parent`, with the files `beside` by name.
+    """A writer of one session into a new folder in `parent`, with additional files `beside` by
+    name.
 
     Other users of the computer cannot read the folder: it shows where people and their fields are.
     Raises LinkError when the folder cannot be made.
@@ -239,20 +238,20 @@ class Recorder:
 
     @property
     def telemetry(self) -> Path:
-        """Path of the .tlog, which others may read while it grows."""
+        """Return the path of the .tlog, which other programs may read while it grows."""
         return self.folder / "telemetry.tlog"
 
     def frames(self, frames: list[Frame]) -> None:
-        """Record frames; returns at once."""
+        """Queue frames to be recorded; return at once."""
         self._frames.put(frames)
 
     def samples(
         self, vehicle: int, boot: int, rows: pa.RecordBatch, provisional: pa.RecordBatch
     ) -> None:
-        """Record rows of samples; returns at once. All batches have one schema.
+        """Queue rows of samples for writing. All batches have one schema.
 
-        `provisional` rows are written too, and stand until the next call for the vehicle, which has
-        them again.
+        `provisional` rows are written too, and replaced at the next call for the vehicle, which
+        contains them again.
         """
         with self._lock:
             before = self._later.get(vehicle)
@@ -263,7 +262,7 @@ class Recorder:
                 self._rows.append(rows)
 
     def event(self, event: Mapping[str, Any]) -> None:
-        """Record one event; returns at once."""
+        """Queue one event to be recorded; return at once."""
         line = json.dumps(event, ensure_ascii=False, default=str).encode() + b"\n"
         with self._lock:
             self._lines.append(line)
@@ -280,7 +279,7 @@ class Recorder:
         )
 
     def close(self) -> RecorderStatus:
-        """Write what is waiting and finish all files."""
+        """Write all queued data, finish all files, and return the final status."""
         self._frames.close()
         self._thread.join()
         return self.status()
@@ -326,9 +325,8 @@ class Recorder:
 
 
 class _Appended:
-    """A file that only grows, by whole items; an item that does not fit on the disk leaves no
-    trace.
-    """
+    """A file that grows by whole items; an item that does not fit on the disk is removed
+    completely."""
 
     def __init__(self, path: Path) -> None:
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
@@ -380,7 +378,7 @@ class _Appended:
 
 
 class _Parts:
-    """Numbered Parquet files, of which the last is replaced by a longer one until it is full."""
+    """Numbered Parquet files, of which the last is rewritten with more rows until it is full."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -397,7 +395,7 @@ class _Parts:
         return self._closed_rows + self._written
 
     def write(self, new: list[pa.RecordBatch], later: list[pa.RecordBatch]) -> None:
-        """Add rows for good, and rows `later` that the next call replaces."""
+        """Add final rows `new`, and provisional rows `later` that the next call replaces."""
         import pyarrow as pa
 
         if not self._tables:
@@ -453,7 +451,6 @@ def _tables(batches: list[pa.RecordBatch]) -> list[pa.Table]:
 
 
 def _words(error: OSError) -> str:
-    """Return the system's description of an error number, without what writers of Parquet add to
-    it.
-    """
+    """Return the system's description of an error number, without additions by the Parquet
+    writer."""
     return os.strerror(error.errno) if error.errno else str(error)

@@ -29,11 +29,10 @@ NAN = float("nan")
 
 
 class DeliveryMeter:
-    """The ratio of what the pump delivers to what its output says: nozzles decide, not the pump's
-    limit.
+    """Delivery factor: mass leaving the tank over mass computed from the pump's output.
 
-    The gauge gives the factor: `first` from the first kilogram on, for the rest of the tank; `now`
-    over the last 1.5 kg, to look ahead. It is 1 until enough was sprayed.
+    It depends on the nozzles. The gauge gives it: `first` after the first kilogram, for the rest of
+    the tank; `now` over the last 1.5 kg, to predict. It is 1 until enough was sprayed.
     """
 
     LEARN_KG, RECENT_KG = 1.0, 1.5
@@ -44,7 +43,7 @@ class DeliveryMeter:
         self._points: deque[tuple[float, float]] = deque()  # kg by the gauge, kg pumped
 
     def add(self, gauge: float, pumped: float) -> None:
-        """Add one sample in order; ignore NaN."""
+        """Add a sample, in order of time: kg by the gauge, and kg pumped so far; NaN is ignored."""
         if not np.isfinite(gauge + pumped):
             return
         if self._points and (gauge > self._points[-1][0] + 0.5 or pumped < self._points[-1][1]):
@@ -64,8 +63,7 @@ class DeliveryMeter:
 
 
 def virtual_gauge(analysis: FlightAnalysis) -> Floats:
-    """Return (T,) kg of liquid that the rotors carry; NaN where speeds are not measured, or on the
-    ground.
+    """Return the mass (T,), kg, of liquid by thrust; NaN without measured speeds, or on the ground.
 
     With a gauge it is the gauge's level plus the thrust that the model does not explain. Without
     one it is all thrust beyond the empty mass, which is true in level flight without acceleration.
@@ -95,7 +93,10 @@ class TankBalance:
 
 
 class BalanceWatch:
-    """The means of the three estimates at both ends of a sliding window of `seconds` s."""
+    """The estimates of gauge, pump and thrust over a sliding window of `seconds` s.
+
+    Their means over the first and the last `end` s of the window are compared.
+    """
 
     def __init__(self, seconds: float = 40.0, end: float = 10.0) -> None:
         self.seconds, self.end = seconds, end
@@ -104,7 +105,7 @@ class BalanceWatch:
         self._first = self._last = 0
 
     def add(self, time_s: float, gauge: float, pumped: float, virtual: float) -> None:
-        """Add one sample: s, kg by the gauge, kg pumped so far, kg by the virtual gauge."""
+        """Add a sample: time, s, and kg by the gauge, kg pumped so far, kg by the virtual gauge."""
         if self._last > self._first and not 0.0 <= time_s - self._rows[0, self._last - 1] <= 5.0:
             self._first = self._last
         if self._last == self._rows.shape[1]:

@@ -46,7 +46,7 @@ SAYS = OF_MISSION | OF_ITSELF | {MISSION_CURRENT}
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class VehicleState:
-    """All that one vehicle has reported of itself. Parameters and mission outlive a restart."""
+    """The reports of a vehicle on itself. Parameters and mission outlive a restart."""
 
     system: int
     component: int | None = None  # the autopilot's; None until it is known
@@ -56,8 +56,8 @@ class VehicleState:
     autopilot: int = -1  # MAV_AUTOPILOT
     armed: bool = False
     parameters: Mapping[str, float] = field(default_factory=dict)
-    parameter_count: int = 0  # that it says it has
-    #: Items by number of the mission that it holds; empty where none is known. While they are sent,
+    parameter_count: int = 0  # as the vehicle reports it
+    #: Items by number of the mission on board; empty where none is known. While they are sent,
     #: those of the next are gathered in `arriving`, `expected` in number, 0 unknown.
     mission: Mapping[int, PlanItem] = field(default_factory=dict)
     arriving: Mapping[int, PlanItem] = field(default_factory=dict)
@@ -68,16 +68,20 @@ class VehicleState:
 
     @property
     def facts(self) -> VehicleFacts:
-        """Kind of the vehicle by its heartbeat and its parameters."""
+        """Return the kind of the vehicle by its heartbeat and its parameters."""
         return vehicle_facts(self.parameters, mav_type=self.kind, whole=self.parameters_whole)
 
     @property
     def disarmed(self) -> bool:
-        """Whether the autopilot reports that it is disarmed; False before its first heartbeat."""
+        """Return True if the autopilot reports that it is disarmed; False before its first
+        heartbeat."""
         return self.component is not None and not self.armed
 
     def changed_since(self, before: VehicleState) -> list[str]:
-        """Return the parameters that numbers rest on and that differ from an earlier state."""
+        """Describe the parameters with influence on results that differ from an earlier state.
+
+        Empty while parameters are still being received.
+        """
         known, now = before.parameters, self.parameters
         if known is now or len(known) != len(now):  # the same, or they are coming in
             return []
@@ -86,14 +90,13 @@ class VehicleState:
 
     @property
     def parameters_whole(self) -> bool:
-        """Whether all parameters of the vehicle are known."""
+        """Return True if all parameters of the vehicle are known."""
         return 0 < self.parameter_count <= len(self.parameters)
 
 
 def fold(state: VehicleState, frame: Frame) -> VehicleState:
-    """Return the state after one more frame of this vehicle; the same one for frames not in
-    `SAYS`.
-    """
+    """Return the state after one more frame of this vehicle; the same object if it changes
+    nothing."""
     if frame.component in state.other_autopilots:
         return state
     name = layouts()[frame.id].name if frame.verified else ""
@@ -132,10 +135,11 @@ def fold(state: VehicleState, frame: Frame) -> VehicleState:
 
 
 def fold_mission(state: VehicleState, frame: Frame) -> VehicleState:
-    """Return the state after a message on the mission, sent to the vehicle or by it.
+    """Return the state after a mission message that was sent to the vehicle or by it.
 
-    An upload begins with the count of a station and ends with the vehicle's ACK; a station's
-    MISSION_CLEAR_ALL is answered with one. A count of the vehicle's own begins a download.
+    An upload begins with a ground station's MISSION_COUNT and ends with the vehicle's MISSION_ACK,
+    which also answers a station's MISSION_CLEAR_ALL. A MISSION_COUNT of the vehicle itself begins a
+    download.
     """
     columns = fields(frame)
     if columns is None or int(columns["mission_type"][0]) not in (0, OF_ALL_KINDS):
@@ -170,7 +174,7 @@ def fold_mission(state: VehicleState, frame: Frame) -> VehicleState:
 
 
 def _equal_missions(one: Mapping[int, PlanItem], other: Mapping[int, PlanItem]) -> bool:
-    """Return whether two missions are equal; NaN, of an item without a number, equals NaN."""
+    """Return True if two missions are equal; NaN, of an item without a number, equals NaN."""
 
     def numbers(mission: Mapping[int, PlanItem]) -> list[tuple[float, ...]]:
         items = [mission[n] for n in sorted(mission)]
@@ -180,7 +184,8 @@ def _equal_missions(one: Mapping[int, PlanItem], other: Mapping[int, PlanItem]) 
 
 
 def _replaced(state: VehicleState, at_us: int) -> VehicleState:
-    """Return the state once its mission was replaced: unknown, unless it was heard just now."""
+    """Return the state after its mission was replaced: without mission, unless one was received
+    within JUST_NOW s."""
     kept = state.mission if at_us - state.mission_came_us < JUST_NOW * 1e6 else {}
     return replace(state, mission=kept, mission_changes=state.mission_changes + 1)
 
@@ -196,7 +201,7 @@ def _fields(frames: Sequence[Frame], places: Sequence[int]) -> NDArray[np.void]:
 
 
 def places_of(frames: Sequence[Frame]) -> dict[str, list[int]]:
-    """Return message -> places of its frames, for the messages that rows need."""
+    """Return the indices of frames by message name, for the messages that rows need."""
     places: dict[str, list[int]] = {}
     for place, frame in enumerate(frames):
         if frame.verified and (name := layouts()[frame.id].name) in _NEEDED:
@@ -207,8 +212,10 @@ def places_of(frames: Sequence[Frame]) -> dict[str, list[int]]:
 def clocks_of(
     places: Mapping[str, list[int]], frames: Sequence[Frame], pilots: Sequence[int | None]
 ) -> Floats:
-    """Return (n,) s since boot by frames of the autopilot, component `pilots` (n,); NaN where
-    none.
+    """Return the time (n,), s since boot, that frames of the autopilot contain; NaN in other
+    frames.
+
+    `pilots` (n,) are the autopilot's component ids.
     """
     own = np.full(len(frames), np.nan)
     for name in REFERENCES:
@@ -224,10 +231,11 @@ def grouped(
     pilots: Sequence[int | None],
     by_pilot: set[str],
 ) -> dict[str, tuple[NDArray[np.intp], NDArray[np.void]]]:
-    """Message -> (places of its frames, their fields), of messages that rows need.
+    """Return, by message name, the places of its frames and their fields, for messages that rows
+    need.
 
-    Once the autopilot, component `pilots` (n,), has sent a message, which `by_pilot` remembers,
-    what its companions say is left out.
+    Once the autopilot, component `pilots` (n,), has sent a message, which `by_pilot` remembers, the
+    same message from its companions is left out.
     """
     groups = {}
     for name, found in places.items():
@@ -248,7 +256,8 @@ def dated_by_gps(
     groups: Mapping[str, tuple[NDArray[np.intp], NDArray[np.void]]],
     already: int | None,
 ) -> Bools:
-    """Return (n,) whether a GPS time was heard in the start `boots` (n,) of each frame, up to it.
+    """Flag the frames (n,) up to which a GPS time was received since the vehicle's start `boots`
+    (n,).
 
     `already` is the start in which a GPS time was known before these frames; it is not searched
     again.

@@ -84,7 +84,7 @@ FIELDS: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LiveRows:
-    """T new rows of one start of a vehicle, and what else only a listener knows."""
+    """T new rows since one start of a vehicle, with values that only a live link has."""
 
     boot: int  # restarts heard before
     track: FlightTrack  # time counts from the first row of this start
@@ -113,8 +113,7 @@ class _Piece:
 
 
 class VehicleTelemetry:
-    """The rows of one vehicle, made as its frames come; `problem` is why there are none, else
-    empty.
+    """Rows of one vehicle, built from its frames; `problem` is the reason for none, else empty.
 
     `options` are those of reading a log, with sampling "hold"; `asked` are the options by which the
     vehicle is asked for messages.
@@ -123,10 +122,10 @@ class VehicleTelemetry:
     def __init__(self, system: int, options: Options, asked: Collection[str] = ()) -> None:
         self.state = VehicleState(system=system)
         self.stamp_us = 0  # ground's clock when anything last came
-        self.read_us = 0  # the same of the last message that `rows` has taken
+        self.read_us = 0  # the same of the last message that `rows` has processed
         self.clock = ArrivalClock()
         self.problem = ""
-        #: Restarts, leaps of its clock and changed parameters since they were last taken, and when
+        #: Restarts, leaps of its clock and changed parameters since the last call, and when
         #: by the ground's.
         self.events: list[tuple[int, str]] = []
         self.counts: Counter[int] = Counter()  # messages that came, by id
@@ -156,32 +155,34 @@ class VehicleTelemetry:
 
     @property
     def waiting(self) -> bool:
-        """Whether frames have come that `rows` has not taken."""
+        """Return True if frames were received that `rows` has not processed."""
         return bool(self._pieces)
 
     @property
     def unread_us(self) -> int | None:
-        """Ground's clock, µs, of the oldest message that `rows` has not taken; None for none."""
+        """Return the ground's clock, µs, of the oldest frame that `rows` has not processed; None
+        without one."""
         return self._pieces[0].frames[0].stamp_us if self._pieces else None
 
     @property
     def read_s(self) -> float:
-        """Vehicle's clock, s, of the last message that `rows` has taken; -inf before any."""
+        """Return the vehicle's clock, s, of the last message that `rows` has processed; -inf
+        before any."""
         return self._heard_s
 
     @property
     def origin(self) -> Origin | None:
-        """Origin of the positions at present."""
+        """Return the geographic origin of the current positions; None before the first position."""
         zero = self._row_state.zero
         return None if zero is None else zero.origin
 
     @property
     def facts(self) -> VehicleFacts:
-        """Kind and rotors of the vehicle by all that it has sent."""
+        """Return the kind and rotors of the vehicle by all that it has sent."""
         return self.state.facts if self._motors is None else self._motors.facts
 
     def take(self, frame: Frame) -> None:
-        """Take one frame of this vehicle, in the order of arrival."""
+        """Store a frame of this vehicle, in the order of arrival."""
         self.stamp_us = frame.stamp_us
         self.counts[frame.id] += 1
         changed = False
@@ -202,18 +203,18 @@ class VehicleTelemetry:
         piece.rowless &= frame.id in OF_ITSELF
 
     def pass_over(self) -> None:
-        """Drop the frames that have come and were not taken yet, without rows."""
+        """Drop the stored frames without making rows."""
         self._pieces.clear()
 
     def forget(self) -> None:
-        """Begin anew, as for a vehicle that was never heard."""
+        """Reset to the state of a vehicle not heard before."""
         self.state = VehicleState(system=self.state.system)
         self.pass_over()
         self._by_pilot.clear()
         self._restart()
 
     def rows(self) -> list[LiveRows]:
-        """Return the new rows of the frames that were taken, in order, in parts.
+        """Return the new rows of the stored frames, in order, in parts.
 
         A new part begins where the vehicle restarted, and where it reported something new
         (parameters, its kind, its first GPS time), which is valid from the next row on.
@@ -271,12 +272,10 @@ class VehicleTelemetry:
     def _part(
         self, boot: int, piece: _Piece, streams: dict[str, Stream], until_s: float
     ) -> LiveRows | None:
-        """Make the rows of one start from messages up to `until_s`; their stamps are set by the
-        caller.
-        """
+        """Make the rows of one start from messages up to `until_s`; `rows` sets their stamps."""
         state, row_state = piece.state, self._row_state
         if self._rested and state.armed:
-            # As in a file (sorties): what is stated of a load holds from each sortie's start.
+            # As in a file (sorties): a stated load is valid from each sortie's start.
             self._flew = self._rested = False
             pump = row_state.pumped
             row_state = replace(row_state, pumped=pump and replace(pump, kg=0.0))
@@ -287,7 +286,7 @@ class VehicleTelemetry:
             if found is not None:
                 self._unix_minus_clock, self._gps_time = found, True
         for name in [n for n in streams if n in ESC_TELEMETRY_FIRST]:
-            # An ESC is silent when its counter stands still from message to message.
+            # An ESC has stopped reporting when its counter does not change from message to message.
             last, now = self._last_escs.get(name), streams[name]
             self._last_escs[name] = Stream(now.time_s[-1:], now.columns[-1:])  # type: ignore[index]
             if last is not None:
@@ -378,10 +377,10 @@ class VehicleTelemetry:
         return self._motors
 
     def stale(self) -> dict[str, float]:
-        """Field -> s for which other messages have come without it; of those now too old.
+        """Return the fields that are too old, each with the s for which only other messages came.
 
-        By the vehicle's clock up to the last message that `rows` has taken: what waits to be taken
-        may hold what is missed.
+        By the vehicle's clock up to the last message that `rows` has processed: frames not
+        processed may contain the field.
         """
         now, signals = self._heard_s, self._buffer.signals
         ages: dict[str, float] = {}

@@ -35,7 +35,7 @@ NOT_YET = state("not yet")  # why no margin is claimed before the first seconds 
 
 
 def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, words.WhyUnknown]:
-    """Return, by figure, why it is unknown in the newest row.
+    """Return, by figure, the reason why it is unknown in the newest row; known figures are absent.
 
     Where no airframe is recognised, only the figures that could recognise it are listed.
     """
@@ -73,9 +73,9 @@ def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, wor
 def unknown_lines(
     figures: Mapping[str, words.WhyUnknown], asked: Collection[str] = ()
 ) -> Iterable[str]:
-    """Yield one sentence for each reason, with all figures that it makes unknown.
+    """Yield one sentence for each reason, with all figures that are unknown for it.
 
-    `asked` are the options by which the vehicle is asked for messages already.
+    `asked` are the options by which the vehicle is already asked for messages.
     """
     for reason in dict.fromkeys(figures.values()):
         names = [name for name, why in figures.items() if why == reason]
@@ -91,8 +91,9 @@ LANDED = 5.0  # s on the ground after which a new flight begins
 
 
 class AirframeWatch:
-    """The decision whether one vehicle is of the airframe (`claim`). `source` is the link, for the
-    command that helps.
+    """Repeated decision whether one vehicle is of the airframe (`claim`).
+
+    `source` is the link, for the command suggested to the user.
     """
 
     def __init__(self, model: RotorModel, *, given: bool, source: str) -> None:
@@ -118,9 +119,10 @@ class AirframeWatch:
     def look(
         self, track: FlightTrack, facts: VehicleFacts, parameters: Mapping[str, float]
     ) -> AirframeClaim:
-        """Take new rows, in order, and return the decision that is valid from the first of them.
+        """Add new rows, in order, and return the claim on the airframe that is valid from the first
+        of them.
 
-        A decision must not depend on how many rows come at once, so the caller splits rows at
+        The claim must not depend on how many rows come at once, so rows must be passed split at
         `due_s`.
         """
         if track.rotor_count != self._airframe.rotor_count:  # certain, and at once
@@ -142,9 +144,8 @@ class AirframeWatch:
 
     @property
     def due_s(self) -> float:
-        """Time of the track, s, from which the next row makes a new comparison; -inf: the first row
-        in flight.
-        """
+        """Return the track's time, s, from which the next row causes a new comparison; -inf
+        before the first."""
         return self._looked_s + EVERY
 
     def _take(self, track: FlightTrack) -> None:
@@ -153,7 +154,7 @@ class AirframeWatch:
             self._gather(track)
 
     def _look(self, facts: VehicleFacts, parameters: Mapping[str, float]) -> None:
-        """Decide by the evidence up to the last row that was taken."""
+        """Decide by the evidence up to the last row added."""
         self._looked_s = self._taken_s
         since = self._last_s - REACH
         evidence = join_tracks([(t, rows[t.time_s[rows] > since]) for t, rows in self._parts])

@@ -37,8 +37,8 @@ from thrustmargin.models.model.inferred.prepared import fill_channels
 from thrustmargin.models.model.rotor_faults import FaultHistory
 from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe
 
-#: s of the vehicle's clock between two answers, and the share by which its rows have grown: more
-#: rows take longer, and change the answer less.
+#: s of the vehicle's clock between two verdicts, and the share by which its rows have grown: more
+#: rows take longer, and change the verdict less.
 AGAIN_S, GROWN = 5.0, 0.05
 SETTLED = 5.0  # s on the ground after which a flight is over, for as long as none follows
 STOOD = 600.0  # s on the ground before the first take-off that are kept
@@ -46,7 +46,7 @@ STOOD = 600.0  # s on the ground before the first take-off that are kept
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FlightAdvice:
-    """The answer of a report of a flight, or of the flight so far."""
+    """The advice of a flight's report, or of a flight so far."""
 
     advice: Advice
     contact: FirstContact | None  # of an aircraft that is not known
@@ -54,7 +54,7 @@ class FlightAdvice:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlightSoFar:
-    """One flight up to a row; its answer is worked out when a screen needs it."""
+    """A flight up to a row; its advice is computed when a screen needs it."""
 
     track: FlightTrack  # as reported
     state: VehicleState
@@ -67,22 +67,23 @@ class FlightSoFar:
 
     @property
     def advice(self) -> Advice:
-        """Advice of the flight so far; of a flight that is over, the report's."""
+        """Return the advice on the flight so far; after its end, the advice of its report."""
         return (self.reported() or self.so_far).advice
 
     @property
     def parameters(self) -> Mapping[str, float]:
-        """The autopilot's parameters."""
+        """Return the autopilot's parameters by name."""
         return self.state.parameters
 
     @cached_property
     def measured(self) -> FlightTrack:
-        """Rows without the readings of instruments that were frozen, as for a file."""
+        """Return the track without the readings of frozen instruments, as the reading of a log
+        removes them."""
         return without_frozen(self.track, identified_airframe(self.model), self.parameters)
 
     @cached_property
     def outputs(self) -> OutputEvidence | None:
-        """Load by the motor outputs of all rows; None where no margin is claimed.
+        """Return the load by the motor outputs of all rows; None where no margin is claimed.
 
         The claim was decided in the first climb, where outputs show more than the weight.
         """
@@ -97,7 +98,8 @@ class FlightSoFar:
 
     @cached_property
     def beyond_gauge_kg(self) -> float:
-        """Mass, kg, that hover thrust surely shows beyond gauge or statement; else 0."""
+        """Return the median mass, kg, by which hover thrust exceeds gauge or statement; 0 if not
+        significant."""
         if self.claim.withheld:
             return 0.0
         track = with_load_for_verdict(self._prepared, identified_airframe(self.model), self.outputs)
@@ -106,7 +108,8 @@ class FlightSoFar:
 
     @cached_property
     def order(self) -> MotorOrder | None:
-        """Order of the motors by the flight's manoeuvres; None where no margin is claimed."""
+        """Return the order of the motors by the flight's manoeuvres; None where no margin is
+        claimed."""
         if self.claim.withheld:
             return None
         flown = before_loss(self._prepared, loss_of_control(self._prepared))
@@ -114,11 +117,13 @@ class FlightSoFar:
 
     @property
     def other_order(self) -> bool:
-        """Whether its motors are in another order, or in other places, than the airframe's."""
+        """Return True if the motors are in another order, or in other places, than the
+        airframe's."""
         return self.order is not None and self.order.verdict not in ("agrees", "unclear")
 
     def shown_by(self, claim: AirframeClaim) -> AirframeClaim:
-        """Return a claim with what all rows of the flight show of outputs and motor order."""
+        """Return the claim with motor outputs and motor order as estimated from all rows of the
+        flight."""
         open_pairs = () if self.order is None else self.order.open_pairs
         return replace(
             claim, outputs=self.outputs, other_order=self.other_order, open_pairs=open_pairs
@@ -126,7 +131,8 @@ class FlightSoFar:
 
     @cached_property
     def so_far(self) -> FlightAdvice:
-        """Answer of a report of these rows, with the faults that were found in flight."""
+        """Return the advice that a report of these rows would give, with the faults found in
+        flight."""
         track, state = self._prepared, self.state
         made = advise(
             analyse(track, self.model, claim=self.shown_by(self.claim)),
@@ -140,13 +146,13 @@ class FlightSoFar:
 
     @property
     def settled(self) -> bool:
-        """Whether the answer is that of a report."""
+        """Return True if the flight has ended and its report is ready."""
         return self.reported() is not None
 
     @property
     def answer(self) -> FlightAnswer:
-        """Answer in the words of the language that is spoken, with the time up to which it is valid
-        for a flight in progress."""
+        """Return the answer in words of the current language; in flight with the time it is
+        valid up to."""
         made = spoken(), self.settled
         if made not in self._answers:
             advice = (self.reported() if self.settled else None) or self.so_far
@@ -156,18 +162,19 @@ class FlightSoFar:
 
     @cached_property
     def _answers(self) -> dict[tuple[str, bool], FlightAnswer]:
-        """Answers that were made, by language and whether the flight is over."""
+        """Return the cache of answers, by language and `settled`."""
         return {}
 
 
-#: Gives the answer of a flight that is over once that is known.
+#: Returns the verdict of a flight that is over, once it is known.
 Over = Callable[[FlightSoFar], Callable[[], FlightAdvice | None]]
 
 
 class SortieRows:
-    """The rows of one start of a vehicle, divided into flights; `now` is the newest flight.
+    """The rows since a vehicle's start, divided into flights; `now` is the newest flight.
 
-    `over` is called once for each flight that is over, and returns the answer of its report.
+    `over` is called once for each flight that has ended, and returns a function for its report's
+    advice.
     """
 
     def __init__(self, model: RotorModel, alarms: Alarms, over: Over) -> None:
@@ -191,8 +198,11 @@ class SortieRows:
         state: VehicleState,
         events: Sequence[AlarmEvent],
     ) -> None:
-        """Add the next rows as reported, at `clock_s` (T,) s of the vehicle; `events` are those of
-        their alarms.
+        """Add the next rows of the flight, and renew its result where that is due.
+
+        `clock_s` (T,) is the vehicle's clock, s, at the rows of `track` (at least one row); `claim`
+        and `state` are the latest decision on the airframe and the vehicle's reports; a raised
+        alarm among `events`, those of these rows, renews the result at once.
         """
         self._zero_s = float(clock_s[0] - track.time_s[0])
         self._said = claim, state
@@ -224,7 +234,7 @@ class SortieRows:
             self.make()
 
     def settle(self) -> None:
-        """End the flight: it has landed, or the recording ends."""
+        """End the flight, because it has landed or the recording ends, and request its report."""
         if self._reported:
             return
         self.make()
@@ -232,7 +242,8 @@ class SortieRows:
             self._reported, self.now = True, replace(self.now, reported=self._over(self.now))
 
     def restate(self) -> None:
-        """Replace the sizes of active faults by those of the report of a flight that is over."""
+        """Replace the sizes in fault alarms by those of the ended flight's report, once it is
+        ready."""
         if self.now is None or not self._alarms.of_parts:
             return
         if (reported := self.now.reported()) is not None:
@@ -263,17 +274,18 @@ class SortieRows:
 
     @property
     def found_bad(self) -> bool:
-        """Whether a rotor or motor was found bad in the flight, or before it and not cleared."""
+        """Return True if a rotor or motor was found bad in the flight, or before it and not
+        cleared."""
         found = () if self.now is None else self.now.faults
         return self._alarms.of_parts or any(faults for _, faults in found)
 
     @property
     def kept_s(self) -> float:
-        """Time, s, from the first row that is kept to the last."""
+        """Return the time, s, from the first to the last stored row."""
         return float(self._parts[-1].time_s[-1] - self._parts[0].time_s[0]) if self._parts else 0.0
 
     def _begins_another_flight(self, time_s: float) -> bool:
-        """Return whether a take-off now would begin another flight."""
+        """Return True if a take-off now would begin another flight."""
         long = LONG_DOWN if not self._disarmed else REST
         return time_s - self._landed_s >= long
 
@@ -286,7 +298,8 @@ class SortieRows:
         self._reported = False
 
     def _begin(self, down_s: float, up_s: float) -> None:
-        """Begin another flight after a stay on the ground, with the nearer half of that stay."""
+        """Begin another flight after a stay on the ground from `down_s` to `up_s`, s; keep the
+        later half of the stay, at most REST s."""
         self._keep(max(up_s - REST, 0.5 * (down_s + up_s)))
         self._begin_s = float(self._parts[0].time_s[0]) if self._parts else up_s
         self._made_s = -math.inf

@@ -30,7 +30,7 @@ from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import RotorModel
 
 CHUNK_S = 10.0  # s of messages that are forgotten together
-#: What a vehicle says seldom, and what holds from then on: kept for as long as it is heard.
+#: Messages sent rarely and valid from then on: stored as long as the vehicle is received.
 _LASTING_NAMES = (
     *("HOME_POSITION", "GPS_GLOBAL_ORIGIN", "EXTENDED_SYS_STATE", "AUTOPILOT_VERSION"),
     *("STATUSTEXT", "SYSTEM_TIME"),
@@ -39,10 +39,9 @@ LASTING = OF_ITSELF | OF_MISSION | {message_ids()[name] for name in _LASTING_NAM
 
 
 class LandedFlights:
-    """The messages of one vehicle in the order of arrival, as the bytes of a .tlog, read when a
-    flight is over.
+    """The messages of one vehicle as the bytes of a .tlog, read when a flight is over.
 
-    `later` decides when they are read.
+    `later` schedules the reading.
     """
 
     def __init__(
@@ -54,7 +53,7 @@ class LandedFlights:
         self._was_flying = False  # in the last row
 
     def take(self, frame: Frame) -> None:
-        """Add one message."""
+        """Store one message."""
         stamp_us = frame.stamp_us
         if not self._chunks or stamp_us - self._chunks[-1][0] > CHUNK_S * 1e6:
             self._chunks.append((stamp_us, bytearray(), bytearray()))
@@ -73,14 +72,16 @@ class LandedFlights:
             self.landed_us = 0 if self._was_flying else int(stamp_us[down])
 
     def forget(self, before_us: float) -> None:
-        """Drop messages of before a time, ground's clock in µs, except those that stay valid."""
+        """Drop messages from before a time, ground's clock in µs, except those that stay valid."""
         for k, (first_us, whole, lasting) in enumerate(self._chunks[:-1]):
             if self._chunks[k + 1][0] <= before_us and len(whole) > len(lasting):
                 self._chunks[k] = first_us, lasting, lasting
 
     def answer(self, flight: FlightSoFar) -> Callable[[], FlightAdvice | None]:
-        """Return a function for the report's answer; that answer is the one so far where no report
-        can be made.
+        """Start the report of an ended flight; return a function that returns its advice, None
+        until ready.
+
+        If no report can be made, it is the advice computed from the live rows.
         """
         tlog = b"".join(whole for _, whole, _ in self._chunks)
         read = partial(as_reported, tlog, self._model, self._settings, system=self._system)
@@ -90,7 +91,7 @@ class LandedFlights:
 def as_reported(
     tlog: bytes, model: RotorModel, settings: WatchSettings, *, system: int
 ) -> FlightAdvice | None:
-    """Return the answer of `report` for the last flight of a vehicle in the bytes of a .tlog.
+    """Return the advice of `report` for the last flight of a vehicle, from the bytes of a .tlog.
 
     None where the flight cannot be read, or the file not be written, as on a full disk.
     """

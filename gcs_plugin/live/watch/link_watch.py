@@ -19,10 +19,10 @@ from thrustmargin.models.flight import Floats
 
 
 class LinkWatch:
-    """The frames of one system id: copies, two vehicles with one id, and silence.
+    """Link state of one system id: duplicate frames, two vehicles with one id, and silence.
 
-    Times are the ground's clock, µs. `heard_us` is the listener's, system id -> when it was last
-    heard; it may be ahead of the frames that were taken.
+    Times are the ground's clock, µs. `heard_us` is the listener's, system id -> time of its last
+    message; it may be ahead of the frames taken so far.
     """
 
     def __init__(self, system: int, heard_us: Mapping[int, int]) -> None:
@@ -36,25 +36,26 @@ class LinkWatch:
 
     @property
     def shared(self) -> bool:
-        """Whether two vehicles send under this id."""
+        """Return True if two vehicles send under this id."""
         return self._taken_us < self.shared_until_us
 
     @property
     def doubled(self) -> int:
-        """Frames that came again over a second link or router, and were dropped."""
+        """Return the number of frames dropped as copies from a second link or router."""
         return sum(sender.doubled for sender in list(self.senders.values()))
 
     @property
     def last_us(self) -> int:
-        """Ground's clock, µs, when any frame of it last arrived, analysed or not."""
+        """Return the ground's clock, µs, at the vehicle's last frame, analysed or not."""
         return max(self._taken_us, self._heard_us.get(self._system, 0))
 
     def silent(self, now_us: int) -> float:
-        """Return s since anything was heard, taken or not."""
+        """Return the s since the last message was received, processed or not."""
         return max(now_us - self.last_us, 0) * 1e-6
 
     def take(self, frame: Frame) -> bool:
-        """Take the next frame in the order of arrival; return False for a copy or a late one."""
+        """Process the next frame in order of arrival; return False if it is a copy or late, to
+        be dropped."""
         sender = self.senders.get(frame.component)
         if sender is None:
             sender = self.senders[frame.component] = SenderWatch()
@@ -83,10 +84,11 @@ class RotorSilence:
         self._unheard_s = np.full(rotor_count, np.nan)
 
     def add(self, known: NDArray[np.bool_], time_s: Floats, first: int, pause: float) -> Floats:
-        """Return (N, R) s without a speed at each of the N rows from `first` on; NaN before any.
+        """Return the s (N, R) without a speed report at each row from `first` on; NaN before the
+        first one.
 
         `known` (T, R) marks the reported speeds of the rows at `time_s` (T,). A gap between rows
-        longer than `pause` s counts nothing: then the link was lost, and not a rotor.
+        longer than `pause` s does not count: there the whole link was lost.
         """
         known = known[first:]
         if known.shape[1] != self._unheard_s.size:

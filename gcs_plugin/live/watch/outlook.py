@@ -40,7 +40,7 @@ LONGEST_FLIGHT = 3600.0  # s; no sprayer flies longer
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outlook:
-    """The forecast for the rest of the flight by the newest row."""
+    """The forecast for the rest of the flight, as of the newest row."""
 
     #: At the present flow, spraying on; inf where that is not within a flight.
     seconds_to_empty: float = math.nan
@@ -49,17 +49,19 @@ class Outlook:
 
     @cached_property
     def margin_full(self) -> float:
-        """Predicted worst-rotor margin with a full tank, worked out when a screen asks for it."""
+        """Return the predicted margin, a share of 1, of the worst rotor with a full tank;
+        computed when requested."""
         return self.full()
 
     @property
     def margin_ahead(self) -> float:
-        """Least predicted margin that lasts on the rest of the route; NaN without a mission."""
+        """Return the least predicted lasting margin on the rest of the route; NaN without a
+        mission."""
         return math.nan if self.route is None else self.route.lasting_margin
 
 
 class LookAhead:
-    """Follows one vehicle's pump and route row by row.
+    """A forecast of liquid and margin for one vehicle, from its pump and route.
 
     `now` is the last forecast, made every two seconds of its clock.
     """
@@ -77,24 +79,23 @@ class LookAhead:
         self._last_flow = 0.0  # kg/s when the pump was last on
 
     def use_plan(self, plan: MissionPlan | None, state: VehicleState) -> None:
-        """Forecast along this mission until the vehicle's own is replaced; None: the vehicle has
-        none.
-        """
+        """Forecast along `plan` until the vehicle's own mission is replaced; None if it has
+        none."""
         self.plan, self._given_at = plan, state.mission_changes
 
     def restart(self) -> None:
-        """Begin anew with the clock of a vehicle that restarted."""
+        """Reset times and tank levels for the new clock of a vehicle that restarted."""
         self._done_s = -math.inf
         self._levels.clear()
 
     def rows(
         self, analysis: FlightAnalysis, first: int, new: LiveRows, state: VehicleState
     ) -> tuple[Floats, Floats]:
-        """Take the rows `new`, in order, which are those of the analysis from `first` on.
+        """Process the rows `new`, in order, which are those of the analysis from `first` on.
 
-        Returns at each (T,) kg delivered since the pump was first heard, by the delivery factor
-        that was known then, and the least predicted margin on the rest of the route, NaN without a
-        mission.
+        Return two arrays (N,), one value for each new row: kg delivered since the pump was first
+        heard, by the delivery factor then known; and the least predicted margin on the rest of the
+        route, NaN without a mission.
         """
         gauge = analysis.track.measured("tank_kg")
         delivered, ahead = np.full((2, new.clock_s.size), np.nan)
@@ -120,7 +121,7 @@ class LookAhead:
         mission_item: int,
         state: VehicleState,
     ) -> None:
-        """Forecast from one row; `mission_item` is the item flown to, -1 unknown."""
+        """Forecast from one row; `mission_item` is the number of the item flown to, -1 unknown."""
         track, airframe = analysis.track, self._model.airframe
         tank = float(track.tank_kg[row])
         inferred = math.isnan(track.measured("tank_kg")[row])
@@ -143,9 +144,11 @@ class LookAhead:
     def _flow(
         self, clock_s: float, level: float, error: float, pump_share: float, delivery: float
     ) -> float:
-        """Return kg/s out of the tank while spraying, by the pump, else by the gauge; NaN unknown.
+        """Return the flow out of the tank while spraying, kg/s, from the pump, else the gauge; NaN
+        if unknown.
 
-        `error` is the standard error, kg, of a level that was inferred.
+        `pump_share` is the pump's output, 0 to 1, NaN if unknown; `delivery` the ratio of delivered
+        to pumped liquid; `level` kg, with the standard error `error` if inferred.
         """
         airframe = self._model.airframe
         if math.isfinite(pump_share):
@@ -196,9 +199,8 @@ class LookAhead:
 
 
 def recorded_seconds_to_empty(track: FlightTrack, row: int) -> float:
-    """Return s until the tank of a recorded flight is empty, by its fall in the window before a
-    row.
-    """
+    """Return the s until a recorded flight's tank is empty, at its rate in the window before
+    `row`."""
     time_s = track.time_s
     first = int(np.searchsorted(time_s, time_s[row] - FLOW_WINDOW))
     levels = np.column_stack([time_s[first : row + 1], track.tank_kg[first : row + 1]])
@@ -211,9 +213,8 @@ def recorded_seconds_to_empty(track: FlightTrack, row: int) -> float:
 
 
 def _fall(levels: Floats, error: float) -> float:
-    """Return kg/s by which levels (N, 2), clock s and kg, fall on a line; NaN where a fall is not
-    significant.
-    """
+    """Return the rate, kg/s, by which levels (N, 2), clock s and kg, fall; NaN if not
+    significant."""
     time_s, kg = levels.T - levels.mean(axis=0)[:, None]
     square = float(time_s @ time_s)
     slope = float(time_s @ kg) / square
@@ -224,13 +225,14 @@ def _fall(levels: Floats, error: float) -> float:
 
 
 def _seconds_to_empty(tank: float, flow: float) -> float:
-    """Return s until the tank is empty; inf without a flow, and beyond the length of any flight."""
+    """Return the s until the tank is empty; inf without a flow or beyond LONGEST_FLIGHT, NaN if
+    unknown."""
     seconds = tank / flow if flow > 0.0 else (math.inf if flow == 0.0 else math.nan)
     return math.inf if seconds > LONGEST_FLIGHT else seconds
 
 
 def _plan(waypoints: Iterable[PlanItem], *, home_first: bool) -> MissionPlan | None:
-    """Return the mission that was overheard; None unless it is complete."""
+    """Return the mission whose transfer was received from the link; None unless it is complete."""
     ordered = sorted(waypoints, key=lambda w: w.number)
     if not ordered or [w.number for w in ordered] != list(range(len(ordered))):
         return None

@@ -53,9 +53,8 @@ class FrozenWatch:
         self._voltage = VoltageSoFar()
 
     def without_frozen(self, track: FlightTrack, parameters: Mapping[str, float]) -> FlightTrack:
-        """Return new rows, in order, without a broken voltage and without channels that are frozen
-        by then.
-        """
+        """Return new rows, in order, with NaN for a broken voltage and for channels frozen so
+        far."""
         time_s = track.time_s
         if self._flown and time_s[0] <= self._last_s:  # it was started anew
             self._begin()
@@ -83,9 +82,9 @@ class FrozenWatch:
 
 
 def _moves(track: FlightTrack, channel: str, stood: Stand) -> bool:
-    """Return whether a frozen reading moves again; False for one that only contradicts others.
+    """Return True if a frozen reading moves again; False for one that only contradicts others.
 
-    A contradicting reading did move all along, and is checked at the next look.
+    A contradicting reading was never still, and is tested at the next check.
     """
     if stood.reason is not Reason.FROZEN:
         return False
@@ -104,7 +103,7 @@ class RowPreparation:
 
     @property
     def claim(self) -> AirframeClaim:
-        """The last decision whether it is of the airframe."""
+        """Return the last result of matching the vehicle with the airframe."""
         return self._airframe.claim
 
     @property

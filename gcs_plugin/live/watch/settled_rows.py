@@ -28,20 +28,20 @@ CARRIED = ("clock_s", "stamp_us", "pumped_kg", "delivered_kg", "margin_ahead")
 
 
 class RowHorizon:
-    """The rows that become final when `look_s` s of later rows are known."""
+    """A tracker of which rows are final, because `look_s` s of later rows are known."""
 
     def __init__(self, look_s: float) -> None:
         self.look_s = look_s
         self._waiting = 0  # of the known rows, the last so many
 
     def restart(self) -> None:
-        """Forget the rows: others follow that do not go on from them."""
+        """Forget the waiting rows, because the next rows do not continue them."""
         self._waiting = 0
 
     def settled(self, time_s: Floats, first: int, *, at_once: bool) -> slice:
         """Return the rows of `time_s` (T,), s, that become final with the rows from `first` on.
 
-        `at_once`: every row is final as soon as it is there.
+        `at_once`: every row is final as soon as it arrives.
         """
         begin, until = first - self._waiting, time_s.size
         if self.look_s > 0.0 and not at_once:
@@ -60,7 +60,7 @@ class SettledRows:
         self._sought = RowHorizon(fault_model(model).look_ahead_s)
 
     def restart(self) -> None:
-        """Forget the rows: others follow that do not go on from them."""
+        """Forget the waiting rows, because the next rows do not continue them."""
         self._predicted.restart()
         self._sought.restart()
 

@@ -37,7 +37,7 @@ from thrustmargin.models.statement import Statement
 
 #: s for which two vehicles with one id stay suspended after they were last seen to take turns.
 SHARED_HOLD = 10.0
-ROWLESS = 5.0  # s after which a vehicle without any row says so
+ROWLESS = 5.0  # s after which a vehicle without any row is reported
 #: s after which a field is shown as no longer reported, seldom where a link loses half.
 LASTING = 5.0
 GONE = 60.0  # s of silence after which a vehicle has left
@@ -45,7 +45,7 @@ GONE = 60.0  # s of silence after which a vehicle has left
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchSettings(Options):
-    """The options by which vehicles are read and alarms are raised."""
+    """The options for reading vehicles and raising alarms."""
 
     vehicle: int | None = None  # system id of the only one; None: all that are heard
     alarms: AlarmSettings = field(default_factory=AlarmSettings)
@@ -55,7 +55,7 @@ class WatchSettings(Options):
 
     @property
     def as_of_a_file(self) -> dict[str, Any]:
-        """Options stated for the flight, as `read_sorties` takes them."""
+        """Return the options stated for the flight, as keyword arguments of `read_sorties`."""
         stated = ("tank", "tank_start_kg", "load", "load_end", "air_temperature")
         return {name: getattr(self, name) for name in stated}
 
@@ -66,14 +66,14 @@ Later = Callable[[Callable[[], Found]], Callable[[], Found | None]]
 
 
 def when_asked(work: Callable[[], Found | None]) -> Callable[[], Found | None]:
-    """Do the work when its result is first requested: for a recording, which waits."""
+    """Return a function that does the work at its first call and repeats the result after it."""
     return cache(work)
 
 
 def in_background(pool: Executor, failed: Callable[[BaseException], None]) -> Later[Any]:
-    """Return a function that does work on a pool: for a link, which does not wait.
+    """Return a function that submits work to a pool and returns a function for its result.
 
-    The result is None until it is there, and for work that raised an exception, with which `failed`
+    The result is None until it is ready, and for work that raised an exception, with which `failed`
     is called.
     """
 
@@ -100,7 +100,7 @@ class Update:
     """The new rows of one vehicle. Arrays are (T,) as the analysis; rows before `first` were known.
 
     Measured values are final in every row. Predictions of a model with effects are final in the
-    rows before `settled`, of which those from `unsettled` on have become so with this update.
+    rows before `settled`; those from `unsettled` on became final with this update.
     """
 
     vehicle: int
@@ -116,7 +116,7 @@ class Update:
     delivered_kg: Floats  # of that, by the delivery factor that was known at the row
     margin_ahead: Floats  # least predicted on the rest of the route, NaN without a mission
     outlook: Outlook
-    alarms: tuple[Alarm, ...]  # that stand after the last row
+    alarms: tuple[Alarm, ...]  # that are raised after the last row
     events: tuple[AlarmEvent, ...]
     #: Since its take-off, or the last one, also of before a restart; None before the first.
     flight: FlightSoFar | None = None
@@ -131,24 +131,27 @@ class Update:
         return f"Update(vehicle {self.vehicle}, margin by rotor {margins} %, {alarms})"
 
     def age_s(self, now_us: int) -> float:
-        """s since the newest row's report came, at a time of the ground's clock."""
+        """Return the s since the newest row's report arrived; `now_us` is the ground's clock,
+        µs."""
         return max((now_us - int(self.stamp_us[-1])) * 1e-6, 0.0)
 
     @property
     def answer(self) -> FlightAnswer | None:
-        """Answer of the flight so far, or of the last one; None before the first take-off."""
+        """Return the answer of the flight so far, or of the last one; None before the first
+        take-off."""
         return None if self.flight is None else self.flight.answer
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences on the sources of the numbers."""
+        """Return sentences on how the airframe was chosen, what helps without one, and what
+        contradicts it."""
         claim = self.analysis.claim
         helps = (remedy_words(claim),) if claim.withheld else ()
         return (described_words(claim), *helps, *self.beside_the_airframe)
 
     @property
     def beside_the_airframe(self) -> tuple[str, ...]:
-        """The remarks except those on the airframe, which the gauges have themselves."""
+        """Return the remarks except those on the airframe, which the gauges have themselves."""
         track = self.analysis.track
         speeds, tank_kg = track.source("rotor_speed_rpm"), track.source("tank_kg")
         inferred = (no_escs(speeds),) if speeds.meaning is Meaning.MOTOR_OUTPUTS else ()
@@ -158,21 +161,20 @@ class Update:
 
 
 def update_with_bad_part(update: Update) -> Update:
-    """Return the update of an aircraft with a bad rotor or motor: without a margin for a full
-    tank.
-    """
+    """Return the update for an aircraft with a bad rotor or motor: without the margin for a full
+    tank."""
     outlook = replace(update.outlook, full=lambda: math.nan)
     return replace(update, analysis=with_bad_part(update.analysis), outlook=outlook)
 
 
 def continues(last: Update, new: LiveRows) -> bool:
-    """Return whether the new rows follow the last: no restart, and the same number of rotors."""
+    """Return True if the new rows follow the last: no restart, and the same number of rotors."""
     before = last.analysis.track.rotor_count
     return last.boot == new.boot and before == new.track.rotor_count
 
 
 def with_rows(last: Update | None, window: slice, new: LiveRows | None) -> FlightTrack:
-    """Return the kept rows of the last update, followed by the new ones."""
+    """Return the rows `window` of the last update, followed by the new ones."""
     if last is None:
         assert new is not None
         return new.track

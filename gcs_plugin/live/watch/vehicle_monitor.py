@@ -57,10 +57,10 @@ from thrustmargin.models.model.rotor_model import RotorModel
 
 
 class VehicleMonitor:
-    """Watches one system id: call `take` with its frames, `updates` for its rows, `tick` often.
+    """Monitor of one system id: call `take` with its frames, `updates` for its rows, `tick` often.
 
-    `heard_us` is the listener's, system id -> ground's clock, µs, when it was last heard; `later`
-    runs the work that answers for a flight that is over.
+    `heard_us` is the listener's, system id -> ground's clock, µs, of its last message; `later` runs
+    the report of an ended flight in the background.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class VehicleMonitor:
         options = replace(settings, airframe=model.airframe, sampling="hold")
         self.telemetry = VehicleTelemetry(system, options, self._asked)
         self.alarms = Alarms(settings.alarms)
-        #: What happened since they were last taken, and when by the ground's clock, µs.
+        #: What happened since the events were last processed, and when by the ground's clock, µs.
         self.notes: list[tuple[int, str]] = []
         self.not_followed: Mapping[str, tuple[float, float]] = {}  # in vain: Hz that come, asked
         self.last: Update | None = None
@@ -92,27 +92,28 @@ class VehicleMonitor:
         self._landed = LandedFlights(system, model, settings, later)
         self._sortie = SortieRows(model, self.alarms, self._landed.answer)
         self._rotor_silence = RotorSilence(model.airframe.rotor_count)
-        #: The last flight of before a restart: a new battery does not take its answer away.
+        #: The last flight before a restart: its verdict outlives a change of battery.
         self._flight_before: FlightSoFar | None = None
 
     @property
     def state(self) -> VehicleState:
-        """The vehicle's own reports: kind, parameters, mission."""
+        """Return the vehicle's own reports: kind, parameters, mission."""
         return self.telemetry.state
 
     @property
     def vehicle(self) -> bool:
-        """Whether an autopilot's heartbeat has come: a radio, gimbal or tracker has none."""
+        """Return True if an autopilot's heartbeat was received; a radio, gimbal or tracker has
+        none."""
         return self._piloted or self.link.shared
 
     @property
     def seen(self) -> bool:
-        """Whether this is a vehicle, or may be one by its rows, and not only a stray id."""
+        """Return True for a vehicle, or an id with rows of a flight, and False for a stray id."""
         return self.vehicle or self.rows > 0
 
     @property
     def problem(self) -> str:
-        """Sentence on why there is no margin; empty where there is none to report."""
+        """Return the sentence on why there are no rows or no margin; empty without a problem."""
         if self.link.shared:
             return two_vehicles(self.system)
         if self.rows == 0 and self.telemetry.read_us - self.link.first_us > ROWLESS * 1e6:
@@ -121,25 +122,25 @@ class VehicleMonitor:
 
     @property
     def claim(self) -> AirframeClaim:
-        """The last decision whether it is of the airframe."""
+        """Return the last decision whether the vehicle is of the airframe."""
         return self._preparation.claim
 
     @property
     def waiting(self) -> bool:
-        """Whether `updates` may have rows."""
+        """Return True if `updates` may have new rows."""
         return self.telemetry.waiting
 
     @property
     def plan(self) -> MissionPlan | None:
-        """The mission that is forecast; None while none is known."""
+        """Return the mission used for the forecast; None while none is known."""
         return self._ahead.plan
 
     def use_plan(self, plan: MissionPlan | None) -> None:
-        """Forecast along this mission until the vehicle's is another; None: it holds none."""
+        """Forecast along `plan` until the vehicle's mission changes; None if it has none."""
         self._ahead.use_plan(plan, self.state)
 
     def take(self, frame: Frame) -> None:
-        """Take the next frame of this vehicle, in the order of arrival."""
+        """Process the next frame of this vehicle, in the order of arrival."""
         if not self.link.take(frame):
             return
         if self.link.shared:
@@ -152,14 +153,14 @@ class VehicleMonitor:
         self._piloted |= self.state.autopilot >= 0
 
     def overhear(self, frame: Frame) -> None:
-        """Take a mission message that another system sends to this vehicle."""
+        """Store a mission message that another system sends to this vehicle."""
         self.telemetry.state = fold_mission(self.state, frame)
 
     def updates(self, *, final: bool = False) -> list[Update]:
-        """Return the rows that came since the last call, analysed.
+        """Return the new rows since the last call, analysed.
 
         There is one part for each start of the vehicle, and for each change of its own reports.
-        `final`: no more will come, and the last predictions count as settled.
+        `final`: no more frames will come, and the last predictions count as settled.
         """
         made = [
             self._update(part)
@@ -173,7 +174,7 @@ class VehicleMonitor:
         return made
 
     def _update(self, new: LiveRows | None) -> Update:
-        """Make the next update: with new rows, or (None) with the last predictions settled."""
+        """Make the next update: with new rows, or for None with the last predictions settled."""
         last = self.last
         if last is None or (new is not None and not continues(last, new)):
             if last is not None and new is not None and last.boot != new.boot:
@@ -252,7 +253,8 @@ class VehicleMonitor:
         return self.last
 
     def _begin_anew(self) -> None:
-        """Forget the rows so far: the vehicle has restarted, or has another number of rotors."""
+        """Forget the rows so far, because the vehicle has restarted or has another number of
+        rotors."""
         self._flight_before = self._sortie.now or self._flight_before
         self._settled.restart()
         self._preparation.restart()
@@ -272,7 +274,8 @@ class VehicleMonitor:
         return None if bool(before.withheld) != bool(claim.withheld) else start
 
     def _analysed(self, track: FlightTrack, start: FlightState | None) -> FlightAnalysis:
-        """Analyse rows, with what the whole flight so far shows of claim and load."""
+        """Analyse rows, with the claim and the load beyond the gauge that the whole flight so
+        far shows."""
         flight = self._sortie.now
         claim = self.claim if flight is None else flight.shown_by(self.claim)
         analysis = analyse(track, self._model, start=start, claim=claim)
@@ -283,7 +286,8 @@ class VehicleMonitor:
     def _beyond_the_rows(
         self, analysis: FlightAnalysis, first: int, new: LiveRows
     ) -> dict[str, NDArray[Any]]:
-        """Return pumped mass, margin ahead and clocks at each new row, as `CARRIED`."""
+        """Return the arrays named by CARRIED for the new rows: vehicle and ground clocks, pumped
+        and delivered mass, kg, and the least margin on the way ahead."""
         delivered, ahead = self._ahead.rows(analysis, first, new, self.state)
         return {
             "clock_s": new.clock_s,
@@ -294,10 +298,10 @@ class VehicleMonitor:
         }
 
     def tick(self, now_us: int) -> list[AlarmEvent]:
-        """Check the link at a time of the ground's clock up to which all that came is known.
+        """Check the link as of `now_us`, the ground's clock, up to which all frames were received.
 
-        Nothing here depends on how far the analysis is: what is missed in messages shows by their
-        own clock.
+        The result does not depend on how far the analysis is: missing messages show by their own
+        clock.
         """
         if not self.seen:
             return []
@@ -314,13 +318,13 @@ class VehicleMonitor:
 
     @property
     def _rows_behind(self) -> float:
-        """Time, s, from the last row to the last analysed message, which may have given no row."""
+        """Return the time, s, from the last row to the last analysed message; 0 without a row."""
         if self.last is None:
             return 0.0
         return max(self.telemetry.read_us - int(self.last.stamp_us[-1]), 0) * 1e-6
 
     def stale(self, now_us: int) -> str:
-        """Return the sentence on fields that are no longer reported; empty when all are.
+        """Return the sentence on fields that are no longer reported; empty if all are.
 
         It is empty also while the vehicle as a whole is silent.
         """
@@ -331,13 +335,12 @@ class VehicleMonitor:
 
     @property
     def flying(self) -> bool:
-        """Whether it was off the ground when last heard; before the first row, whether it was
-        armed.
-        """
+        """Return True if the last row is off the ground; before the first row, if the vehicle is
+        armed."""
         return self.state.armed if self.last is None else bool(self.last.analysis.track.flying[-1])
 
     def has_left(self, now_us: int) -> bool:
-        """Return whether it has gone: long silent, and on the ground when last heard.
+        """Return True if it has gone: long silent, and on the ground when last heard.
 
         A vehicle that fell silent in flight stays listed.
         """

@@ -37,9 +37,7 @@ def dataflash_boots(path: Path, *, vehicle: int | None = None) -> Iterator[Recor
 
 
 def _scanned_messages(path: Path) -> dict[str, Any]:
-    """Return the arguments of `boots_of` for a file, so that its bytes are freed before tables
-    are made.
-    """
+    """Return the arguments of `boots_of` for a file; its bytes are freed before tables are made."""
     data, size = read_bytes(path, PADDING)
     scanned = scan(data, size)
     if scanned.start.size == 0 or len(scanned.formats) < 2:

@@ -63,8 +63,9 @@ class Messages(NamedTuple):
     place: Index  # offset in the file
 
     def slice(self, first: int, end: int) -> Messages:
-        """Return the messages from byte `first` up to `end`; of a type with a clock, those with
-        a time.
+        """Return the messages from byte `first` up to `end`, without those whose time is missing.
+
+        Types without a clock keep all messages.
         """
         rows = (self.place >= first) & (self.place < end)
         if own_clock(self.form.columns) is not None:
@@ -92,9 +93,9 @@ def boots_of(
 ) -> Iterator[Recording]:
     """Yield a recording for each run between restarts of a file of `size` bytes.
 
-    `messages` are the needed ones and the three of units, by name; `kept` is the number of all
-    messages, `skipped` the (offset, length) of damage. Raise LogError if `vehicle` is not the one
-    in the log.
+    `messages` are the needed ones and the three that define units, by name; `kept` is the number of
+    all messages, `skipped` the (offset, length) of damage. Raise LogError if `vehicle` is not the
+    one in the log.
     """
     in_text = format_name != "DataFlash"
     units = Units.from_tables(lambda name: messages[name].table if name in messages else None)
@@ -117,7 +118,10 @@ def boots_of(
 
 
 def _stream(messages: Messages, units: Units, *, in_text: bool) -> Stream | None:
-    """Return the messages as a Stream; None if they have no time, or lack a required column."""
+    """Return the messages as a Stream; None if they have no time, or lack a required column.
+
+    `in_text`: they are from a text log, whose numbers are scaled already.
+    """
     name = messages.form.name
     scale, label = units.describe(messages.form, text=in_text)
     if not messages.place.size or any(column not in scale for column in REQUIRED.get(name, ())):
@@ -135,7 +139,8 @@ def _recording_of(
     quality: LogQuality,
     vehicle: int | None,
 ) -> Recording:
-    """Return the Recording of the streams of one boot."""
+    """Return the Recording of the streams of one boot; raise LogError if `vehicle` is not the
+    log's."""
     parameters: dict[str, float] = {}
     sent: tuple[tuple[float, str, float], ...] = ()
     if "PARM" in streams:
@@ -195,7 +200,7 @@ def _unix_offset(stream: Stream | None) -> float | None:
 
 
 def _waypoints(stream: Stream | None) -> tuple[PlanItem, ...]:
-    """Return the mission as last logged, by item number."""
+    """Return the mission as last logged, by item number; empty if none is."""
     if stream is None:
         return ()
     columns = columns_of(stream)

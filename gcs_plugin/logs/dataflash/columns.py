@@ -27,10 +27,11 @@ NO_UNIT = ("", "UNKNOWN", "instance")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DataFlashColumns:
-    """One message type: `columns[name]` as people read it, `columns.si(name, unit)` in SI.
+    """Messages of one type: `columns[name]` in the unit people read, `columns.si(name, unit)` in
+    SI.
 
-    `scale` is the factor of each column by its format letter and MULT; `label` its unit by
-    FMTU and UNIT, where the log has them.
+    `scale` is the factor of each column by its format letter and MULT; `label` its unit by FMTU and
+    UNIT, where the log has them.
     """
 
     table: NDArray[np.void]
@@ -73,7 +74,7 @@ class DataFlashColumns:
 
 
 def own_clock(columns: Sequence[str]) -> tuple[str, float] | None:
-    """Return the column with the vehicle's clock and its unit, s; None for a message without one.
+    """Return the name of the column with the vehicle's clock and its unit, s; None without one.
 
     Logs from before 2015 count ms; their GPS message has the clock in T, and its TimeMS is of the
     GPS week.

@@ -91,7 +91,7 @@ def _vibration(columns: Any) -> Floats:
 
 _VIBE = ("VibeX", "VibeY", "VibeZ")
 _COURSE = ("Spd", "GCrs", "VZ")
-#: Those that are taken when nothing else gives the channel.
+#: Those that are used when nothing else gives the channel.
 LAST_RULES: tuple[Rule, ...] = (
     Rule("GPS", _COURSE, "velocity_ned", index="I", only=0, convert=_over_ground),
     Rule("VIBE", _VIBE, "vibration", index="IMU", only=0, convert=_vibration),
@@ -133,8 +133,9 @@ def _source(message: str, *fields: str) -> Provenance:
 
 
 def dataflash_signals(streams: Mapping[str, Stream]) -> Signals:
-    """Return the signals of every DataFlash message in `streams`, whose columns are
-    DataFlashColumns.
+    """Return the signals, by channel, of every DataFlash message in `streams`.
+
+    The columns of the streams are DataFlashColumns.
     """
     signals = [signal for rule in RULES for signal in _by_rule(rule, streams)]
     signals += _wind(streams)
@@ -157,7 +158,7 @@ def without_monitors_off(
 ) -> tuple[Signals, dict[str, Statement]]:
     """Remove the signals of battery monitors that are off; also return the reasons by channel.
 
-    Older firmware logs such a monitor with whatever its pins read.
+    Older firmware logs an arbitrary value for such a monitor.
     """
     kept: dict[str, tuple[Signal, ...]] = dict(signals)
     unused: dict[str, Statement] = {}
@@ -208,9 +209,9 @@ def _by_rule(rule: Rule, streams: Mapping[str, Stream]) -> list[Signal]:
 
 
 def _in_hundredths(rate: Floats, streams: Mapping[str, Stream]) -> bool:
-    """Return whether body rates (n, 3) are in hundredths of a degree, as in ArduCopter before 3.4.
+    """Return True if body rates (n, 3) are in hundredths of a degree, as in ArduCopter before 3.4.
 
-    The message is equal in both; the gyroscope shows the unit, or the size does.
+    The message is equal in both; the unit shows by the gyroscope's rates, else by the size.
     """
     sizes = np.linalg.norm(rate, axis=1)
     gyro = streams.get("IMU")
@@ -240,9 +241,8 @@ def _rangefinder_good(columns: DataFlashColumns) -> np.ndarray:
 
 
 def _core(streams: Mapping[str, Stream], names: tuple[str, ...]) -> tuple[str, Stream] | None:
-    """Return name and stream of the first EKF message present, of its first core; None if
-    absent.
-    """
+    """Return name and stream of the first message of `names` that is present, with the rows of EKF
+    core 0; None if absent."""
     for name in names:
         stream = streams.get(name)
         if stream is None:
@@ -257,8 +257,9 @@ def _core(streams: Mapping[str, Stream], names: tuple[str, ...]) -> tuple[str, S
 
 
 def _wind(streams: Mapping[str, Stream]) -> list[Signal]:
-    """Return the EKF's wind; none if it is 0 throughout, which means neither airspeed nor drag
-    model.
+    """Return the EKF's wind as a list of signals; empty if it is 0 throughout.
+
+    A wind of 0 means that the EKF has neither an airspeed nor a drag model.
     """
     core = _core(streams, ("XKF2", "NKF2"))
     if core is None:
@@ -312,11 +313,10 @@ def _landed(stream: Stream) -> list[Signal]:
 
 
 def _armed(streams: Mapping[str, Stream]) -> list[Signal]:
-    """Return the signals of armed or not by each change that is logged: before the first it was
-    the other.
+    """Return signals of 1 (armed) and 0 (disarmed), by each logged change.
 
-    A crash check disarms, and whoever is armed again was disarmed before, whether or not the log
-    goes on while disarmed.
+    Before the first change the state is its opposite. A crash check disarms, and before a second
+    arming the vehicle was disarmed, even if the log pauses while disarmed.
     """
     signals = []
     crashed_s = _crash_checks(streams)

@@ -52,7 +52,7 @@ SCALED_LETTERS = frozenset("cCeEL")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Format:
-    """One message type as the log's own FMT describes it."""
+    """Format of one message type, as the log's own FMT message describes it."""
 
     type: int
     name: str
@@ -94,7 +94,8 @@ class FoundMessages:
 
 
 def make_format(number: int, length: int, name: str, letters: str, columns: str) -> Format | None:
-    """Return the Format, or None if its parts are inconsistent (a damaged FMT)."""
+    """Return the Format of an FMT message's fields; None if they contradict each other (a damaged
+    FMT)."""
     names = tuple(c.strip() for c in columns.split(",")) if columns else ()
     if not name or not name.isalnum() or len(names) != len(letters):
         return None
@@ -105,7 +106,8 @@ def make_format(number: int, length: int, name: str, letters: str, columns: str)
 
 
 def scan(data: Bytes, size: int) -> FoundMessages:
-    """Return all messages in the first `size` bytes of `data`, which ends with PADDING more."""
+    """Return all DataFlash messages in the first `size` bytes of `data`, which ends with PADDING
+    more."""
     heads = [_heads(data, size, low) for low in range(0, size, _CHUNK)]
     start = np.concatenate(heads) if heads else np.empty(0, np.int64)
     del heads
@@ -171,10 +173,11 @@ def _torn_tail(data: Bytes, size: int, lengths: NDArray[np.int64]) -> int:
 
 
 def _chain(start: Index, end: Index, size: int, *, torn: int) -> NDArray[np.bool_]:
-    """Flag candidates (n,) that another candidate, or the end of the file, follows directly.
+    """Flag the candidates (n,) from `start` to `end` that are messages: the next one begins where
+    they end.
 
-    `torn` is the start of a message cut off by the end of the file. Candidates inside the body of a
-    kept message are chance matches and are dropped.
+    The last may end at `size`, the file's end, or at `torn`, where a message begins that the file's
+    end cuts off. Candidates inside the body of a message are chance matches and are not flagged.
     """
     count = start.size
     keep = np.zeros(count, dtype=np.bool_)

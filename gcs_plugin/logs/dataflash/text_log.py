@@ -115,7 +115,8 @@ def _format(rest: bytes) -> Format | None:
 
 
 def _table(form: Format, cells: list[list[str]]) -> tuple[NDArray[np.void], Bools]:
-    """Return the lines whose every cell fits its letter, by column, and flags of those lines."""
+    """Return the lines whose every cell fits its format letter, as a structured array, and flags
+    (n,) of those lines."""
     good = np.ones(len(cells), dtype=np.bool_)
     texts = {
         name: letter in _TEXT_LETTERS

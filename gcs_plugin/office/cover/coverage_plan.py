@@ -80,8 +80,8 @@ def cover_field(
     no_spray: FieldOutline | None = None,
     home: tuple[float, float, float] | None = None,
 ) -> Coverage:
-    """Return the route that sprays `outline`; obstacles are flown around, `no_spray` is crossed
-    with the pump off.
+    """Return the route that sprays `outline`, around obstacles and with the pump off over
+    `no_spray`.
 
     Both are in the plane of `outline`; its holes are flown around. `home` is latitude, longitude,
     degrees, and m AMSL or NaN; without one it is the start of the first line. Raise PlanError if
@@ -147,7 +147,8 @@ def _polygons(area: shapely.Geometry) -> shapely.MultiPolygon:
 def _outside(
     outline: FieldOutline, obstacles: FieldOutline | None, order: CoverageOrder
 ) -> Detours:
-    """Return the detours to use where no way stays in the field: clear of holes and obstacles."""
+    """Return the paths to use where none stays in the field; they avoid only holes and
+    obstacles."""
     solid = shapely.MultiPolygon([shapely.Polygon(p.exterior) for p in outline.area.geoms])
     shut = shapely.difference(solid, outline.area)
     if obstacles is not None:
@@ -171,9 +172,8 @@ class _Way:
     outside: int = 0
 
     def follow(self, line: Floats) -> None:
-        """Append the way to the start of `line` (2, 2) and along it, with the pump on outside
-        `dry`.
-        """
+        """Append the path to the start of `line` (2, 2) and along it, with the pump on outside
+        `dry`."""
         if self.points:
             self._cross(self.points[-1], line[0])
         wet = shapely.LineString(line)
@@ -201,10 +201,10 @@ class _Way:
         self._to(line[0] + direction * distance, on=False)
 
     def _cross(self, start: Floats, end: Floats) -> None:
-        """Append the corners of the shortest way from `start` (2,) to `end` (2,), pump off.
+        """Append the corners of the shortest path from `start` (2,) to `end` (2,), pump off.
 
         It may leave the field, and is then counted in `outside`. Raises PlanError if obstacles
-        block every way.
+        block every path.
         """
         corners = self.inside.way(start, end)
         if corners is None:
@@ -218,7 +218,7 @@ class _Way:
         self.transit += float(np.sum(np.hypot(*np.diff(every, axis=0).T)))
 
     def _to(self, point: Floats, *, on: bool) -> None:
-        """Append a point (2,); the pump is `on` from there."""
+        """Append a point (2,), m east and north; the pump is `on` from there."""
         self.points.append(point)
         self.turns.append(on)
 
@@ -226,9 +226,11 @@ class _Way:
 def _plan(
     way: _Way, places: Floats, home: tuple[float, float, float], order: CoverageOrder
 ) -> MissionPlan:
-    """Return the mission of a route whose points are at `places` (N, 2), latitude and longitude.
+    """Return the mission of a route whose points are at `places` (N, 2), latitude and longitude,
+    degrees.
 
-    Raises PlanError for more items than a mission can have.
+    `home` is latitude, longitude, degrees, and m AMSL, NaN if unknown. Raises PlanError for more
+    items than a mission can have.
     """
     frame = FRAME_ABOVE_GROUND if order.above_ground else FRAME_ABOVE_HOME
     yaw = math.nan if order.px4 else 0.0  # PX4 turns the nose to it, north for 0

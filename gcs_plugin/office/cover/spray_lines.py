@@ -46,11 +46,11 @@ class LinesInOrder:
 def lines_in_order(
     area: shapely.MultiPolygon, swath: float, heading_deg: float | None, start: Floats
 ) -> LinesInOrder:
-    """Return lines `swath` m apart over each part of `area` (east, north), ordered from `start`
-    (2,).
+    """Return lines `swath` m apart over each part of `area`, m east and north, ordered from
+    `start`.
 
-    Without `heading_deg` each part gets the heading with the fewest lines. Raise PlanError if no
-    area is left or the lines are too many for a mission.
+    `start` is (2,). Without `heading_deg` each part gets the heading with the fewest lines. Raise
+    PlanError if no area is left or the lines are too many for a mission.
     """
     cells: list[list[Floats]] = []
     headings: list[float] = []
@@ -74,8 +74,10 @@ def lines_in_order(
 
 
 def fewest_turns(part: shapely.Polygon, swath: float) -> float:
-    """Return the heading, degrees from 0 to 180, with the fewest lines over `part`; of equal
-    ones, the longest lines.
+    """Return the heading, degrees from 0 to 180, with the fewest lines, `swath` m apart, over
+    `part`.
+
+    Of equal headings it is the one with the longest lines.
     """
     rough = shapely.simplify(part.exterior, swath / 4, preserve_topology=False)
     corners = shapely.get_coordinates(rough)
@@ -107,7 +109,8 @@ def _turned(points: Floats, heading_deg: float, *, back: bool = False) -> Floats
 def _count(width: float, swath: float) -> int:
     """Return the number of lines over a strip `width` m wide, at least 1.
 
-    It is the rounded number of swaths; one more if lines would be over LOOSE wider apart than one.
+    It is width / swath rounded; one more if the lines would be spaced by more than 1 + LOOSE
+    swaths.
     """
     exact = width / swath
     near = max(round(min(exact, 1e9)), 1)
@@ -117,7 +120,11 @@ def _count(width: float, swath: float) -> int:
 def _pieces(
     level: shapely.Polygon, low: float, high: float, swath: float
 ) -> tuple[list[list[Floats]], float]:
-    """Return the pieces (2, 2) in `level` of each line, left to right, and the spacing, m."""
+    """Return the pieces (2, 2), m, of each line inside `level`, left to right, and the spacing, m.
+
+    Lines are horizontal, from `low` to `high`, at most `swath` m apart. Raise PlanError for too
+    many.
+    """
     count = _count(high - low, swath)
     if count > MOST_LINES:
         raise PlanError(
@@ -149,8 +156,11 @@ def _pieces(
 
 
 def _cells(part: shapely.Polygon, swath: float, heading: float) -> tuple[list[list[Floats]], float]:
-    """Return the cells of `part`, each its lines (2, 2) in order across, in (east, north), and
-    the spacing, m.
+    """Return the cells of `part`, areas sprayed back and forth without a gap, and the line spacing,
+    m.
+
+    A cell is a list of its lines (2, 2), both ends in m east and north, in order across. `heading`
+    of the lines is in degrees from north, clockwise. Raise PlanError above MOST_CELLS.
     """
     level = shapely.transform(part, lambda xy: _turned(xy, heading))
     _, low, _, high = level.bounds
@@ -178,14 +188,13 @@ def _cells(part: shapely.Polygon, swath: float, heading: float) -> tuple[list[li
 
 
 def _overlap(a: Floats, b: Floats) -> bool:
-    """Return whether two pieces (2, 2) of neighbouring lines overlap along the lines."""
+    """Return True if two pieces (2, 2) of neighbouring lines overlap along the lines."""
     return bool(a[0, 0] < b[1, 0] and b[0, 0] < a[1, 0])
 
 
 def _tour(cells: Sequence[Sequence[Floats]], start: Floats) -> Floats:
-    """Order all lines (L, 2, 2): go to the nearest corner of a remaining cell, then back and
-    forth in it.
-    """
+    """Order the lines (L, 2, 2) of all cells into one route from `start` (2,): go to the nearest
+    corner of a remaining cell, then back and forth along its lines."""
     # Corner k of a cell: from its first (0, 1) or last line (2, 3), at that line's start or end.
     corners = np.array([[c[0][0], c[0][1], c[-1][0], c[-1][1]] for c in cells])
     unvisited = np.ones(len(cells), dtype=np.bool_)
@@ -209,7 +218,7 @@ MOST_CORNERS = 150
 
 
 class Detours:
-    """The shortest ways inside one area (east, north), m."""
+    """Shortest paths inside one area (m east, north)."""
 
     def __init__(self, area: shapely.Geometry) -> None:
         self._wide = shapely.buffer(area, CLOSE, join_style="mitre")
@@ -219,10 +228,9 @@ class Detours:
         self._between = np.empty((0, 0))
 
     def way(self, start: Floats, end: Floats) -> Floats | None:
-        """Return the turning points (K, 2) from `start` (2,) to `end` (2,); K is 0 if the straight
-        way is free.
+        """Return the turning points (K, 2) of the shortest path from `start` (2,) to `end` (2,).
 
-        None if no way stays inside.
+        K is 0 if the straight line is free. None if no path stays inside.
         """
         if shapely.covers(self._wide, shapely.LineString([start, end])):
             return np.empty((0, 2))
@@ -248,8 +256,9 @@ class Detours:
         return np.array(route[::-1])
 
     def _lengths(self, a: Floats, b: Floats) -> Floats:
-        """Return distances (A, B), m, from each point of `a` to each of `b`; 0 where the line
-        leaves the area.
+        """Return distances (A, B), m, between points `a` (A, 2) and `b` (B, 2).
+
+        0 where the straight line leaves the area, which means no connection.
         """
         if not len(a) or not len(b):
             return np.zeros((len(a), len(b)))
@@ -259,7 +268,7 @@ class Detours:
 
 
 def _inner_corners(area: shapely.Geometry) -> Floats:
-    """Return the corners (C, 2) that point into the area, at which a shortest way may turn."""
+    """Return the corners (C, 2) that point into the area, at which a shortest path may turn."""
     simple, step = shapely.simplify(area, CLOSE), 0.25
     while len(corners := _reflex(simple)) > MOST_CORNERS:
         simple = shapely.simplify(shapely.buffer(area, -step, join_style="mitre"), step)

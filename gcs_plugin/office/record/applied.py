@@ -33,10 +33,10 @@ SAME_SPEED, SAME_TANK = 0.01, 0.2
 
 
 def better_logs(logs: Sequence[FlightLog]) -> list[int | None]:
-    """Return for each log the index of the log of the same flight that replaces it; None if it
-    counts.
+    """Return, for each log, the index of another log that records the same flight better; else
+    None.
 
-    The one that counts knows pump and position for the longest time in the air.
+    The best knows pump and position for the longest time in the air.
     """
     best = sorted(range(len(logs)), key=lambda k: -_known_airborne_s(logs[k].track))
     better: list[int | None] = [None] * len(logs)
@@ -55,7 +55,7 @@ def _known_airborne_s(track: FlightTrack) -> float:
 
 
 def _same_flight(one: FlightLog, other: FlightLog) -> bool:
-    """Return whether two logs record the same flight.
+    """Return True if two logs record the same flight.
 
     Their times overlap by more than half of the shorter one, they are at the same places, and rotor
     speeds and tank agree. Without positions they are of the same autopilot. Undated logs must be
@@ -84,7 +84,7 @@ def _same_flight(one: FlightLog, other: FlightLog) -> bool:
 def _speeds_and_tank_agree(
     first: FlightTrack, second: FlightTrack, interval: tuple[float, float]
 ) -> bool:
-    """Return whether the median rotor speeds and gauge readings of two tracks agree in the air.
+    """Return True if the median rotor speeds and gauge readings of two tracks agree in the air.
 
     `interval` are the first and the last Unix time, s. A value that one track lacks agrees.
     """
@@ -119,7 +119,7 @@ AGREE_SHARE = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pass:
-    """One stretch with the pump on, of sortie `flight`, numbered from 1 within the job."""
+    """A stretch with the pump on, of sortie `flight`, numbered from 1 within the job."""
 
     flight: int
     start_unix_s: float | None
@@ -146,7 +146,7 @@ class Applied:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Liquid:
-    """One estimate of the liquid used: kg, half width of its 90 % interval, and its source."""
+    """An estimate of the liquid used: kg, half width of its 90 % interval, and its source."""
 
     by: str  # gauge, pump or thrust
     kg: float
@@ -155,10 +155,10 @@ class Liquid:
 
 
 def applied_swaths(logs: Sequence[FlightLog], swath: float | None) -> Applied | None:
-    """Return the treated area of all sorties; None if no log shows the pump on.
+    """Return the treated area of all sorties; None if no log reports the pump on.
 
     Without a `swath`, m, it is the spacing of neighbouring lines. The area is NaN for several
-    sorties if one has no place on the globe, because their overlap is then unknown.
+    sorties if one has no geographic position, because their overlap is then unknown.
     """
     tracks = [log.track for log in logs]
     placed = all(track.origin is not None for track in tracks)
@@ -192,7 +192,7 @@ def applied_swaths(logs: Sequence[FlightLog], swath: float | None) -> Applied | 
 
 
 def positions_from(origin: Origin | None, track: FlightTrack) -> Floats:
-    """Return the track's positions (T, 3), m from `origin`, north, east, down.
+    """Return the track's positions (T, 3), m north, east, down of `origin`.
 
     They are returned unchanged without an origin.
     """
@@ -217,7 +217,8 @@ def _sortie_rows(number: int, track: FlightTrack, origin: Origin | None) -> Floa
 
 
 def _pass_of_rows(rows: Floats, width: float, origin: Origin | None) -> Pass | None:
-    """Return the pass of consecutive rows of `_sortie_rows`; None if the vehicle did not move."""
+    """Return the pass of consecutive rows of `_sortie_rows`; None if the vehicle did not move.
+    `width` is the swath, m; the strip is None without it or `origin`."""
     line = shapely.simplify(shapely.LineString(rows[:, 3:5]), 0.1)
     if line.length == 0.0:
         return None
@@ -265,7 +266,7 @@ def cut_at_date_line(shape: Any) -> Any:
 
 
 def gauge_estimate(track: FlightTrack) -> Liquid | None:
-    """Estimate the liquid by the fall of the gauge in the air.
+    """Estimate the liquid from the fall of the tank gauge in the air.
 
     None if no gauge reports the level, or if the level rose.
     """
@@ -300,7 +301,7 @@ def pump_estimate(track: FlightTrack) -> Liquid | None:
 
 
 def thrust_estimate(track: FlightTrack, airframe: Airframe) -> Liquid | None:
-    """Estimate the liquid by the fall of the load that the rotors carry, without the gauge.
+    """Estimate the liquid from the fall of the load that hover thrust shows, ignoring the gauge.
 
     None if the load cannot be inferred, or if it rose.
     """

@@ -27,7 +27,7 @@ from thrustmargin.models.provenance import Meaning, SourceKind
 
 @dataclass(frozen=True, slots=True)
 class RuleItem:
-    """One item that a rule requires: its words, the fields that answer it, and its condition."""
+    """An item that a rule requires: its words, the fields that answer it, and its condition."""
 
     asks: str
     fields: Sequence[str]
@@ -36,7 +36,8 @@ class RuleItem:
 
 @dataclass(frozen=True, slots=True)
 class JobRule:
-    """One country's rule: its title, items, how long the record is kept, and when it is due."""
+    """A country's rule: its title, items, how long the record must be stored, and when it is
+    due."""
 
     name: str
     title: str
@@ -101,7 +102,7 @@ class EntrySource(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """One known field of the record: its value, unit and source."""
+    """A known field of the record: its value, unit and source."""
 
     value: Any
     unit: str = ""
@@ -156,10 +157,11 @@ class JobRecord:
 def log_entries(
     logs: Sequence[FlightLog], done: Applied | None, zone: tzinfo | None
 ) -> dict[str, Entry]:
-    """Return the fields that the logs contain: times, place, wind, temperature, treated area.
+    """Return the fields that the logs contain, by name: times, place, wind, temperature, treated
+    area.
 
-    `done` is the treated area, None if no pump was on. Local times are in `zone`, without one in
-    this computer's, and state their offset.
+    `done` is the treated area, None if no pump was on. Local times are in `zone`, or if None in
+    this computer's zone, and state their offset.
     """
     entries: dict[str, Entry] = {}
     if done is not None and done.start_unix_s is not None and done.end_unix_s is not None:
@@ -225,9 +227,9 @@ def _wind(logs: Sequence[FlightLog], done: Applied | None) -> Entry | None:
 
 
 def _temperature(logs: Sequence[FlightLog]) -> Entry | None:
-    """Return the median temperature of the outside air, °C; None without a sensor of it.
+    """Return the median temperature of the outside air, °C; None without an outside sensor.
 
-    The temperature of the autopilot's board is not that of the air.
+    The temperature of the autopilot's board does not count.
     """
     for log in logs:
         source = log.track.source("temperature")
@@ -273,7 +275,7 @@ THOUSANDS = re.compile(r"\s*[1-9][0-9]{0,2},[0-9]{3}[^0-9]")
 
 
 def product_entries(rate: str, area_ha: float | None) -> dict[str, Entry]:
-    """Return the quantity of the product: the stated dose `rate` times the treated area.
+    """Return the quantity of the product: the stated dose `rate` times the treated area, `area_ha`.
 
     Empty without an area. Raises DataError if the dose cannot be read, or in two ways.
     """

@@ -245,8 +245,8 @@ def counted_once(
 ) -> tuple[list[tuple[FlightAnalysis, FlightLog]], list[UnusedLog]]:
     """Return the flights, each from one log, and the unused logs with reasons.
 
-    Unused are second logs of a flight, other vehicles, and stretches without a flight or that
-    cannot be read. Parts of a flight that its log lacks are listed with them.
+    Unused are second logs of a flight, other vehicles, and parts without a flight or that cannot be
+    read. Parts of a flight that its log lacks are listed with them.
     """
     from thrustmargin.gcs_plugin.office.record.applied import better_logs
     from thrustmargin.gcs_plugin.office.record.record_words import other_vehicles, same_flight
@@ -274,7 +274,7 @@ def counted_once(
 
 
 def liquids(flights: list[tuple[FlightAnalysis, FlightLog]]) -> list[Liquid]:
-    """Return the estimates of the liquid that all sorties have: by gauge, pump, thrust."""
+    """Return the estimates of the liquid by gauge, pump and thrust that exist for all sorties."""
     from thrustmargin.gcs_plugin.office.record.applied import (
         gauge_estimate,
         job_estimate,

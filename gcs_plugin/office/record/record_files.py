@@ -43,7 +43,7 @@ def write_record(record: JobRecord, done: Applied | None, folder: Path) -> list[
     """Write the files of a record into `folder` and return their paths.
 
     They are record.json, .csv and .pdf; with a known swath and place also applied.geojson, and with
-    pyshp applied.shp, .shx, .dbf and .prj. They replace those of an earlier record once all are
+    pyshp applied.shp, .shx, .dbf and .prj. Files of an earlier record are replaced after all are
     written. Raises OSError.
     """
     contents = {
@@ -156,7 +156,7 @@ def geojson(done: Applied) -> dict[str, Any]:
 
 
 def makes_shapefiles() -> bool:
-    """Return whether pyshp is installed; it is part of the extra `field`."""
+    """Return True if pyshp is installed; it is part of the extra `field`."""
     return find_spec("shapefile") is not None
 
 

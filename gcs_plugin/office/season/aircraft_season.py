@@ -54,7 +54,7 @@ RECENT, DAY = 10, 86400.0  # flights; s
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeasonFinding:
-    """One reason to look at an aircraft, in words, and its rank."""
+    """A reason to inspect an aircraft, in words, and its rank."""
 
     level: str  # one of LEVELS
     weight: float  # rank within its level, the largest first
@@ -98,13 +98,13 @@ class AircraftSeason:
 
     @property
     def above_limit(self) -> list[Mapping[str, Any]]:
-        """Return the flights whose verdict is OVER or graver."""
+        """Return the rows of flights whose verdict is OVER or graver."""
         grave = [one for one in FlightLevel if one.gravity <= FlightLevel.OVER.gravity]
         return [f for f in self.flights if f["verdict"] in grave]
 
     @property
     def without_verdict(self) -> list[Mapping[str, Any]]:
-        """Return the flights whose verdict is unknown."""
+        """Return the rows of flights whose verdict is unknown."""
         return [f for f in self.flights if f["verdict"] in (None, "unknown")]
 
     @property
@@ -123,15 +123,16 @@ class AircraftSeason:
         return max((t.least_seen for t in self.rotors), default=float("nan"))
 
     def started(self, counted: int) -> float | None:
-        """Return the start, Unix s, of the flight of index `counted` in `counted`; None if unknown.
+        """Return the start, Unix s, of the flight with index `counted` in the list `self.counted`;
+        None if unknown.
 
-        An index beyond the last flight is that of the last one.
+        An index beyond the end means the last flight.
         """
         return self.flights[self.counted[min(counted, len(self.counted) - 1)]]["started_unix_s"]
 
 
 def known_sum(flights: Iterable[Mapping[str, Any]], name: str) -> float:
-    """Return the sum of a column over the flights that know it."""
+    """Return the sum of the column `name` over the flights in which it is finite; 0 without one."""
     return float(sum(f[name] for f in flights if finite(f[name])))
 
 
@@ -212,8 +213,8 @@ def change_level(
 ) -> str:
     """Return the level of a change by its `ratio` to the usual difference between sound aircraft.
 
-    From `acts` and `firsts` on it is ACT and FIRST; CHECK if the `part` to look at is an
-    instrument.
+    From `acts` on it is ACT, from `firsts` on FIRST; but CHECK if `part`, to be inspected, is an
+    instrument. Below `acts` it is WATCH.
     """
     if ratio >= acts and part in INSTRUMENTS:
         return CHECK
@@ -223,8 +224,7 @@ def change_level(
 def _change_findings(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[SeasonFinding]:
     """Yield a finding for each change of a value over the season.
 
-    Only the last change of a value counts as a reason to act, and a rotor that is sound again does
-    not.
+    Only the last change of a value is a reason to act, and one to a sound rotor is none.
     """
     count = len(season.counted)
     for trend in season.changes.trends if season.changes else ():
@@ -276,7 +276,8 @@ def _swap_words(
 
 
 def reported_then(season: AircraftSeason, at: int) -> str:
-    """Return up to three alarms of the flight of index `at` and of those before and after it."""
+    """Return up to three alarms, in words, of flight number `at`, from 0, and of its two
+    neighbours."""
     near = season.flights[max(at - 1, 0) : at + 2]
     texts = dict.fromkeys(text for f in near for text in flight_alarms(f))
     return "; ".join(list(texts)[:3]) or say(words.SILENT)
@@ -299,7 +300,8 @@ def _shared_findings(season: AircraftSeason) -> Iterable[SeasonFinding]:
 
 
 def _season_verdict(flight: Mapping[str, Any]) -> str | None:
-    """Return a flight's verdict, `no_thrust` for one above a limit whose margin rounds to 0 %."""
+    """Return a flight's verdict, or "no_thrust" for one above a limit with a margin that rounds
+    to 0 %."""
     verdict, margin = flight["verdict"], flight["worst_margin"]
     none_left = verdict in ("critical", "over") and finite(margin) and margin < 0.005
     return "no_thrust" if none_left else verdict

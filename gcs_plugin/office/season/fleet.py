@@ -149,7 +149,7 @@ def _side_by_side(store: SeasonStore, names: tuple[str, str]) -> list[list[Any]]
     """Return a row for each figure of COMPARED: its name, and its median for each of two names.
 
     A name is that of an aircraft, a flight or a model's digest. The first row is the number of
-    flights. Raises DataError for a name that no flight has.
+    flights. Raises DataError for a name without flights.
     """
     from statistics import median
 

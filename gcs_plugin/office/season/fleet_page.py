@@ -112,9 +112,7 @@ class FleetSeason:
 def rank_aircraft(
     store: str, aircraft: Sequence[seasons.AircraftSeason], rejected: int = 0
 ) -> FleetSeason:
-    """Return the fleet with its aircraft sorted by urgency: level, weight of the first finding,
-    name.
-    """
+    """Return the fleet with its aircraft sorted by level, weight of the first finding, and name."""
 
     def urgency(one: seasons.AircraftSeason) -> tuple[int, float, str]:
         weight = one.findings[0].weight if one.findings else 0.0

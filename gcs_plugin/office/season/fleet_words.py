@@ -25,7 +25,7 @@ from thrustmargin.models.model.model_misfit import Caveat
 
 @dataclass(frozen=True, slots=True)
 class ValueWords:
-    """The title, unit and action of one value of a season; shown numbers are times `factor`."""
+    """Title, unit and action of one value of a season; displayed numbers are times `factor`."""
 
     title: str
     unit: str
@@ -50,7 +50,7 @@ BATTERY = "battery resistance"
 
 
 def _after(trouble: Trouble) -> Action:
-    """Return what a finding asks for once the flights are over."""
+    """Return the action that a finding asks for after the flights."""
     return answer_to(trouble).action
 
 
@@ -94,7 +94,7 @@ OTHER_AIRFRAME = (
 
 
 def rotor_of(name: str) -> int | None:
-    """Return the rotor, from 1, whose loss has this name; None for another value."""
+    """Return the rotor, from 1, whose loss the value `name` is; None for another value."""
     return int(name.removeprefix(LOSS_NAME)) if name.startswith(LOSS_NAME) else None
 
 
@@ -141,9 +141,9 @@ def flight_words(index: int, unix_s: float | None) -> str:
 
 
 def entry_sentence(name: str, entry: SeasonEntry, when: str, ended: bool) -> str:
-    """Return which value changed, by how much and at which flight, with its 95 % interval.
+    """Return the sentence on a value's change: which, by how much and at which flight.
 
-    `when` names the flight. `ended`: a ramp stopped before the last flight.
+    It has a 95 % interval. `when` names the flight. `ended`: a ramp stopped before the last flight.
     """
     words = value_words(name)
     since = when
@@ -172,14 +172,15 @@ def entry_sentence(name: str, entry: SeasonEntry, when: str, ended: bool) -> str
 
 
 def back_to_sound(entry: SeasonEntry) -> bool:
-    """Return whether an entry is a step to a smaller value, such as a new propeller."""
+    """Return True if an entry is a step to a smaller value, as by a new propeller."""
     return not entry.ramp and entry.size < 0.0 and abs(entry.after) < abs(entry.before)
 
 
 def shared_sentence(name: str, value: float, error: float) -> str:
     """Return a sentence about a model error that all flights share.
 
-    `value` and its standard `error` are in the unit of the sums; the interval shown is 95 %.
+    `value` and its standard `error` are in the unit of the sums; the sentence has the 95 %
+    interval.
     """
     words = value_words(name)
     ends = (value - 1.96 * error, value + 1.96 * error)
@@ -188,7 +189,8 @@ def shared_sentence(name: str, value: float, error: float) -> str:
 
 
 def several_aircraft(overlap_count: int, flights: int) -> str:
-    """Return the finding that flights of one name overlap in time."""
+    """Return the sentence that flights under one name overlap in time: `overlap_count` of
+    `flights`."""
     return say(
         "{count} of {all} flights are at the time of another one: more than one aircraft has this "
         "name, so its figures may mix them",
@@ -204,7 +206,8 @@ def frame_words(rotors: int | None, layout: str | None) -> str:
 
 
 def one_name(frames: Mapping[str, int]) -> str:
-    """Return the finding that several aircraft share a name, with the flights of each."""
+    """Return the sentence that several aircraft share a name, with the number of flights by frame,
+    `frames`."""
     each = "; ".join(
         f"{words}: {say('{count} flights', count=count)}" for words, count in frames.items()
     )
@@ -311,8 +314,10 @@ def _count_words(verdict: str, count: int, recent: int) -> str:
 
 
 def open_sentence(caveat: Caveat, count: int, recent: int) -> str:
-    """Return in how many of the `recent` flights one thing was left open; empty for what other
-    findings say."""
+    """Return the sentence on a caveat open in `count` of the `recent` flights.
+
+    Empty if other findings report it.
+    """
     if caveat not in _OPEN:
         return ""
     words = "{what} in {count} of the last {recent} flights"
@@ -327,7 +332,8 @@ def _least_margin_words(flight: Mapping[str, Any]) -> str:
 
 
 def margin_sentence(verdict: str, bad: int, recent: int, worst: Mapping[str, Any]) -> str:
-    """Return how many recent flights were too heavy or may have been, and the worst moment."""
+    """Return how many recent flights were too heavy or may have been, and the worst flight's
+    figures."""
     parts = filter(None, (_least_margin_words(worst), flight_doing(worst)))
     return f"{_count_words(verdict, bad, recent)}; {', '.join(parts)}"
 

@@ -24,13 +24,13 @@ from thrustmargin.models.identification.season.season_changes import Trend
 
 #: Relative rises of a battery's resistance from which on to act, and to look first (doubled).
 RESISTANCE = (0.3, 1.0)
-#: Values tested for changes beside a battery's resistance, which share the rate of false entries.
+#: Values tested for changes besides a battery's resistance, which share the rate of false entries.
 OTHERS = 10
 
 
 @dataclass(frozen=True, slots=True)
 class _PartFlight:
-    """One flight of a part, as the flight of an aircraft's season."""
+    """A flight of a part, given by an aircraft's season and the flight's number in it."""
 
     season: aircraft_season.AircraftSeason
     number: int  # index into the season's flights
@@ -95,7 +95,7 @@ def with_parts(
 def _with_worn_battery(
     season: aircraft_season.AircraftSeason, of_batteries: Sequence[aircraft_season.SeasonFinding]
 ) -> Iterable[aircraft_season.SeasonFinding]:
-    """Yield the season's findings; if a battery is worn out, no thrust left is ascribed to it."""
+    """Yield the season's findings; if a battery is worn out, missing thrust is ascribed to it."""
     worn = any(f.level == aircraft_season.FIRST for f in of_batteries)
     for one in season.findings:
         named = worn and one.verdict == "no_thrust"
@@ -105,7 +105,8 @@ def _with_worn_battery(
 def _flights_of_parts(
     seasons: Sequence[aircraft_season.AircraftSeason], parts: Sequence[Part]
 ) -> Iterable[tuple[str, list[_PartFlight]]]:
-    """Yield the name of each part, empty for an unnamed battery, and its flights by time."""
+    """Yield (name, flights by time) of each part; the name is empty for an aircraft's unnamed
+    battery."""
     by_name: dict[str, list[_PartFlight]] = {}
     for season in seasons:
         started = [f["started_unix_s"] for f in season.flights]
@@ -121,9 +122,9 @@ def _flights_of_parts(
 
 
 def resistance(flights: Sequence[Mapping[str, Any]]) -> Trend | None:
-    """Return the trend of a battery's resistance, ohm, over its flights, NaN where unknown.
+    """Return the trend of a battery's resistance, ohm, over its flights, and the changes in it.
 
-    None with fewer than six known resistances.
+    A flight is a row of the store; NaN where unknown. None with fewer than six known resistances.
     """
     value = np.array([f["battery_ohm"] for f in flights], dtype=np.float64)
     error = np.array([f["battery_ohm_error"] for f in flights], dtype=np.float64)

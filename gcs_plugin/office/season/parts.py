@@ -33,7 +33,7 @@ LONGEST_CELL = 200
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Part:
-    """One part in one place, from its installation to its removal."""
+    """A part in one place, from its installation to its removal."""
 
     name: str
     aircraft: str
@@ -48,7 +48,8 @@ class Part:
         return int(found[2]) if found and found[2] else None
 
     def flights(self, started: Sequence[float | None]) -> list[int]:
-        """Return the indices of the flights that it flew, by their start times, Unix s."""
+        """Return the indices of the flights with this part, by their start times `started`, Unix s;
+        None is never one."""
         inside = (
             k
             for k, at in enumerate(started)
@@ -87,10 +88,11 @@ def read_parts(data: bytes, name: str) -> list[Part]:
 
 
 def _parts(rows: csv.DictReader, name: str) -> list[Part]:
-    """Return the parts of all rows.
+    """Return the parts (battery, motor, ...) of all rows of a table, with aircraft, position and
+    dates.
 
-    Raises DataError if a column is missing, if two parts are in one place at a time, or one part
-    is in two places.
+    Raises DataError if a column is missing, if two parts are in one place at a time, or one part is
+    in two places.
     """
     rows.fieldnames = [(f or "").strip().lower().replace(" ", "_") for f in rows.fieldnames or []]
     if missing := [c for c in COLUMNS if c not in rows.fieldnames]:

@@ -68,7 +68,7 @@ def unique_flights(flights: Flights) -> list[Mapping[str, Any]]:
     """Drop second logs of a flight, such as those of autopilot and ground station.
 
     `flights` are sorted by start time. Of two logs of one flight the one with the graver verdict
-    is kept; of equally grave ones the one with sums, else the first.
+    remains; of equally grave ones the one with sums, else the first.
     """
     kept: list[Mapping[str, Any]] = []
     for flight in flights:
@@ -82,7 +82,8 @@ def unique_flights(flights: Flights) -> list[Mapping[str, Any]]:
 
 
 def _rank(flight: Mapping[str, Any]) -> tuple[int, bool]:
-    """Return a sort key of a flight's log; of two logs of one flight the smaller key is kept."""
+    """Return a sort key of a flight's log; of two logs of one flight the one with the smaller
+    key remains."""
     level = FlightLevel(flight["verdict"] or FlightLevel.UNKNOWN)
     return level.gravity, flight["sums_reason"] is not None
 
@@ -96,11 +97,11 @@ def overlap_count(flights: Flights) -> int:
 
 
 def _same_flight(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    """Return whether two logs record one flight.
+    """Return True if two logs record one flight.
 
     Their times overlap, and their boards are equal, as an autopilot flies once at a time. Where a
-    board is unknown, place, load, distance, current and worst moment agree as far as both logs
-    have them, at least two of them. Several aircraft of one make often fly at the same time.
+    board is unknown, place, load, distance, current and time of the worst row agree as far as both
+    logs have them, at least two of them. Several aircraft of one make often fly at the same time.
     """
     if not _times_overlap(one, other):
         return False
@@ -128,7 +129,7 @@ def _metres_apart(one: Mapping[str, Any], other: Mapping[str, Any]) -> float:
 
 
 def _times_overlap(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    """Return whether two flights share more than half of the shorter one; False without times."""
+    """Return True if two flights share more than half of the shorter one; False without times."""
     times = [(f["started_unix_s"], f["duration_s"]) for f in (one, other)]
     if not all(finite(start) and finite(long) for start, long in times):
         return False

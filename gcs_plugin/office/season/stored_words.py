@@ -34,7 +34,7 @@ from thrustmargin.models.model.model_misfit import Caveat
 
 
 def reason_words(answer: StoredAnswer) -> str:
-    """Return why there is no verdict, or else the headline of the verdict."""
+    """Return why there is no verdict, else the headline."""
     said = {
         NoVerdict.NOT_KNOWN: lambda: say("this aircraft is not known: no airframe was given"),
         NoVerdict.CONTRADICTED: lambda: say(
@@ -57,13 +57,14 @@ def alarm_words(answer: StoredAnswer) -> list[str]:
 
 
 def _stored(flight: Mapping[str, Any]) -> StoredAnswer | None:
-    """Return the answer in a row of `flights`; None in older rows and if it cannot be read."""
+    """Return the stored advice in a row of `flights`; None in older rows and if it cannot be
+    read."""
     stored = flight.get("answer")
     return None if stored is None else read_answer(stored)
 
 
 def mark_old_text(text: str) -> str:
-    """Return a stored text, marked as the words of the day on which its log was taken in.
+    """Return a stored text, marked as worded on the day when its log was ingested.
 
     Empty for an empty text.
     """
@@ -73,7 +74,7 @@ def mark_old_text(text: str) -> str:
 def flight_action(flight: Mapping[str, Any], by_kind: Action | None = None) -> str:
     """Return what to do after a flight of the store; empty if neither its row nor `by_kind` has it.
 
-    `by_kind` is the action for the flight's verdict. It stands before the text of an older row,
+    `by_kind` is the action for the flight's verdict. It is put before the text of an older row,
     which may be in another language, and replaces an action that is missing or cannot be read.
     """
     answer, kind = _stored(flight), by_kind.text if by_kind else ""
@@ -83,7 +84,7 @@ def flight_action(flight: Mapping[str, Any], by_kind: Action | None = None) -> s
 
 
 def flight_caveats(flight: Mapping[str, Any]) -> tuple[Caveat, ...]:
-    """Return what a flight of the store with a verdict left open; empty for an older row."""
+    """Return the caveats of a flight of the store with a verdict; empty for an older row."""
     answer = _stored(flight)
     known = answer is not None and answer.advice.level is not FlightLevel.UNKNOWN
     return answer.advice.caveats if answer is not None and known else ()
@@ -112,13 +113,13 @@ def flight_reason(flight: Mapping[str, Any]) -> str:
 
 
 def flight_doing(flight: Mapping[str, Any]) -> str:
-    """Return what the aircraft was doing at the worst moment; empty where unknown."""
+    """Return the aircraft's activities at the worst row, in words; empty where unknown."""
     answer = _stored(flight)
     return doing_words(answer.doing) if answer else mark_old_text(flight["worst_doing"] or "")
 
 
 def _column(words: Callable[[StoredAnswer], Any]) -> Callable[[str], Any]:
-    """Return a function from the stored JSON to words, null for an answer that cannot be read."""
+    """Return a function from the stored JSON to words; it returns None if that cannot be read."""
 
     def made(stored: str) -> Any:
         answer = read_answer(stored)

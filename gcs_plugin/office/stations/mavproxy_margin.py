@@ -35,7 +35,7 @@ MAIN = "import sys; from thrustmargin.gcs_plugin.cli import main; main(sys.argv[
 
 
 class ViewProcess:
-    """One running monitor process; `address` is its page."""
+    """A running monitor process; `address` is that of its page."""
 
     def __init__(self, options: list[str]) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -55,12 +55,12 @@ class ViewProcess:
         return self._process.poll() is None
 
     def send(self, data: bytes) -> None:
-        """Send one frame; drop it when the process has ended."""
+        """Send one frame to the process; drop the frame if the process has ended."""
         with contextlib.suppress(OSError):
             self._socket.sendto(data, ("127.0.0.1", self._port))
 
     def last_words(self) -> str:
-        """Return what the process printed when it ended by itself; empty while it runs."""
+        """Return the last line of a process that ended by itself; empty while it runs."""
         if self.running or self._process.stderr is None:
             return ""
         lines = [line for line in self._process.stderr.read().splitlines() if line.strip()]
@@ -118,11 +118,13 @@ class MarginModule(mp_module.MPModule):
         self._worker.start()
 
     def mavlink_packet(self, packet: Any) -> None:
-        """Take a message; called by MAVProxy with every message of every vehicle."""
+        """Queue a message for the worker; MAVProxy calls this with every message of every
+        vehicle."""
         self._worker.put(bytes(packet.get_msgbuf()))
 
     def idle_task(self) -> None:
-        """Work twice a second; called by MAVProxy hundreds of times a second."""
+        """Print the worker's messages and update the console every PERIOD s; MAVProxy calls this
+        far more often."""
         now = time.monotonic()
         self._worker.looked()
         if now < self._next:
@@ -143,7 +145,7 @@ class MarginModule(mp_module.MPModule):
             self.console.set_status(name, text, row=ROW, fg=colour)
 
     def cmd_margin(self, args: Sequence[str]) -> None:
-        """Run the command `margin`."""
+        """Run MAVProxy's command `margin`, with the words after it in `args`."""
         match list(args):
             case []:
                 self._print_margins()
@@ -191,7 +193,8 @@ class MarginModule(mp_module.MPModule):
         print(f"margin max-utilisation {100.0 * value:g}%")
 
     def _set(self, name: str, text: str) -> None:
-        """Set an option and go on watching; reports of the vehicles on themselves are kept."""
+        """Set an option and restart the worker; the vehicles' own reports so far are passed to
+        it."""
         before = self._worker
         try:
             options = with_option(before.options, OPTIONS[name], text)
@@ -229,7 +232,7 @@ class MarginModule(mp_module.MPModule):
 
 
 def init(mpstate: Any, **options: Any) -> MarginModule:
-    """Make the module; called by MAVProxy, which prints an ImportError as one line."""
+    """Create the module; called by MAVProxy, which prints an ImportError as one line."""
     if "limit" in options:
         raise ImportError(f"limit is now {RENAMED}")
     unknown = sorted(set(options) - {field.name for field in dataclasses.fields(MarginOptions)})
@@ -244,8 +247,7 @@ def init(mpstate: Any, **options: Any) -> MarginModule:
 
 def with_option(options: MarginOptions, name: str, text: str) -> MarginOptions:
     """Return the options with one of them set from its text. Raises ValueError for a wrong
-    number.
-    """
+    number."""
     kind = next(field.type for field in dataclasses.fields(options) if field.name == name)
     default = {f.name: f.default for f in dataclasses.fields(options)}[name]
     value: Any = text
@@ -259,7 +261,8 @@ def with_option(options: MarginOptions, name: str, text: str) -> MarginOptions:
 
 
 def usable(value: Any) -> float:
-    """Return `value`, 0.5 or `50%`, as a share. Raises ValueError for anything else."""
+    """Parse `0.5` or `50%` to a share between 0 and 1, exclusive. Raises ValueError for anything
+    else."""
     number, percent, _ = str(value).partition("%")
     try:
         share = float(number) / (100.0 if percent else 1.0)

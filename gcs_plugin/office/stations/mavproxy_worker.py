@@ -54,7 +54,7 @@ class NewestFigures:
     flying: bool = False
     margin: float = NAN  # of the worst rotor, by measured speeds, motor outputs or prediction
     ends: tuple[float, float] | None = None  # of that margin's 90 % interval
-    basis: str = ""  # what stands in for a measured speed, in words
+    basis: str = ""  # what replaces a measured speed, in words
     rotor: int = 0  # that rotor, from 1
     margin_predicted: float = NAN
     unmeasured: int = 0  # rotors of which nothing is known where others are measured
@@ -74,10 +74,10 @@ class NewestFigures:
 
 
 class MarginWorker:
-    """Runs from `start` to `stop`. `put` and the rest are for MAVProxy's main thread and quick.
+    """A thread that computes margins from `start` to `stop`.
 
-    `kept` are frames of a worker before it. `thread` computes; `failure` says why it had to end,
-    for people.
+    `put` and the other methods are quick, for MAVProxy's main thread. `kept` are frames of an
+    earlier worker. `thread` computes; `failure` is the reason, for people, why it had to end.
     """
 
     def __init__(self, options: MarginOptions, kept: Mapping[bytes, float] | None = None) -> None:
@@ -106,7 +106,7 @@ class MarginWorker:
             self.thread.join(timeout)
 
     def put(self, data: bytes) -> None:
-        """Take one frame as it came over the link."""
+        """Queue one frame as received on the link; drop and count it if the queue is full."""
         if len(self._waiting) >= WAITING:
             self.dropped += 1
             return
@@ -116,13 +116,12 @@ class MarginWorker:
         self._waiting.append((data, now))
 
     def looked(self) -> None:
-        """Take note that all frames that came were put in: silence is counted up to here, not while
-        MAVProxy hangs.
-        """
+        """Store that all frames up to now were put in, so that no silence counts while MAVProxy
+        hangs."""
         self._looked = time.monotonic()
 
     def pass_on_to(self, send: Callable[[bytes], None]) -> None:
-        """Give every further frame to `send` too, on the thread."""
+        """Pass every further frame to `send` too, on the worker's thread."""
         self._listener = send
 
     def stop_passing_on(self) -> None:
@@ -221,13 +220,14 @@ def _unix_us(monotonic: float) -> int:
 
 
 def _heard_s(update: Update) -> float:
-    """Return time.monotonic() when the newest row was reported; it may be computed later."""
+    """Return the time, on time.monotonic(), at which the newest row's data arrived."""
     return int(update.stamp_us[-1]) * 1e-6 - _UNIX_MINUS_MONOTONIC
 
 
 def reading(update: Update, stamp: float) -> NewestFigures:
-    """Return the figures of an update's newest row, which was reported at `stamp`
-    (time.monotonic()).
+    """Return the figures of an update's newest row, which arrived at `stamp` (time.monotonic()).
+
+    On the ground the margin is predicted from the model; rotors count from 1, 0 is none.
     """
     import numpy as np
 
@@ -335,7 +335,7 @@ def _lines(now: NewestFigures, max_utilisation: float, age: float) -> list[str]:
 def fields(
     now: NewestFigures | None, max_utilisation: float, age: float
 ) -> dict[str, tuple[str, str]]:
-    """Return console fields, name -> (text, colour); grey when there is nothing recent to show."""
+    """Return console fields, name -> (text, colour); grey when no recent figures exist."""
     if now is None or age > STALE or math.isnan(age) or now.problem:
         names = {"Margin": "Margin --", "OneOut": "OneOut --", "Tank": "Tank --"}
         return {name: (text, "grey") for name, text in names.items()}

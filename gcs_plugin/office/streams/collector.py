@@ -81,22 +81,22 @@ class MetricsServer(SmallServer):
 
     @property
     def url(self) -> str:
-        """Address of the metrics."""
+        """Return the URL of the metrics."""
         return f"http://{HOST}:{self.port}/metrics"
 
 
 class MonitorCollector(Collector):
-    """The metrics of one monitor, computed at each request; called from any thread."""
+    """The metrics of a monitor, computed at each request; usable from any thread."""
 
     def __init__(self, monitor: LiveMonitor) -> None:
         self._monitor = monitor
 
     def describe(self) -> Iterable[Metric]:
-        """Return nothing: which metrics there are depends on what is heard."""
+        """Return nothing: the set of metrics depends on the vehicles heard."""
         return ()
 
     def collect(self) -> Iterator[Metric]:
-        """Yield the metrics of the present moment."""
+        """Yield the present values of all metrics."""
         fleet, now_us = self._monitor.fleet, self._monitor.now_us()
         watches = {str(n): w for n, w in fleet.vehicles.items() if not w.has_left(now_us)}
         yield _gauge("vehicles", "Vehicles that are heard or missed", [((), float(len(watches)))])
@@ -115,9 +115,8 @@ class MonitorCollector(Collector):
 
 
 def part_of(alarm: Alarm) -> str:
-    """Return the label `part` of an alarm: `rotor 3`, `rotor 1 or 2`, or empty where it is of no
-    rotor.
-    """
+    """Return the label `part` of an alarm: `rotor 3`, `rotor 1 or 2`; empty for an alarm without a
+    rotor."""
     rotors = alarm.rotors if alarm.rotor is None else (alarm.rotor,)
     return f"rotor {' or '.join(map(str, rotors))}" if rotors else ""
 
@@ -128,7 +127,7 @@ def _gauge(
     samples: Iterable[tuple[tuple[str, ...], float]],
     labels: tuple[str, ...] = (),
 ) -> GaugeMetricFamily:
-    """Return a gauge with a sample for each pair of label values and number, NaN left out."""
+    """Return a gauge with one sample per (label values, number); NaN is left out."""
     family = GaugeMetricFamily(PREFIX + name, words, labels=labels)
     for values, number in samples:
         if not math.isnan(number):
@@ -137,7 +136,11 @@ def _gauge(
 
 
 def _age_metrics(watches: Mapping[str, VehicleMonitor], now_us: int) -> Iterator[Metric]:
-    """Yield the age of everything, and the frames that were lost."""
+    """Yield, by vehicle, the s since its last message, row and stale field, and counts of bad
+    frames.
+
+    Bad frames are lost, repeated or late ones.
+    """
     silent = [((n,), w.link.silent(now_us)) for n, w in watches.items()]
     yield _gauge("silence_seconds", "Since anything was heard of it", silent, ("vehicle",))
     rows = [((n,), w.last.age_s(now_us)) for n, w in watches.items() if w.last is not None]
@@ -164,7 +167,8 @@ def _age_metrics(watches: Mapping[str, VehicleMonitor], now_us: int) -> Iterator
 def _figure_metrics(
     watches: Mapping[str, VehicleMonitor], now_us: int, old_s: float
 ) -> Iterator[Metric]:
-    """Yield the figures of vehicles whose newest row is not old."""
+    """Yield the figures of vehicles whose newest row is at most `old_s` old and whose id no other
+    vehicle uses."""
     samples: dict[str, list[tuple[tuple[str, ...], float]]] = {name: [] for name in FIGURES}
     for number, watch in watches.items():
         update = watch.last
@@ -206,7 +210,8 @@ def _vehicle_figures(update: Update) -> dict[str, float]:
 
 
 def _rotor_figures(update: Update) -> Iterator[tuple[tuple[str, str, str], dict[str, float]]]:
-    """Yield (rotor, name, source of its speed) and figures of each rotor; nothing on the ground."""
+    """Yield (rotor, name, source of its speed) and the figures of each rotor; nothing on the
+    ground."""
     analysis = update.analysis
     names = analysis.places
     if analysis.withheld or not analysis.track.flying[-1]:

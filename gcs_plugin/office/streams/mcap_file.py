@@ -135,7 +135,7 @@ TOPICS: Mapping[str, tuple[str, dict[str, Any]]] = {
 
 
 class StreamMessage(NamedTuple):
-    """One message: its topic, s from the sortie's first row, and its content."""
+    """A message: its topic, s from the sortie's first row, and its content."""
 
     topic: str
     time_s: float
@@ -157,9 +157,8 @@ class SortieClock:
 
 
 def sortie_clock(log: FlightLog) -> SortieClock:
-    """Return the sortie's clock: Unix time where the log knows it, else the vehicle's time since
-    boot.
-    """
+    """Return the sortie's clock: Unix time if the log has it, else the vehicle's time since
+    boot."""
     unix = log.track.start_unix_s
     return SortieClock(start_s=log.clock_start_s if unix is None else unix, unix=unix is not None)
 
@@ -194,9 +193,8 @@ def _nulls(values: Floats) -> list[Any]:
 
 
 def _margin_band(report: ReportedFlight) -> tuple[Floats, Floats, Floats]:
-    """Return (T, R) margin by the known utilisation in flight, and the ends of its 90 %
-    interval.
-    """
+    """Return the margin (T, R) by the known utilisation in flight, and both ends of its 90 %
+    interval."""
     rows = report.rows
     flying = rows["flying"][:, None] > 0.0
     names = ("known_utilisation", "utilisation_high", "utilisation_low")
@@ -287,9 +285,8 @@ def _timestamp(stamp_ns: int) -> dict[str, int]:
 
 
 def layout_text(rotor_names: Sequence[str]) -> str:
-    """Return the layout as JSON, with a line for each rotor; Foxglove takes it by "Import from
-    file".
-    """
+    """Return the layout as JSON, with a line for each rotor; Foxglove reads it by "Import from
+    file"."""
     rotors = range(len(rotor_names))
     rotor_names = [name or f"rotor {r + 1}" for r, name in enumerate(rotor_names)]
     panels: dict[str, dict[str, Any]] = {
@@ -368,7 +365,7 @@ def _plot(title: str, paths: Sequence[tuple[str, str]]) -> dict[str, Any]:
 
 
 def _split(direction: str, first: Any, second: Any) -> dict[str, Any]:
-    """Return a layout node that divides its place in halves, as a "row" or "column"."""
+    """Return a Foxglove layout node that halves its area, as a "row" or "column"."""
     return {"direction": direction, "first": first, "second": second, "splitPercentage": 50}
 
 

@@ -45,7 +45,7 @@ BATTERY_STATES = {"charged": 4.1 / 3.7, "nominal": 1.0, "nearly empty": 3.5 / 3.
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FillTable:
-    """One recommendation, and the largest fill about it."""
+    """A recommended fill, and the largest fills in other conditions."""
 
     model: RotorModel
     found: DayFill  # the recommendation, with the day that it holds for
@@ -60,42 +60,42 @@ class FillTable:
 
     @property
     def advice(self) -> str:
-        """The recommendation and its reason, as one sentence."""
+        """Return the recommendation and its reason, as one sentence."""
         if self.grounded:
             return no_fill_words(self.clearance)
         return fill_advice(self.fill, self.limit)
 
     @property
     def fill(self) -> NextFill:
-        """The recommendation; none where the last flight grounds the aircraft."""
+        """Return the recommended fill; one without numbers if the last flight grounds the
+        aircraft."""
         return unsound_fill(self.found.fill) if self.grounded else self.found.fill
 
     @property
     def grounded(self) -> bool:
-        """Whether the last flights of the aircraft forbid its next take-off."""
+        """Return True if the last flights of the aircraft forbid its next take-off."""
         return self.clearance.level in GROUNDING
 
     @property
     def day(self) -> Day:
-        """The day that the recommendation holds for."""
+        """Return the day (air, wind, battery) that the recommendation is for."""
         return self.found.fill.day
 
     @property
     def level(self) -> FlightLevel:
-        """The level of a flight that has the colour of the recommendation."""
+        """Return the flight level whose colour the recommendation has."""
         level = FLIGHT_LEVELS[self.fill.level]
         left_open = level is FlightLevel.UNDER and self.clearance.conditions
         return FlightLevel.NEAR if left_open else level
 
     @property
     def has_table(self) -> bool:
-        """Whether a table of fills says anything: not without a tank, nor with a bad rotor."""
+        """Return True if a table of fills has content: not without a tank, nor with a bad rotor."""
         return bool(self.model.airframe.tank_volume_l) and self.fill.reason != "unsound"
 
     def rows(self, state: str) -> list[tuple[str, list[str]]]:
-        """Return for each altitude its name and the largest fills over the temperatures, for
-        people.
-        """
+        """Return (altitude, [largest fill per temperature]) as texts, for one battery state of
+        `voltages`."""
         made = []
         for row, altitude in enumerate(self.altitudes):
             first = (list(self.voltages).index(state) * len(self.altitudes) + row) * len(
@@ -123,10 +123,10 @@ def fill_table(
     altitudes: Sequence[float],
     clearance: Clearance = NO_FLIGHT,
 ) -> FillTable:
-    """The recommendation for a complete day, and the table of temperatures, altitudes and battery.
+    """Compute the recommended fill for a complete day, and the table over air and battery.
 
-    `speed` is m/s over the ground while spraying, `clearance` what the aircraft's last flights
-    leave open.
+    `speed` is m/s over the ground while spraying, `clearance` the consequence of the aircraft's
+    last flights.
     """
     found = day_fill(model, day, speed=speed, limit=limit, rotor_lost=rotor_lost)
     nominal = model.airframe.nominal_voltage
@@ -160,12 +160,12 @@ def fill_table(
 
 
 def temperatures(table: FillTable) -> list[str]:
-    """The heads of the table."""
+    """Return the column heads of the table, `20 °C`."""
     return [number(celsius, "°C", 0) for celsius in table.temperatures_c]
 
 
 def conditions(table: FillTable) -> list[str]:
-    """Return the conditions that the recommendation holds for, a sentence each."""
+    """Return the conditions under which the recommendation is valid, a sentence each."""
     airframe = table.model.airframe
     sure = how_sure(table.fill)
     drag_unknown = table.model.network is None and table.found.airspeed > 0.0
@@ -192,7 +192,7 @@ def conditions(table: FillTable) -> list[str]:
 
 
 def json_text(table: FillTable) -> str:
-    """The table as JSON; kg, and null where a fill is not known."""
+    """Return the table as JSON; fills in kg, null where unknown."""
     fill, ask = table.fill, table.sensitive
     bad = fill.reason == "unsound"
     shape = (len(table.voltages), len(table.altitudes), len(table.temperatures_c))
@@ -233,6 +233,6 @@ def json_text(table: FillTable) -> str:
 
 
 def html_text(table: FillTable) -> str:
-    """Return a page to print: the recommendation, the day it holds for, and the table."""
+    """Return a printable HTML page with the recommendation, its day and the table."""
     context = {"table": table, "conditions": conditions(table), "temperatures": temperatures}
     return page_text("thrustmargin.gcs_plugin.reports.fill", context, draws=False)

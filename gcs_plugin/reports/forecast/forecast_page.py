@@ -65,7 +65,7 @@ def conditions_json(given: PlanConditions) -> dict[str, Any]:
 
 
 def json_text(made: PlanForecast) -> str:
-    """The forecast; kg, s, Wh and shares of thrust."""
+    """Return the forecast as JSON; kg, s, Wh and shares of thrust."""
     use, weakest = made.advised.advice.use, made.weakest
     sorties = () if made.needs.short_of else made.needs.sorties  # no split is possible
     content = {
@@ -120,7 +120,8 @@ def json_text(made: PlanForecast) -> str:
 
 
 def _power(made: PlanForecast) -> dict[str, object]:
-    """Return the mean power of the flight, W, its 90 % interval, and on what it rests.
+    """Return the mean power of the flight, W, its 90 % interval, and its source, as a dict for
+    JSON.
 
     `basis` is "flights" where flights of the aircraft measured its current, else "formula".
     """
@@ -137,7 +138,7 @@ def _power(made: PlanForecast) -> dict[str, object]:
 
 
 def csv_text(made: PlanForecast) -> str:
-    """The rows of the part that was flown in detail."""
+    """Return the simulated rows as CSV, with units in the heads; empty cells where unknown."""
     flight, analysis = made.flight, made.advised.analysis
     track = flight.track
     use, rotor = worst_rotor(analysis.utilisation_predicted)
@@ -188,9 +189,10 @@ class FillCard:
 
 
 def fill_card(made: PlanForecast) -> FillCard:
-    """The card of the plan's aircraft, for the heights and speeds of the plan.
+    """Compute the table of largest fills for the plan's aircraft, in the plan's air and at its
+    speeds.
 
-    Raises DataError where the fill is not known, or how far the battery sags.
+    Raises DataError where the fill, or the battery's sag, is unknown.
     """
     model, limit = made.advised.analysis.model, made.advised.advice.limit
     craft = identified_airframe(model)
@@ -237,10 +239,10 @@ def fill_card(made: PlanForecast) -> FillCard:
 
 
 def gate_text(made: PlanForecast, card: FillCard, *, plan: str, refuse: bool) -> str:
-    """Return the Lua script that compares what is in the tank with the card before arming.
+    """Return the Lua script that compares the tank's content with the card before arming.
 
-    Where the vehicle has no thermometer outside, the script takes the air temperature of the
-    forecast's day.
+    Without an outside thermometer on the vehicle, the script uses the air temperature of the
+    forecast's day. `refuse`: it refuses to arm instead of warning.
     """
     model, warm = made.advised.analysis.model, made.day.air_temperature
     air = warm.value - ZERO_CELSIUS
@@ -270,7 +272,8 @@ def gate_text(made: PlanForecast, card: FillCard, *, plan: str, refuse: bool) ->
 
 
 def _comment(text: str) -> str:
-    """Return a text as a line of ASCII, which no name of a file can leave."""
+    """Return `text` as at most 90 ASCII characters on one line, so that a file's name cannot end
+    the comment."""
     return clean(text).encode("ascii", "replace").decode()[:90]
 
 
@@ -283,7 +286,8 @@ MOST = 500  # that are folded below it
 
 
 def html_text(made: PlanForecast, name: str) -> str:
-    """The page of the forecast of the plan called `name`; it asks nothing of any network."""
+    """Return the page of the forecast of the plan called `name`; it loads nothing from a
+    network."""
     return _page(made, name, {"use": packed(_chart(made).to_json())})
 
 
@@ -330,7 +334,8 @@ def _page(made: PlanForecast, name: str, figures: Mapping[str, Markup]) -> str:
 
 
 def hardest(legs: Sequence[LegForecast]) -> Sequence[LegForecast]:
-    """The stretches with the largest peaks, in the order of flight."""
+    """Return the stretches with the largest peaks of utilisation, up to SHOWN, in the order of
+    flight."""
     if len(legs) <= SHOWN:
         return legs
     peaks = np.nan_to_num([leg.utilisation_peak for leg in legs], nan=-1.0)
@@ -339,7 +344,7 @@ def hardest(legs: Sequence[LegForecast]) -> Sequence[LegForecast]:
 
 
 def _chart(made: PlanForecast) -> style.Figure:
-    """Thrust left over time above tank and battery."""
+    """Draw thrust left over time, above tank and battery voltage."""
     track, limit = made.flight.track, made.advised.advice.limit
     time_s = track.time_s
     use, reach = (100.0 * part for part in worst_use(made.advised.analysis, slice(None)))

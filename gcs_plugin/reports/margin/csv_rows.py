@@ -46,9 +46,9 @@ COLUMNS: tuple[tuple[str, str, int | None], ...] = (
 def rows_of(
     analysis: FlightAnalysis, *, fill_limit_kg: Floats, fill_one_rotor_out_kg: Floats
 ) -> Mapping[str, Floats]:
-    """Name of COLUMNS without _{}, or "known_utilisation" -> (T,) or (T, R), NaN where unknown.
+    """Return the columns of the CSV, and "known_utilisation", by name: (T,) or (T, R), NaN unknown.
 
-    The fills are (T,) kg.
+    Names are those of COLUMNS without _{}. The fill limits are (T,) kg.
     """
     track, prediction = analysis.track, analysis.prediction
     of_track = {name: getattr(track, name) for name in ("time_s", "flying", *OF_ROTOR)}
@@ -81,7 +81,7 @@ def rows_of(
 
 
 def csv_columns(rows: Mapping[str, Floats], rotors: int) -> Iterator[tuple[str, Floats]]:
-    """(heading with its unit, (T,) values) of each CSV column.
+    """Yield the heading, with its unit, and the values (T,) of each CSV column.
 
     `rotors` pads with empty columns where flights of several airframes share one file.
     """

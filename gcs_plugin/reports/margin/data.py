@@ -76,12 +76,13 @@ END_SHARE = 0.1
 
 
 def share(part: float, whole: float) -> float:
-    """Part over whole; NaN of nothing."""
+    """Return part / whole; NaN unless the whole is above 0."""
     return part / whole if whole > 0.0 else float("nan")
 
 
 def end_rows(track: FlightTrack) -> tuple[Bools, Bools]:
-    """(T,) the first and (T,) the last tenth of the airborne rows."""
+    """Return flags (T,) of the first and (T,) of the last tenth of the airborne rows, one row at
+    least."""
     airborne = np.flatnonzero(track.flying)
     count = max(1, round(END_SHARE * airborne.size))
     first, last = np.zeros((2, track.time_s.size), dtype=np.bool_)

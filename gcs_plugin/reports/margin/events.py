@@ -33,7 +33,7 @@ YAW_MEAN_S = 1.0
 
 
 def takeoff_rows(analysis: FlightAnalysis) -> tuple[JsonObject, ...]:
-    """Return the check of each run-up in order of time; motors count from 1."""
+    """Return the checks of each take-off's run-up, in order of time; motors count from 1."""
     airframe = None if analysis.withheld else identified_airframe(analysis.model)
     places = () if analysis.withheld else analysis.places
     arms = None if analysis.withheld else analysis.model.arms
@@ -42,9 +42,9 @@ def takeoff_rows(analysis: FlightAnalysis) -> tuple[JsonObject, ...]:
 
 
 def _row(analysis: FlightAnalysis, check: TakeoffCheck, places: Sequence[str]) -> JsonObject:
-    """Return one run-up under the names of TakeoffCheck, with its words.
+    """Return one run-up as a JSON object under the names of TakeoffCheck, with its words.
 
-    Each motor has its speed in the first seconds of hover over that of the aircraft's model.
+    Each motor has its speed in the first seconds of hover over the model's.
     """
     plain = {f.name: getattr(check, f.name) for f in fields(check)}
     arms = arms_beside_model(analysis, check.lift_s)
@@ -64,7 +64,7 @@ def _row(analysis: FlightAnalysis, check: TakeoffCheck, places: Sequence[str]) -
 
 
 def _finding(finding: TakeoffFinding, places: Sequence[str]) -> JsonObject:
-    """Return one finding with its words; `forbids` where nobody should lift with it."""
+    """Return one finding with its words; `forbids` is True if it forbids the take-off."""
     plain = {f.name: getattr(finding, f.name) for f in fields(finding)}
     return plain | {
         "motors": [motor + 1 for motor in finding.motors],
@@ -74,10 +74,10 @@ def _finding(finding: TakeoffFinding, places: Sequence[str]) -> JsonObject:
 
 
 def yaw_rows(analysis: FlightAnalysis) -> JsonObject:
-    """Return the reserve of yaw authority in flight: its least 1 s mean, when, and its median.
+    """Return the unused share of yaw authority in flight: its least 1 s mean, when, and its median.
 
-    By measured speeds, or those made from motor outputs; NaN where a rotor has neither, and of an
-    aircraft that is not known.
+    By measured speeds, or those inferred from motor outputs; NaN where a rotor has neither, and for
+    an unknown aircraft.
     """
     track, reserve = analysis.track, analysis.yaw_reserve
     mean = moving_mean(track.time_s, np.where(track.flying, reserve, np.nan), YAW_MEAN_S)
@@ -91,7 +91,7 @@ def yaw_rows(analysis: FlightAnalysis) -> JsonObject:
 
 
 def alarm_row(episode: FaultEpisode, names: Sequence[str]) -> JsonObject:
-    """A fault of a rotor or motor, with the words of its live alarm."""
+    """Return a fault of a rotor or motor as a JSON object, with the words of its live alarm."""
     fault = episode.fault
     return {
         "kind": fault.kind,
@@ -108,7 +108,8 @@ def alarm_row(episode: FaultEpisode, names: Sequence[str]) -> JsonObject:
 
 
 def misread_row(misread: MisreadSpeed | None) -> JsonObject | None:
-    """The rotor, from 1, whose ESC reads `factor` times its speed; None without one."""
+    """Return the rotor, from 1, whose ESC reads `factor` times its speed, for JSON; None without
+    one."""
     if misread is None:
         return None
     return {
@@ -123,7 +124,8 @@ VEHICLE, NOTES, PROGRAM = "vehicle", "notes", "program"
 
 
 def said_rows(statements: Sequence[VehicleStatement], advice: Advice) -> tuple[JsonObject, ...]:
-    """Return the reports of the vehicle beside what the log shows; motors count from 1."""
+    """Return the vehicle's reports, each with what the log shows of the fault, as JSON objects;
+    motors count from 1."""
     return tuple(
         {
             "kind": one.kind,
@@ -146,7 +148,10 @@ def timeline_rows(
     notes: Sequence[EngineerNote],
     advice: Advice,
 ) -> tuple[JsonObject, ...]:
-    """Return all entries in order of time: `time_s`, `source`, `text`, and `beside` in words."""
+    """Return all entries in order of time: `time_s`, `source`, `text`, and `beside`.
+
+    `beside` is in words what the log shows of a vehicle's report.
+    """
     made = [
         _entry(time_s, VEHICLE, _text(one), one["words"])
         for one in said
@@ -167,7 +172,7 @@ def timeline_rows(
 
 
 def _text(said: JsonObject) -> str:
-    """Return a report's own text, else its kind and subject."""
+    """Return the title of a report with its own text, else with its subject."""
     title = kind_words(said["kind"])
     if said["text"]:
         return f"{title}: {said['text']}"

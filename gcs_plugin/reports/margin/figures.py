@@ -24,7 +24,7 @@ Rows = Mapping[str, Floats]
 
 
 def figures(report: ReportedFlight) -> Mapping[str, style.Figure]:
-    """Name -> figure; those whose channels the flight lacks are left out."""
+    """Return the figures of a flight by name; those whose channels it lacks are left out."""
     rows, limit, worst = airborne(report.rows), report.advice.limit, report.worst
     if not rows["time_s"].size:
         return {}
@@ -47,7 +47,7 @@ def figures(report: ReportedFlight) -> Mapping[str, style.Figure]:
     if knows_redundancy:
         made["redundancy"] = redundancy_figure(rows, limit)
     residual = rows["rotor_speed_rpm"] - rows["rotor_speed_predicted_rpm"]
-    inferred = np.isfinite(rows["tank_error_kg"])  # from these speeds: the residual says nothing
+    inferred = np.isfinite(rows["tank_error_kg"])  # from these speeds: the residual shows nothing
     if np.any(np.isfinite(residual[~inferred])):
         made["residual"] = residual_figure(rows, names)
     if placed:
@@ -70,7 +70,7 @@ def figures(report: ReportedFlight) -> Mapping[str, style.Figure]:
 def use_figure(
     rows: Rows, use: Floats, limit: float, worst: UtilisationPeak | None
 ) -> style.Figure:
-    """Thrust left of the worst rotor and of the mean rotor over time, above the tank level.
+    """Draw thrust left of the worst rotor and of the mean rotor over time, above the tank level.
 
     `use` (T, R) is the known utilisation and `limit` the largest that may last, both shares.
     """
@@ -112,7 +112,7 @@ def use_figure(
 
 
 def rotors_figure(rows: Rows, limit: float, names: Sequence[str]) -> style.Figure:
-    """Thrust left of each rotor, measured and predicted, one strip a rotor."""
+    """Draw thrust left of each rotor over time, measured and predicted, one panel a rotor."""
     time_s = rows["time_s"]
     use = rows["utilisation"], rows["utilisation_from_outputs"], rows["utilisation_predicted"]
     measured, inferred, predicted = (100.0 * (1.0 - shares) for shares in use)
@@ -135,7 +135,7 @@ def rotors_figure(rows: Rows, limit: float, names: Sequence[str]) -> style.Figur
 
 
 def residual_figure(rows: Rows, names: Sequence[str]) -> style.Figure:
-    """Measured minus predicted rotor speed over time, with the promised interval as a band."""
+    """Draw measured minus predicted rotor speed over time, with the model's interval as a band."""
     time_s, predicted = rows["time_s"], rows["rotor_speed_predicted_rpm"]
     residual, lower, upper = (
         rows[f"rotor_speed_{name}rpm"] - predicted for name in ("", "lower_", "upper_")
@@ -155,7 +155,8 @@ def residual_figure(rows: Rows, names: Sequence[str]) -> style.Figure:
 
 
 def redundancy_figure(rows: Rows, limit: float) -> style.Figure:
-    """Redundancy over time, yaw uncontrolled and controlled; below it the tank and the fills."""
+    """Draw redundancy over time, yaw uncontrolled and controlled, above the tank and fill
+    limits."""
     time_s, tank = rows["time_s"], rows["tank_kg"]
     free, kept = rows["redundancy_yaw_uncontrolled"], rows["redundancy_yaw_kept"]
     one_out, of_limit = rows["fill_one_rotor_out_kg"], rows["fill_limit_kg"]
@@ -184,8 +185,10 @@ def redundancy_figure(rows: Rows, limit: float) -> style.Figure:
 
 
 def use_map(rows: Rows, use: Floats, limit: float, worst: UtilisationPeak | None) -> style.Figure:
-    """The route coloured by the thrust left of the worst rotor, of which `use` (T,) is in use; the
-    worst moment is ringed."""
+    """Draw the route coloured by the worst rotor's thrust left, with a ring round the worst row.
+
+    `use` (T,) is that rotor's utilisation, a share.
+    """
     made = _map(rows, {"left": (1.0 - use, use)}, palette.thrust_left(1.0 - limit))
     if worst is not None and np.isfinite(worst.north) and np.isfinite(worst.east):
         ring = style.scatter(
@@ -204,7 +207,7 @@ def use_map(rows: Rows, use: Floats, limit: float, worst: UtilisationPeak | None
 
 
 def redundancy_map(rows: Rows) -> style.Figure:
-    """The map of redundancy, with buttons for yaw uncontrolled and controlled."""
+    """Draw the route coloured by redundancy, with buttons for yaw uncontrolled and controlled."""
     free, kept = rows["redundancy_yaw_uncontrolled"], rows["redundancy_yaw_kept"]
     coloured = {SPINS: (free, -free)}
     if not np.any(np.isfinite(kept)):
@@ -230,7 +233,8 @@ def _map(
 
 
 def airborne(rows: Rows) -> Rows:
-    """The rows from take-off to landing; rotors on the ground between are blanked."""
+    """Return the rows from first take-off to last landing; per-rotor values on the ground become
+    NaN."""
     flown = np.flatnonzero(rows["flying"])
     span = slice(int(flown[0]), int(flown[-1]) + 1) if flown.size else slice(0, 0)
     cut = {key: values[span] for key, values in rows.items()}

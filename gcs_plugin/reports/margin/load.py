@@ -35,7 +35,7 @@ def _paper() -> Matching:
 
 
 def load_rows(analysis: FlightAnalysis, limits: Ceiling) -> tuple[JsonObject, ...]:
-    """Tank, load a rotor, its increase (Eq. 6-8) and thrust utilisation, a row each.
+    """Return rows of a table: tank, load a rotor, its increase (Eq. 6-8) and thrust utilisation.
 
     `unit` is "kg", "kgf", "1", or "more" for a share beyond 1; `approximate` marks a figure of the
     paper that is printed as "about". Columns: the paper's F16, this airframe, and the first and
@@ -107,7 +107,8 @@ def load_rows(analysis: FlightAnalysis, limits: Ceiling) -> tuple[JsonObject, ..
 def redundancy_rows(
     analysis: FlightAnalysis, rows: Mapping[str, Floats], seconds: Floats
 ) -> JsonObject:
-    """Return what one lost rotor would have meant along the flight, and the largest fills.
+    """Return the redundancy after losing one rotor in flight, and the largest fills, as a JSON
+    object.
 
     The fills are those at which thrust in use in hover meets the limit, and at which redundancy
     with yaw uncontrolled is 1: at the start of the flight, and the least over it.
@@ -143,7 +144,8 @@ def redundancy_rows(
 
 
 def one_rotor_out_use(airframe: Airframe) -> float:
-    """Thrust utilisation in hover at redundancy 1 with yaw uncontrolled; 0.5 on a quad."""
+    """Return the thrust utilisation in hover, 0 to 1, with the largest fill at which the
+    aircraft still holds its weight after losing a rotor, yaw uncontrolled; 0.5 on a quad."""
     limits = ceiling(airframe, airframe.reference_density, airframe.ceiling_voltage)
     fill = largest_fill(airframe, limits, criterion="yaw uncontrolled")
     return float(hover_use(airframe, limits, weight(airframe, fill)).item())

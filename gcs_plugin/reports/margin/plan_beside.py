@@ -33,10 +33,10 @@ def plan_beside(
     plan: MissionPlan,
     assumed: PlanConditions | None = None,
 ) -> JsonObject:
-    """The stretches of `plan` as forecast and as flown, and which of what was `assumed` was off.
+    """Compare the stretches of `plan` as forecast with the flight, and list the wrong assumptions.
 
-    The forecast draws the power that this flight measured. Raises PlanError when the plan flies
-    nowhere.
+    The forecast is under `assumed`, else under the conditions before take-off, and uses the power
+    that this flight measured. Raises PlanError when the plan flies nowhere.
     """
     measured = flight_power(analysis, log.name)
     model = analysis.model

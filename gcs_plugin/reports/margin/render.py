@@ -45,10 +45,10 @@ class Written:
 
 
 def write_report(report: Report, out: Path) -> Written:
-    """Write `out` (.html) and beside it, with the same stem, the JSON and the CSV.
+    """Write `out` (.html), and JSON and CSV files with the same stem next to it.
 
-    All three are made before any is replaced: a failure or Ctrl-C on the way leaves what was there.
-    Raises OSError when the folder is missing or cannot be written.
+    All three are made before any is replaced: after a failure or Ctrl-C the old files are
+    unchanged. Raises OSError when the folder is missing or cannot be written.
     """
     files_of = Written(html=out, json=out.with_suffix(".json"), csv=out.with_suffix(".csv"))
     with ExitStack() as files:
@@ -63,7 +63,8 @@ def write_report(report: Report, out: Path) -> Written:
 
 
 def json_text(report: Report, csv_name: str) -> str:
-    """The report's numbers as JSON, schema "thrustmargin.report/3"; unknown numbers are null."""
+    """Return the report's numbers as JSON, schema "thrustmargin.report/3"; unknown numbers are
+    null."""
     whole = {
         "schema": SCHEMA,
         "made_utc": report.made_utc,
@@ -81,10 +82,11 @@ def json_text(report: Report, csv_name: str) -> str:
 
 
 def csv_bytes(report: Report) -> bytes:
-    """A row a time of every flight, units in the header, empty cells where unknown.
+    """Return a CSV row for each time of every flight, units in the header, empty cells where
+    unknown.
 
-    The first column is the number of the flight in the JSON's list, from 1. No text of a log is in
-    the file, so that no spreadsheet can take it for a formula.
+    The first column is the number of the flight in the JSON's list, from 1. The file contains no
+    text of a log, so that no spreadsheet can take it for a formula.
     """
     rotors = max((len(f.json["rotors"]) for f in report.flights), default=0)
     heading, lines = "", []
@@ -101,8 +103,11 @@ def csv_bytes(report: Report) -> bytes:
 
 
 def pdf_bytes(report: Report, written: Written | None) -> bytes:
-    """The page on A4, with the same words and figures: one flight on three to four, of several
-    what was decided and its figure, two to a page."""
+    """Return the page on A4, with the same words and figures.
+
+    One flight takes three to four pages; of several, each has its verdict and a figure, two to a
+    page.
+    """
     from thrustmargin.gcs_plugin.reports.paper import pdf_page
 
     brief = len(report.flights) > 1
@@ -112,7 +117,7 @@ def pdf_bytes(report: Report, written: Written | None) -> bytes:
 
 
 def html_text(report: Report, written: Written) -> str:
-    """The page; the figures of every flight are drawn when they come into view."""
+    """Return the page; the figures of every flight are drawn when they scroll into view."""
     drawn = {name: packed(made.to_json()) for name, made in _drawn(report).items()}
     return _page(report, written, drawn)
 
@@ -130,20 +135,21 @@ BINS = 120  # of the strip
 
 @dataclass(frozen=True, slots=True)
 class Strip:
-    """A flight as a strip of colours: (share of its length in %, CSS colour) in order, and where
-    the worst moment is, in %."""
+    """A flight as a strip of colours: parts (share of its length in %, CSS colour) in order.
+
+    `worst_at` is where the worst row is, in %.
+    """
 
     parts: tuple[tuple[float, str], ...]
     worst_at: float | None
 
 
 def strip_of(flight: ReportedFlight) -> Strip | None:
-    """Return a flight's strip: its thrust left over its time in the air, in the replay's
-    colours.
+    """Return a flight's strip: thrust left over its time in the air, in the colours of the replay.
 
-    Each of BINS equal parts of the time has the colour of the least thrust left in it, or that
-    of unknown; neighbours of one colour are joined. The worst moment is marked, in % of the
-    time. Return None if the thrust left is unknown in the whole flight.
+    Each of BINS equal time bins has the colour of its least thrust left, or that of no data;
+    neighbours of equal colour are joined. The worst moment is marked, in % of the time. None if
+    thrust left is unknown in the whole flight.
     """
     rows = airborne(flight.rows)
     time_s, use = rows["time_s"], worst_rotor(rows["known_utilisation"])[0]
@@ -165,7 +171,7 @@ def strip_of(flight: ReportedFlight) -> Strip | None:
 
 
 def left_of_use(use: float) -> str:
-    """Return what is left of thrust of which the share `use` is in use, `45 %`."""
+    """Return in words the thrust left where the share `use` is in use, `45 %`."""
     return left_words(1.0 - use)
 
 

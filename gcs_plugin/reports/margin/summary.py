@@ -190,7 +190,7 @@ def peak_row(peak: UtilisationPeak, start_unix_s: float | None) -> data.JsonObje
 
 
 def look_facts(findings: Iterable[Finding]) -> Iterator[tuple[str, str]]:
-    """Return the findings about the log to show beside its verdict, names of rotors first."""
+    """Yield the findings on the log to display next to its verdict, those on rotor names first."""
     order = sorted(report_findings(findings), key=lambda one: one.spoils is not Spoils.ROTOR_NAMES)
     for one in order:
         if one.spoils is Spoils.ROTOR_NAMES:
@@ -200,7 +200,8 @@ def look_facts(findings: Iterable[Finding]) -> Iterator[tuple[str, str]]:
 
 
 def _basis(made: Advised) -> tuple[str, float]:
-    """Return the source of the thrust utilisation, in words, and the share that is measured."""
+    """Return the source of the thrust utilisation, in words, and the share of time it is
+    measured."""
     analysis, seconds = made.analysis, made.analysis.track.row_seconds
     known = np.any(np.isfinite(airborne_use(analysis)), axis=1)
     measured_s = float(seconds[known & analysis.any_measured].sum())
@@ -211,15 +212,15 @@ def _basis(made: Advised) -> tuple[str, float]:
     return words, data.share(measured_s, airborne_s)
 
 
-#: Parts of an answer that the report has as rows of their own, and the rotors' names.
+#: Parts of a verdict that the report lists as rows of their own, and the rotors' names.
 _AS_ROWS = ("faults", "repaired", "losses", "misread", "withheld", "rotor_names", "rotor_count")
 
 
 def advice_values(advice: Advice) -> dict[str, Any]:
-    """Return the figures of an answer under the names that they have in `Advice`.
+    """Return the figures of a flight's advice by their names in `Advice`.
 
-    Arrays over the flight are left out (the CSV has them), and what the report has as rows of its
-    own. Rotors count from 1, and `fill.kg` is rounded down, as the action states it.
+    Arrays over the flight are left out (the CSV has them), and so are fields that the report has as
+    rows of its own. Rotors count from 1, and `fill.kg` is rounded down, as the action states it.
     """
     values = {f.name: getattr(advice, f.name) for f in fields(advice) if f.name not in _AS_ROWS}
     for part in ("use", "rotor_lost", "battery", "fill", "misfit"):
@@ -236,7 +237,8 @@ def advice_values(advice: Advice) -> dict[str, Any]:
 
 
 def change_row(change: AircraftChange) -> data.JsonObject:
-    """Return how a flight differs from those of its aircraft before it, with rotors from 1."""
+    """Return, for JSON, how a flight differs from earlier ones of its aircraft, with rotors from
+    1."""
     row = to_json_values(change)
     for mode in row["modes"]:
         mode["faster"] = [rotor + 1 for rotor in mode["faster"]]
@@ -249,7 +251,8 @@ def change_row(change: AircraftChange) -> data.JsonObject:
 
 
 def _flight(analysis: FlightAnalysis, speed: Floats, seconds: Floats) -> data.JsonObject:
-    """The flight in a dozen figures, of its airborne rows; `speed` (T,) is over ground, m/s."""
+    """Return the figures of the flight, from its airborne rows; `speed` (T,) is over ground,
+    m/s."""
     track = analysis.track
     flying = track.flying
     first, last = data.end_rows(track)
@@ -303,7 +306,8 @@ def _flight(analysis: FlightAnalysis, speed: Floats, seconds: Floats) -> data.Js
 
 
 def _path_length(speed: Floats, seconds: Floats, rows: Bools) -> float:
-    """Ground speed summed over the rows; NaN when speed is unknown in all of them."""
+    """Return the length, m, of the path over the flagged rows (T,), from ground speed (T,), m/s,
+    and row durations (T,), s; NaN if the speed is unknown in all of them."""
     known = rows & np.isfinite(speed)
     if np.any(rows) and not np.any(known):
         return float("nan")
@@ -311,12 +315,16 @@ def _path_length(speed: Floats, seconds: Floats, rows: Bools) -> float:
 
 
 def _lost_s(speed: Floats, seconds: Floats, rows: Bools) -> float:
-    """s of the rows in which the ground speed is not known."""
+    """Return the total duration, s, of the flagged rows (T,) without a known ground speed."""
     return float(np.sum(seconds[rows & ~np.isfinite(speed)]))
 
 
 def _rotors(analysis: FlightAnalysis, seconds: Floats, limit: float) -> tuple[data.JsonObject, ...]:
-    """Thrust utilisation of each rotor; over_limit_share is of the time in which it is known."""
+    """Return an object for each rotor: largest and median thrust utilisation in flight, measured
+    and predicted, and the share of the known time above `limit`.
+
+    `seconds` (T,) is the duration of each row.
+    """
     flying, use = analysis.track.flying, airborne_use(analysis)
     measured, predicted = analysis.utilisation[flying], analysis.utilisation_predicted[flying]
     known_s = seconds @ np.isfinite(use)
@@ -336,7 +344,7 @@ def _rotors(analysis: FlightAnalysis, seconds: Floats, limit: float) -> tuple[da
 
 
 def model_use(analysis: FlightAnalysis) -> data.JsonObject:
-    """Airframe and model, and the shares of the airborne rows that each basis predicted.
+    """Return airframe and model, and the shares of the airborne rows that each basis predicted.
 
     `inside_envelope` is None when the model has no network.
     """
@@ -364,7 +372,8 @@ def model_use(analysis: FlightAnalysis) -> data.JsonObject:
 
 
 def _kinds_of_speed(analysis: FlightAnalysis) -> tuple[str, ...]:
-    """A word where the model learnt from another kind of rotor speed than this flight has."""
+    """Return a note if the model was trained on another kind of rotor speed than this flight
+    has."""
     training, here = analysis.model.training, analysis.speed_basis
     if training is None or training.speed == here or not analysis.any_measured.any():
         return ()
@@ -372,7 +381,7 @@ def _kinds_of_speed(analysis: FlightAnalysis) -> tuple[str, ...]:
 
 
 def model_words(model: RotorModel) -> list[str]:
-    """Training domain and interval of a model, in words."""
+    """Describe training domain and interval of a model in words."""
     text = []
     if model.training_domain is not None:
         covers = model.training_domain
@@ -420,7 +429,8 @@ def _without_error(analysis: FlightAnalysis) -> str:
 
 
 def _quality(log: FlightLog) -> data.JsonObject:
-    """Return the gaps of the log and the assumptions of its reading; a silence is over 1 s long."""
+    """Return defects of the log and assumptions made in reading it; a silence is longer than 1
+    s."""
     track, whole = log.track, log.quality
     counted = ("bytes", "frames", "bytes_skipped", "damaged_places", "bad_checksum")
     return {
@@ -446,13 +456,13 @@ def build_report(
     plan: MissionPlan | None = None,
     assumed: PlanConditions | None = None,
 ) -> data.Report:
-    """The numbers of a report over flights, in their order, checked against `max_utilisation`.
+    """Build the report on flights, in their order, checked against `max_utilisation`.
 
-    That is the largest share of a rotor's maximum thrust that may be in use. Each flight is put
-    beside the forecast of its `plan` with what was `assumed`; without that see `plan_beside`.
+    That is the largest share of a rotor's maximum thrust that may be in use. Each flight is
+    compared with the forecast of `plan`, if given, under `assumed`; see `plan_beside`.
 
-    `unread` are logs that could not be read, to be named in it. Raises DataError when the
-    share is not between 0 and 1, or there is no flight.
+    `unread` are logs that could not be read, to be listed. Raises DataError when the share is not
+    between 0 and 1, or there is no flight.
     """
     if not 0.0 < max_utilisation < 1.0:
         raise DataError(f"max_utilisation {max_utilisation:g} is no share; give one such as 0.5")
@@ -473,8 +483,8 @@ def build_report(
 
 
 def overview_of(reports: Sequence[data.ReportedFlight], limit: float) -> data.JsonObject:
-    """Return the level and the headline of all flights, the number of the worst, from 1, and how
-    many flights have each level."""
+    """Return level and headline of all flights, number of the worst, from 1, and flights per
+    level."""
     levels = [report.advice.level for report in reports]
     first, report = worst_first(reports)[0]
     level, words = report.advice.level, report.json["verdict"]["headline"]
@@ -489,9 +499,10 @@ def overview_of(reports: Sequence[data.ReportedFlight], limit: float) -> data.Js
 
 
 def worst_first(reports: Sequence[data.ReportedFlight]) -> list[tuple[int, data.ReportedFlight]]:
-    """(index in the list, report), the worst verdict first, of equal ones the most thrust in use.
+    """Return (index in the list, report), the worst verdict first.
 
-    Those without a verdict come last.
+    Of equal verdicts the one with the most thrust in use comes first; flights without a verdict
+    come last.
     """
 
     def rank(item: tuple[int, data.ReportedFlight]) -> tuple[int, float]:

@@ -22,12 +22,13 @@ from thrustmargin.models.flight import Floats
 
 STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 SECONDS = (1, 2, 5, 10, 15, 20, 30, 60, 120, 300, 600, 900, 1200, 1800, 3600, 7200, 14400)
-ROOM = 0.01  # of the values' span, beside them
+ROOM = 0.01  # of the values' span, left free at each end
 
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """Values from `low` at pixel `begin` to `high` at pixel `end`; decades where it is "log"."""
+    """An axis with the value `low` at pixel `begin` and `high` at pixel `end`; `low` and `high` are
+    decades if it is "log"."""
 
     kind: str  # plotly's type: linear, date (ms, shown as time) or log
     low: float
@@ -36,7 +37,7 @@ class Axis:
     end: float
 
     def at(self, values: Any) -> Floats:
-        """The pixels of values of any shape."""
+        """Return the pixels of values of any shape."""
         values = np.asarray(values, dtype=np.float64)
         if self.kind == "log":
             values = np.log10(values)
@@ -45,16 +46,16 @@ class Axis:
 
     @property
     def scale(self) -> float:
-        """The number of pixels a unit."""
+        """Return the number of pixels per unit."""
         return abs(self.end - self.begin) / (self.high - self.low)
 
     def with_scale(self, scale: float) -> Axis:
-        """Return this axis about the same middle, with `scale` pixels a unit."""
+        """Return this axis with the same centre and `scale` pixels per unit."""
         middle, half = 0.5 * (self.low + self.high), 0.5 * abs(self.end - self.begin) / scale
         return Axis(self.kind, middle - half, middle + half, self.begin, self.end)
 
     def marks(self, most: int) -> list[tuple[float, str]]:
-        """About so many round values on it, and what is written there."""
+        """Return about `most` round values on the axis, each with its label."""
         if self.kind == "log":
             decades = range(int(np.floor(self.low)), int(np.ceil(self.high)) + 1)
             inner = (1, 2, 5) if len(decades) < 4 else (1,)
@@ -74,7 +75,10 @@ class Axis:
 def axis_over(
     properties: Mapping[str, Any], values: Sequence[Any], begin: float, end: float
 ) -> Axis:
-    """The axis with plotly's `properties`, of the values (each any shape) that are drawn on it."""
+    """Return an axis with plotly's `properties`, from pixel `begin` to `end`, that covers `values`.
+
+    `values` are arrays of any shape; a `range` in `properties` replaces theirs.
+    """
     kind = properties.get("type", "linear")
     known = np.concatenate([np.ravel(np.asarray(v, dtype=np.float64)) for v in (*values, [])])
     if kind == "log":
@@ -92,7 +96,7 @@ def _multiples(step: float, low: float, high: float) -> Floats:
 
 
 def clock(milliseconds: float) -> str:
-    """Minutes and seconds, from an hour on with hours."""
+    """Return `MM:SS`, or `H:MM:SS` from an hour on, for a time in ms."""
     seconds = round(milliseconds / 1000.0)
     hours, minutes = seconds // 3600, seconds // 60 % 60
     tail = f"{minutes:02d}:{seconds % 60:02d}"
@@ -109,7 +113,7 @@ PIXEL = 25.4 / 140.0  # mm on paper: type of 16 pixels is 8 pt
 
 @dataclass(frozen=True, slots=True)
 class Lettering:
-    """Style of a line of words, and the side of its place on which it stands; turned reads up."""
+    """Style of a line of words, and its alignment to its place; turned text reads upwards."""
 
     size: float
     colour: Colour = (0, 0, 0)
@@ -120,7 +124,7 @@ class Lettering:
 
 
 def with_fonts(pdf: FPDF) -> FPDF:
-    """The document with the family "body", plain and bold, embedded."""
+    """Embed the font family "body", plain and bold, and return the document."""
     for style, name in (("", "DejaVuSans.ttf"), ("B", "DejaVuSans-Bold.ttf")):
         with resources.as_file(resources.files(_FONTS) / name) as path:
             pdf.add_font("body", style, path)
@@ -128,7 +132,7 @@ def with_fonts(pdf: FPDF) -> FPDF:
 
 
 class PdfCanvas:
-    """A rectangle of a page, with its left top at a place in mm and `pixel` mm a pixel."""
+    """A rectangle on a PDF page, with its top left corner in mm and `pixel` mm per pixel."""
 
     def __init__(self, pdf: FPDF, left_mm: float, top_mm: float, pixel: float) -> None:
         self._pdf, self._corner, self._pixel = pdf, np.array([left_mm, top_mm]), pixel
@@ -137,7 +141,8 @@ class PdfCanvas:
         return [(x, y) for x, y in (np.asarray(points) * self._pixel + self._corner).tolist()]
 
     def line(self, points: Floats, colour: Colour, width: float, dash: Sequence[float]) -> None:
-        """A line through points (N, 2); `dash` is the length of a stroke and of a gap, or none."""
+        """Draw a line through points (N, 2), pixels; `dash` is the length of stroke and gap, or
+        empty."""
         pixel, pdf = self._pixel, self._pdf
         strokes = {"dash": dash[0] * pixel, "gap": dash[1] * pixel, "phase": 0.0} if dash else None
         with pdf.local_context(
@@ -154,7 +159,7 @@ class PdfCanvas:
             self._pdf.polygon(self._mm(points), style="F")
 
     def discs(self, centres: Floats, colours: Sequence[Colour], size: float) -> None:
-        """Filled circles of a diameter about centres (N, 2)."""
+        """Draw filled circles of the diameter `size`, pixels, about centres (N, 2), pixels."""
         pdf, radius = self._pdf, 0.5 * size * self._pixel
         with pdf.local_context():
             for (x, y), colour in zip(self._mm(centres), colours, strict=True):
@@ -162,7 +167,7 @@ class PdfCanvas:
                 pdf.circle(x, y, radius, style="F")
 
     def text(self, at: tuple[float, float], words: str, look: Lettering) -> None:
-        """Draw one line of words beside a place."""
+        """Draw one line of words at a place, in pixels, aligned as in `look`."""
         pdf = self._pdf
         ((x, y),) = self._mm(np.array([at]))
         with pdf.local_context(text_color=_bytes(look.colour)):
@@ -184,20 +189,20 @@ class PdfCanvas:
 
     @contextmanager
     def clipped(self, box: Box) -> Iterator[None]:
-        """Draw nothing outside the box while the context is open."""
+        """Restrict drawing to `box` within the context."""
         (x, y), (w, h) = np.array(box[:2]) * self._pixel + self._corner, box[2:]
         with self._pdf.rect_clip(x, y, w * self._pixel, h * self._pixel):
             yield
 
 
 class SvgCanvas:
-    """An SVG file of this size, drawn on as a page is."""
+    """An SVG image with the drawing methods of PdfCanvas."""
 
     def __init__(self, width: float, height: float) -> None:
         self._size, self._parts, self._clips = (width, height), list[str](), 0
 
     def document(self) -> str:
-        """The whole file; the same drawing makes the same file."""
+        """Return the whole SVG file; equal drawings make equal files."""
         wide, high = self._size
         return (
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {wide:g} {high:g}" '

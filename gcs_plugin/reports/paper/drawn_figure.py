@@ -31,7 +31,7 @@ from thrustmargin.gcs_plugin.reports.paper.canvas import (
 from thrustmargin.gcs_plugin.reports.shared.plot_style import Figure, Trace
 from thrustmargin.models.flight import Floats
 
-WIDTH_PX = 1000.0  # of a figure; two maps stand beside each other
+WIDTH_PX = 1000.0  # of a figure; two maps are drawn side by side
 TYPE, SMALL = 16.0, 15.0  # pixels, as on the page
 INK, GRID = (0.0, 0.0, 0.0), (208.0, 208.0, 208.0)
 _DASHES = {"dash": (9.0, 5.0), "dot": (2.5, 4.0)}
@@ -40,7 +40,7 @@ _OPEN = {"square-x-open", "circle-open", "square-open"}
 
 @dataclass(frozen=True, slots=True)
 class PlotArea:
-    """A pair of axes and plotly's properties of them."""
+    """A pair of axes with plotly's properties of each."""
 
     x: Axis
     y: Axis
@@ -52,15 +52,15 @@ class PlotArea:
         return self.x.begin, self.y.end, self.x.end - self.x.begin, self.y.begin - self.y.end
 
     def points(self, x: Any, y: Any) -> Floats:
-        """Pixels (N, 2) of values (N,)."""
+        """Return the pixels (N, 2) of data values `x` and `y` (N,)."""
         return np.column_stack([self.x.at(x), self.y.at(y)])
 
 
 def size(made: Figure) -> tuple[float, float]:
     """Return width and height of a figure on paper, in pixels.
 
-    A map is half as wide as the page. Room for buttons below the figure is removed, because paper
-    has none.
+    A map is half as wide as the page. Room for buttons below the figure is left out, as paper has
+    none.
     """
     layout = made.layout
     on_map = "scaleanchor" in layout["yaxis"]
@@ -70,7 +70,7 @@ def size(made: Figure) -> tuple[float, float]:
 
 
 def draw(made: Figure, canvas: Canvas) -> None:
-    """Draw all of it from the canvas's corner on, in its `size`."""
+    """Draw the whole figure from the canvas's left top corner, in its `size`."""
     panels = _panels(made)
     for panel in panels.values():
         _axes(panel, canvas)
@@ -97,7 +97,7 @@ def draw(made: Figure, canvas: Canvas) -> None:
 
 
 def file_bytes(made: Figure, ending: str) -> bytes:
-    """The figure as .svg or .pdf; the same figure makes the same bytes."""
+    """Return the figure as an .svg or .pdf file; equal figures make equal bytes."""
     wide, high = size(made)
     if ending == ".svg":
         drawing = SvgCanvas(wide, high)
@@ -111,7 +111,7 @@ def file_bytes(made: Figure, ending: str) -> bytes:
 
 
 def _whole(made: Figure) -> Box:
-    """The rectangle within the margins."""
+    """Return the rectangle within the margins: left, top, width, height, pixels."""
     margin = made.layout["margin"]
     wide, high = size(made)[0], made.layout["height"]
     inner = wide - margin["l"] - margin["r"], high - margin["t"] - margin["b"]
@@ -119,7 +119,7 @@ def _whole(made: Figure) -> Box:
 
 
 def _panels(made: Figure) -> dict[str, PlotArea]:
-    """The axes of each name as traces have it: y, y2 and so on."""
+    """Return the plot areas by the name of their vertical axis in traces: y, y2 and so on."""
     layout, (left, top, wide, high) = made.layout, _whole(made)
     found = {}
     for name in [n for n in layout if re.fullmatch(r"yaxis\d*", n)]:
@@ -147,7 +147,7 @@ def _panels(made: Figure) -> dict[str, PlotArea]:
 
 
 def _axes(panel: PlotArea, canvas: Canvas) -> None:
-    """Grid, lines, marks and titles."""
+    """Draw grid, axis lines, tick labels and titles."""
     left, top, wide, high = panel.box
     right, low = left + wide, top + high
     beside = panel.upright.get("side") == "right"  # a second axis of the same panel
@@ -241,7 +241,7 @@ def _colour_bar(marker: Mapping[str, Any], panel: PlotArea, canvas: Canvas) -> N
 def _note(
     note: Mapping[str, Any], panels: Mapping[str, PlotArea], whole: Box, canvas: Canvas
 ) -> None:
-    """A text, and the arrow from it to its place, where it has one."""
+    """Draw a text, and an arrow from it to its place if it has one."""
     x = _place(note["x"], note.get("xref", "x"), panels, whole, upright=False)
     y = _place(note["y"], note.get("yref", "y"), panels, whole, upright=True)
     x, y = x + note.get("xshift", 0.0), y - note.get("yshift", 0.0)
@@ -268,7 +268,7 @@ def _note(
 def _place(
     value: float, reference: str, panels: Mapping[str, PlotArea], whole: Box, *, upright: bool
 ) -> float:
-    """A note's place in pixels, by values of an axis, or shares of a panel or of the figure."""
+    """Return a note's place in pixels, from a value on an axis, or a share of a panel or figure."""
     name, _, domain = reference.partition(" ")
     box = whole
     if name != "paper":
@@ -281,7 +281,7 @@ def _place(
 
 
 def _key(shown: Mapping[str, Trace], made: Figure, canvas: Canvas) -> None:
-    """Names and looks of the traces: at the top, under a map, or where the layout says."""
+    """Draw the legend, names and samples of the traces: at the top, or where the layout says."""
     left, top, wide, high = _whole(made)
     own = made.layout.get("legend", {})
     x, y, line = left, 12.0, 22.0
@@ -305,7 +305,7 @@ def _key(shown: Mapping[str, Trace], made: Figure, canvas: Canvas) -> None:
 
 
 def _sample(trace: Trace, at: tuple[float, float], canvas: Canvas) -> None:
-    """Draw the sample of a trace beside its name."""
+    """Draw the sample of a trace in front of its name."""
     x, y = at
     span = Axis("linear", 0.0, 1.0, x, x + 34.0), Axis("linear", 0.0, 1.0, y + 6.0, y - 6.0)
     panel = PlotArea(*span, {}, {})
@@ -321,16 +321,16 @@ def _sample(trace: Trace, at: tuple[float, float], canvas: Canvas) -> None:
 
 
 def _shades(stops: Sequence[Sequence[Any]], shares: Floats) -> list[Colour]:
-    """Colours at shares (N,) of a scale whose stops are pairs of 0..1 and a colour."""
+    """Return the colours at shares (N,) of a scale whose stops are pairs of 0..1 and a colour."""
     at = np.array([float(place) for place, _ in stops])
     rgb = np.array([colour_of(colour) for _, colour in stops])
     return list(zip(*(np.interp(shares, at, part).tolist() for part in rgb.T), strict=True))
 
 
 def colour_of(css: str) -> Colour:
-    """Red, green and blue of 0 to 255, and how much it covers where that is given.
+    """Return red, green and blue, 0 to 255, and the opacity, 0 to 1, if there is one.
 
-    Raises ValueError for what is neither #rrggbb nor rgb or rgba with numbers.
+    Raises ValueError for a text that is neither #rrggbb nor rgb or rgba with numbers.
     """
     if re.fullmatch(r"#[0-9a-fA-F]{6}", css):
         return tuple(float(int(css[k : k + 2], 16)) for k in (1, 3, 5))
@@ -345,6 +345,6 @@ def _title(properties: Mapping[str, Any]) -> str:
 
 
 def _plain(text: str) -> str:
-    """The text without markup, and without what no printer has."""
+    """Return the text without markup and unprintable characters."""
     shown = unescape(re.sub(r"<[^>]+>", "", text.replace("<br>", "\n")))
     return "".join(letter for letter in shown if letter.isprintable() or letter == "\n")

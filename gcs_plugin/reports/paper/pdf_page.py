@@ -20,7 +20,7 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import Figure
 from thrustmargin.gcs_plugin.wording.report_words import boxes
 
 MARGIN = 12.0  # mm
-TILES = 4  # beside each other
+TILES = 4  # in a row
 FLIGHT_MM = 120.0  # that a flight in brief needs
 LEAST_SCALE = 0.7  # to which a figure shrinks before it goes to the next page
 #: paper and ink of a verdict, as on the page
@@ -39,22 +39,23 @@ SILENT = {"script", "style", "noscript", "title"}
 
 
 def inside(node: HtmlElement) -> Iterator[HtmlElement | str]:
-    """Texts and elements in a node, in order, without the white space of the template's lines."""
+    """Yield the texts and child elements of a node in order, without the white space between
+    lines of the template."""
     for one in (node.text, *(part for child in node for part in (child, child.tail))):
         if (not isinstance(one, str) and one is not None) or (one and (one.strip() or one == " ")):
             yield one
 
 
 def text_of(node: HtmlElement) -> str:
-    """All text in a node on one line."""
+    """Return all text in a node on one line."""
     parts = (one if isinstance(one, str) else f" {text_of(one)} " for one in inside(node))
     return "".join(parts).replace("\n", " ").strip()
 
 
 def pdf_bytes(html: str, figures: Mapping[str, Figure], *, brief: bool = False) -> bytes:
-    """The page `html` as PDF; `figures` are drawn where the page has their places.
+    """Return the page `html` as PDF; `figures`, by name, are drawn at their places in it.
 
-    `brief` leaves out what is of class "more", and lets one flight follow another on a page.
+    `brief` leaves out elements of class "more", and puts several flights on a page.
     """
     paper = _Paper(figures, brief)
     paper.block(document_fromstring(_printable(html, paper.pdf)))
@@ -62,7 +63,7 @@ def pdf_bytes(html: str, figures: Mapping[str, Figure], *, brief: bool = False) 
 
 
 def _printable(html: str, pdf: FPDF) -> str:
-    """The page with a box for each letter that the fonts have not, and what the boxes stand for.
+    """Replace letters that the fonts lack by a box, and append a list of them to the page.
 
     A name that lacks letters must not look whole.
     """
@@ -87,7 +88,7 @@ class _Paper:
         self._left: tuple[int, float] | None = None  # page and top of a figure with room beside
 
     def block(self, node: HtmlElement) -> None:
-        """Lay out one element and what is in it."""
+        """Lay out one element with its content."""
         classes = node.classes
         hidden = {"aside", "bar", "strip", "screen", *(("more",) if self._brief else ())}
         if node.tag in SILENT or hidden & set(classes):
@@ -132,7 +133,7 @@ class _Paper:
         )
 
     def _named(self, node: HtmlElement) -> None:
-        """Lay out a list of names and texts, a line each."""
+        """Lay out the <dt> and <dd> of a list as `name: text`, a line each."""
         for name, text in zip(node.iterdescendants("dt"), node.iterdescendants("dd"), strict=True):
             self._words(f"{text_of(name)}: {text_of(text)}", 8)
         self.pdf.ln(1.0)

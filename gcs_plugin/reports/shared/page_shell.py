@@ -39,11 +39,12 @@ _SHELL = "thrustmargin.gcs_plugin.reports.shared"
 
 
 def page_text(package: str, context: Mapping[str, Any], *, draws: bool = True) -> str:
-    """The page.html of `package` in the shell, its figures drawn when they come into view.
+    """Return the HTML page made of `package`'s page.html in the frame common to all pages; figures
+    are drawn when they scroll into view.
 
-    `context` is what the template may name, beside the functions of `wording.numbers` and the
-    version of the software. The package's page.css, if it has one, follows that of all pages. A
-    page that draws nothing holds no script.
+    `context` holds the names that the template may use, besides the functions of `wording.numbers`
+    and the version of the software. The package's page.css, if it has one, follows that of all
+    pages. With `draws` False the page contains no script.
     """
     library, draw = b"", ""
     if draws:
@@ -62,7 +63,7 @@ def page_text(package: str, context: Mapping[str, Any], *, draws: bool = True) -
 
 @cache  # jinja2 takes 0.1 s to compile a page
 def _template(package: str, _language: str) -> jinja2.Template:
-    """The compiled page of a language: words that stand in the page itself are put in it then."""
+    """Compile the page's template for a language; its own words are translated at that time."""
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(
             lambda name: _text(package if name == "page.html" else _SHELL, name)
@@ -87,15 +88,15 @@ def _template(package: str, _language: str) -> jinja2.Template:
 
 
 def with_heads(rows: Markup, heads: Sequence[str]) -> Markup:
-    """Return rows of a table whose cells carry the heading of their column as `data-head`.
+    """Return rows of a table whose cells have the heading of their column as `data-head`.
 
-    On a phone a row becomes a card, and each cell shows its heading. `heads` are those of the
+    On a phone a row becomes a card, and each cell displays its heading. `heads` are those of the
     macro `table`.
     """
     spoken_heads = [escape(say(head.removeprefix("words:"))) for head in heads]
 
     def row(found: re.Match[str]) -> str:
-        """Return one row with its headings."""
+        """Return the matched table row with its heading in `data-head` of every cell."""
         of = iter(spoken_heads)
         return re.sub(r"<td\b", lambda _: f'<td data-head="{next(of, "")}"', found[0])
 
@@ -103,7 +104,7 @@ def with_heads(rows: Markup, heads: Sequence[str]) -> Markup:
 
 
 def packed(text: str) -> Markup:
-    """The text as base64 of its gzip, in which no character could end an HTML element."""
+    """Return the text as base64 of its gzip, in which no character can end an HTML element."""
     return _in_base64(gzip.compress(text.encode(), mtime=0))
 
 
@@ -112,7 +113,8 @@ def _in_base64(data: bytes) -> Markup:
 
 
 def content_policy(*scripts: str) -> str:
-    """The page's policy: nothing from anywhere, and only the scripts given, known by their hash."""
+    """Return the Content-Security-Policy: no external content, and only `scripts`, by their
+    hashes."""
     hashes = " ".join(
         f"'sha256-{base64.b64encode(hashlib.sha256(s.encode()).digest()).decode()}'"
         for s in scripts
@@ -125,7 +127,7 @@ def content_policy(*scripts: str) -> str:
 
 
 def software_version() -> str:
-    """Version of thrustmargin as installed."""
+    """Return the installed version of thrustmargin; "not installed" where there is none."""
     try:
         return version("thrustmargin")
     except PackageNotFoundError:
@@ -141,9 +143,9 @@ def _bytes(package: str, name: str) -> bytes:
 
 
 def json_text(values: Any, digits: int | None = None) -> str:
-    """Dataclasses, mappings and sequences as JSON, null where a number is not known.
+    """Return dataclasses, mappings and sequences as JSON, null where a number is unknown.
 
-    `digits` are those that are kept of a fraction; None: all.
+    `digits` is the number of significant digits of floats; None: all.
     """
     whole = _rounded(to_json_values(values), digits) if digits else to_json_values(values)
     return json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
@@ -162,7 +164,7 @@ FORMULA = tuple("=+-@\t\r\uff1d\uff0b\uff0d\uff20")
 
 
 def csv_text(heads: Iterable[Any], rows: Iterable[Iterable[Any]]) -> str:
-    """Rows under their heads; no text begins as a formula of a spreadsheet."""
+    """Return rows under their heads as CSV; no text begins like a formula of a spreadsheet."""
     out = io.StringIO()
     writer = csv.writer(out)
     writer.writerow(heads)
@@ -175,13 +177,14 @@ def csv_text(heads: Iterable[Any], rows: Iterable[Iterable[Any]]) -> str:
 
 
 def utc_text(when: datetime | None = None) -> str:
-    """ISO time in UTC to the second, of now without one."""
+    """Return the ISO 8601 time in UTC, to the second, of `when`; of now for None."""
     when = (when or datetime.now(UTC)).astimezone(UTC)
     return when.isoformat(timespec="seconds").replace("+00:00", "Z")
 
 
 def unix_text(unix_s: float | None) -> str | None:
-    """ISO time in UTC of a Unix time; None where it is not known, or is no time."""
+    """Return the ISO 8601 time in UTC of a Unix time, s; None where unknown or beyond what
+    datetime holds."""
     try:
         return None if unix_s is None else utc_text(datetime.fromtimestamp(unix_s, UTC))
     except (OverflowError, ValueError, OSError):
@@ -196,9 +199,10 @@ def grid(
     caption: str = "",
     left: Sequence[int] = (0,),
 ) -> Table:
-    """A table for a terminal of 80 columns; the columns `left` hold words, the others numbers.
+    """Return a table for a terminal of 80 columns; columns `left` contain words, the others
+    numbers.
 
-    Texts of files are shown as they are, whatever they hold.
+    Texts of files are displayed as they are, without interpreting markup.
     """
     from rich.box import SIMPLE_HEAD
     from rich.table import Table

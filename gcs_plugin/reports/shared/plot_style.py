@@ -72,34 +72,34 @@ Trace = dict[str, Any]
 
 @dataclass(slots=True)
 class Figure:
-    """Traces and their layout; made step by step, and not changed any more once it is shown."""
+    """Traces and their layout; built step by step, and unchanged once displayed."""
 
     layout: dict[str, Any]
     data: list[Trace] = field(default_factory=list)
 
     def add(self, traces: Iterable[Trace | None], axes: str = "") -> None:
-        """Add traces, None being none, to the axes of this number; the first have none."""
+        """Add traces to the axes of number `axes` ("" for the first), skipping None."""
         on = {"xaxis": f"x{axes}", "yaxis": f"y{axes}"} if axes else {}
         self.data += [trace | on for trace in traces if trace is not None]
 
     def note(self, text: str, **properties: Any) -> None:
-        """Add a text; an arrow is drawn only where the properties ask for one."""
+        """Add an annotation; it has an arrow only if the properties ask for one."""
         one = {"text": text, "showarrow": False, **properties}
         self.layout.setdefault("annotations", []).append(one)
 
     def to_json(self) -> str:
-        """JSON of what plotly.js draws; arrays as base64, which it reads as they are."""
+        """Return the JSON that plotly.js draws, with arrays as base64, which it can read."""
         made = to_json_values({"data": self.data, "layout": self.layout})
         return json.dumps(made, default=_packed, ensure_ascii=False, allow_nan=False)
 
 
 def scatter(x: Any, y: Any, **properties: Any) -> Trace:
-    """A trace of lines, marks or an area through x and y (N,)."""
+    """Return a trace of lines, marks or an area through x and y (N,)."""
     return {"type": "scatter", "mode": "lines", "x": x, "y": y, **properties}
 
 
 def titled(text: str, **properties: Any) -> dict[str, Any]:
-    """Properties of an axis with this title."""
+    """Return the properties of a plotly axis with this title."""
     return {"title": {"text": say(text)}, **properties}
 
 
@@ -110,7 +110,7 @@ def _packed(array: np.ndarray) -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Panel:
-    """One strip of a figure over time: its traces, vertical axis and limit."""
+    """A panel of a figure over time: its traces, vertical axis and limit."""
 
     traces: Sequence[Trace | None]  # None: nothing to draw
     axis: dict[str, Any]  # plotly's properties of the vertical axis
@@ -122,7 +122,10 @@ class Panel:
 def rotor_panels(
     names: Sequence[str], traces: Callable[[int, bool], Sequence[Trace | None]], **panel: Any
 ) -> list[Panel]:
-    """A strip a rotor, alike in `panel`; `traces(rotor, legend)` makes those of a 0-based rotor."""
+    """Return a panel for each rotor; `traces(rotor, legend)` makes those of a 0-based rotor.
+
+    `panel` are the properties that all share.
+    """
     titles = [f"{say('rotor')} {k + 1}, {place_words(name)}" for k, name in enumerate(names)]
     return [
         Panel(traces=traces(k, k == 0), title=title.removesuffix(", "), **panel)
@@ -131,9 +134,11 @@ def rotor_panels(
 
 
 def single(values: Floats) -> NDArray[np.float32]:
-    """Numbers for plotly.js, to one part in 16 000: finer than a pixel, and packs to half the size.
+    """Round numbers for plotly.js to one part in 16 000: finer than a pixel, and packs to half the
+    size.
 
-    In single precision with the last ten bits zero; NaN stays NaN, which breaks a line.
+    The result is in single precision with the last ten bits zero; NaN stays NaN, which breaks a
+    line.
     """
     exact = np.array(values, dtype=np.float32)
     bits = exact.view(np.uint32)
@@ -141,17 +146,18 @@ def single(values: Floats) -> NDArray[np.float32]:
 
 
 def milliseconds(time_s: Floats) -> NDArray[np.float32]:
-    """Log time as what plotly's date axis shows as minutes and seconds.
+    """Convert log time, s, to ms, which plotly's date axis displays as minutes and seconds.
 
-    Half a millisecond is added, for a whole number of four digits is a year to that axis.
+    Half a millisecond is added, because that axis reads a whole number of four digits as a year.
     """
     return np.asarray(np.round(np.asarray(time_s) * 1000.0) + 0.5, dtype=np.float32)
 
 
 def keep_extremes(values: Floats, buckets: int) -> NDArray[np.intp]:
-    """Row numbers of (T,) `values` for a line plot: first, least, greatest, last of each bucket.
+    """Return the indices of the rows of `values` (T,) to draw: first, least, greatest and last of
+    each of `buckets` runs of rows; all rows up to four a bucket.
 
-    The peaks of the whole stay; a bucket with a NaN keeps one, so that the line breaks there.
+    Peaks are preserved; a bucket with a NaN keeps one, so that the line breaks there.
     """
     rows = values.size
     if rows <= 4 * buckets:
@@ -169,7 +175,8 @@ def keep_extremes(values: Floats, buckets: int) -> NDArray[np.intp]:
 
 
 def keep_worst(score: Floats, buckets: int) -> NDArray[np.intp]:
-    """Return one row number a bucket of (T,) `score`: the greatest; none for a bucket of NaN."""
+    """Return the index of the largest of (T,) `score` in each of `buckets` runs of rows of
+    nearly equal length; none for a run of NaN alone."""
     rows = score.size
     edges = np.linspace(0, rows, min(buckets, rows) + 1).astype(np.intp)
     which = np.repeat(np.arange(edges.size - 1), np.diff(edges))
@@ -187,7 +194,8 @@ def line(
     dash: str = "solid",
     legend: bool = True,
 ) -> Trace | None:
-    """A line of (T,) `values`, thinned with its extremes kept; None when it has no number."""
+    """Return a line of `values` (T,), thinned with its extremes kept; None without a finite
+    value."""
     name = say(name)
     if not np.any(np.isfinite(values)):
         return None
@@ -212,7 +220,7 @@ def band(
     name: str = "",
     legend: bool = False,
 ) -> Trace | None:
-    """The area between two (T,) arrays, filled; None when nowhere both are known."""
+    """Return the filled area between two arrays (T,); None if both are known in no row."""
     known = np.flatnonzero(np.isfinite(lower) & np.isfinite(upper))
     if not known.size:
         return None
@@ -225,8 +233,10 @@ def band(
 
 
 def filled(x: NDArray[Any], lower: Floats, upper: Floats, *, color: str, **shown: Any) -> Trace:
-    """The area between two known (N,) arrays over `x` (N,), which is not rounded; `shown`
-    are plotly's properties."""
+    """Return the filled area between two finite arrays (N,) over `x` (N,), which is not rounded.
+
+    `shown` are plotly's properties.
+    """
     return scatter(
         np.concatenate([x, x[::-1]]),
         single(np.concatenate([upper, lower[::-1]])),
@@ -238,7 +248,7 @@ def filled(x: NDArray[Any], lower: Floats, upper: Floats, *, color: str, **shown
 def below_limit(time_s: Floats, left: Floats, least: float) -> Trace | None:
     """Return the filled band where less than the share `least` of thrust is left.
 
-    `left` (T,) is in %.
+    `left` (T,) is in %. None if it is NaN throughout.
     """
     return band(
         time_s, np.fmin(left, 100 * least), np.full(left.size, 100 * least), color=OVER_FILL
@@ -246,14 +256,16 @@ def below_limit(time_s: Floats, left: Floats, least: float) -> Trace | None:
 
 
 def limit_across(least: float) -> tuple[float, str]:
-    """The share of thrust that must be left as `Panel` draws it."""
+    """Return the share of thrust that must be left, in %, and its label, as `Panel` draws them."""
     words = say("{value} limit", value=f"{percent_down(least)} %")
     return least * 100, "\n".join(words.rsplit(" ", 1))
 
 
 def left_axis(title: str, left: Floats, least: float) -> dict[str, Any]:
-    """Properties of a vertical axis of thrust left, %, from 0, or from less where less is left, to
-    above both the limit and all of `left`."""
+    """Return the properties of a vertical axis of thrust left, %.
+
+    It reaches from 0, or from negative values of `left`, to above the limit and all of `left`.
+    """
     low, high = float(np.nanmin(left, initial=0.0)), float(np.nanmax(left, initial=130.0 * least))
     return titled(title, ticksuffix=" %", range=[1.08 * low, min(1.08 * high, 100.0)])
 
@@ -268,7 +280,7 @@ def in_tank(time_s: Floats, tank_kg: Floats, spraying: Floats, name: str) -> lis
 
 
 def over_time(panels: Sequence[Panel], *, end_s: float) -> Figure:
-    """Panels from top to bottom over one axis of log time; from an hour on it shows hours."""
+    """Draw panels from top to bottom over one axis of log time; from an hour on it has hours."""
     whole = sum(panel.height_px for panel in panels) + GAP_PX * (len(panels) - 1)
     # Above a title of the first panel there is room for two lines of legend, as on a phone.
     margin = {"l": 80, "r": 84, "t": 92 if panels[0].title else 60, "b": 50}

@@ -34,11 +34,11 @@ def route_map(
     height: int,
     margin: Mapping[str, int],
 ) -> style.Figure:
-    """The route through `place` (north and east (T,), m), coloured by values (T,).
+    """Draw the route through `place` (north and east (T,), m), coloured by values (T,).
 
     `coloured`: name -> values and their badness, both (T,). Of each stretch the row of the most
-    badness is drawn. The first is shown; several have a button each. `form` is that of the number
-    shown under the mouse, `height` and `margin` are in pixels.
+    badness is drawn. The first entry is visible; several have a button each. `form` is the format
+    of the number under the mouse, `height` and `margin` are in pixels.
     """
     north, east = place
     placed = np.isfinite(north) & np.isfinite(east)
@@ -77,9 +77,10 @@ def add_surroundings(
     wind_speed: float,
     wind_from_deg: float,
 ) -> None:
-    """The sprayed field's outline, the take-off, a scale bar and the wind (m/s), with a legend.
+    """Draw the sprayed field's outline, the take-off, a scale bar and the wind (m/s), with a
+    legend.
 
-    `place` is north and east (T,), m, of the route; no background is fetched from anywhere.
+    `place` is north and east (T,), m, of the route; no background is fetched from a network.
     """
     placed = np.flatnonzero(np.isfinite(place[0]) & np.isfinite(place[1]))
     north, east = place[0][placed], place[1][placed]
@@ -112,7 +113,7 @@ def add_surroundings(
 
 
 def _buttons(names: list[str]) -> dict[str, Any]:
-    """A button for each trace of markers, which follow the one trace of the way."""
+    """Return a button for each trace of markers; they come after the one trace of the route."""
     return {
         "type": "buttons",
         "direction": "right",
@@ -133,7 +134,7 @@ def _buttons(names: list[str]) -> dict[str, Any]:
 
 
 def plotly_scale(scale: ColourScale) -> list[list[float | str]]:
-    """The scale as plotly's pairs of 0..1 and colour; a jump is two pairs at one place."""
+    """Return the scale as plotly's pairs of 0..1 and colour; a jump is two pairs at one place."""
     span = scale.high - scale.low
     return [[(value - scale.low) / span, css(colour)] for value, colour in scale.stops]
 

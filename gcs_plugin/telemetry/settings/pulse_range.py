@@ -34,9 +34,9 @@ INT32 = 6  # MAV_PARAM_TYPE
 def sent_values(values: NDArray[Any], kinds: NDArray[Any]) -> Floats:
     """Return the true values (N,) of N messages PARAM_VALUE by `param_value` and `param_type` (N,).
 
-    ArduPilot sends an integer as a number; PX4 sends its 32 bits in the place of the number
-    (MAVLink's parameter protocol, "bytewise"). As a number those are no whole number but 0, so each
-    message shows its encoding, also one that comes before the first HEARTBEAT.
+    ArduPilot sends an integer as a float; PX4 sends its 32 bits in the float's place (MAVLink's
+    parameter protocol, "bytewise"). Read as a float these bits are below 1 or not finite, so each
+    message shows its encoding, also before the first HEARTBEAT.
     """
     values = np.ascontiguousarray(values, dtype=np.float32)
     bits = (kinds == INT32) & (values != 0.0) & ~(np.abs(values) >= 1.0)
@@ -58,9 +58,7 @@ def motor_outputs(parameters: Mapping[str, float]) -> dict[int, int]:
 
 
 def moved_motors(parameters: Mapping[str, float], count: int) -> list[int]:
-    """List those of the first `count` motors, from 0, that are not on the output of their own
-    number.
-    """
+    """List the motors, from 0, of the first `count` that are not on the output of equal number."""
     on = motor_outputs(parameters)
     functions = [whole_number(parameters, f"SERVO{k + 1}_FUNCTION") for k in range(count)]
     return [k for k in range(count) if on.get(k, -1 if functions[k] is not None else k) != k]
@@ -106,7 +104,7 @@ class PulseRange:
     unit: str = "µs"  # of another protocol than pulses: "counts"
 
     def share(self, pulses: Floats) -> Floats:
-        """Return the output from 0 to 1, in the shape of `pulses`; NaN where there is no pulse."""
+        """Return the output from 0 to 1, in the shape of `pulses`, µs; NaN for a pulse of 0."""
         share = np.clip((pulses - self.low_us) / (self.high_us - self.low_us), 0.0, 1.0)
         return np.where(pulses > 0, share, np.nan)
 
@@ -125,7 +123,7 @@ def ranges_remark(ranges: Iterable[PulseRange]) -> Statement:
 def pulse_ranges(
     parameters: Mapping[str, float], outputs: Sequence[int], *, bank: str = "MAIN"
 ) -> tuple[PulseRange, ...]:
-    """Return the range of each motor output, counted from 0; `bank` is PX4's: "MAIN" or "AUX"."""
+    """Return the range of each output in `outputs`, from 0; `bank` is PX4's "MAIN" or "AUX"."""
     return tuple(_stated(parameters, output + 1, bank) for output in outputs)
 
 
@@ -141,10 +139,10 @@ def span_of(values: Iterable[Floats], before: Span = NOTHING_SENT) -> Span:
 def ranges_of_span(
     span: Span, outputs: Sequence[int], parameters: Mapping[str, float], *, bank: str = "MAIN"
 ) -> tuple[PulseRange, ...]:
-    """Return the range of each motor output for the protocol that a span of values fits; empty if
-    none.
+    """Return the range of each motor output, by the protocol that a span of values fits.
 
-    DShot values in flight may lie in the range of pulses, so timers set to DShot are checked first.
+    Empty if it fits none. DShot values in flight may lie in the range of pulses, so timers set to
+    DShot are checked first.
     """
     low, high = span
     timers = (whole_number(parameters, f"PWM_{bank}_TIM{k}") for k in range(_TIMERS))
@@ -163,7 +161,10 @@ def ranges_of_span(
 
 
 def _stated(parameters: Mapping[str, float], number: int, bank: str) -> PulseRange:
-    """Return the first valid range; its source is named by its common part: MOT_PWM_MIN/MAX."""
+    """Return the first valid pulse range that parameters state for output `number`, from 1.
+
+    An empty range without one. Its source is written with the common part once: MOT_PWM_MIN/MAX.
+    """
     for least, most in _pairs(parameters, number, bank):
         low, high = parameters.get(least, 0.0), parameters.get(most, 0.0)
         if 0.0 < low < high < inf:
@@ -172,8 +173,9 @@ def _stated(parameters: Mapping[str, float], number: int, bank: str) -> PulseRan
 
 
 def _pairs(parameters: Mapping[str, float], number: int, bank: str) -> Iterator[tuple[str, str]]:
-    """Yield the parameter names of the lowest and highest pulse of an output, counted from 1; best
-    first.
+    """Yield pairs of parameter names, of the lowest and highest pulse of output `number`, from 1.
+
+    The pair with the highest priority comes first; a parameter need not exist.
     """
     hover = "Q_M_PWM_MIN" in parameters
     prefix = "Q_M_PWM_" if hover else "MOT_PWM_"

@@ -83,11 +83,11 @@ def reported_airframe(
     texts: Iterable[str] = (),
     layout: str | None = None,
 ) -> ReportedAirframe:
-    """Return the airframe that `parameters` describe; `highest_voltage` [V] is the battery's in a
-    flight.
+    """Return the airframe that `parameters` describe.
 
-    `facts` are the log's kind of vehicle, `texts` its status texts; a stated `layout` replaces the
-    vehicle's own. Raise AirframeError if the vehicle is no multirotor, or its frame is unknown.
+    `highest_voltage`, V, is the battery's in a flight, NaN if unknown; `facts` are the log's kind
+    of vehicle, `texts` its status texts; a stated `layout` replaces the vehicle's own. Raise
+    AirframeError if the vehicle is no multirotor, or its frame is unknown.
     """
     facts = vehicle_facts(parameters, texts=texts) if facts is None else facts
     if refusal := facts.refusal("the vehicle"):
@@ -182,7 +182,8 @@ MOST_CELLS = 100
 def _battery(
     parameters: Mapping[str, float], highest_voltage: float, battery: StatedBattery
 ) -> dict[str, Quantity]:
-    """Return the nominal voltage by the stated number of cells if the voltage allows it.
+    """Return the nominal voltage by the stated number of cells, if `highest_voltage` allows that
+    number.
 
     Otherwise use the cells that other settings and the voltage agree on.
     """
@@ -200,8 +201,7 @@ def _battery(
 def _cells_by_settings(
     parameters: Mapping[str, float], highest_voltage: float
 ) -> dict[str, Quantity]:
-    """Return the nominal voltage by the cell count that best fits battery settings and the log's
-    voltage.
+    """Return the nominal voltage by the cell count that fits settings and the log's voltage best.
 
     The count is marked as guessed if a single figure supports it, or if lithium polymer,
     high-voltage and ion cells give different counts. Empty if no count of cells allows the voltage,
@@ -259,9 +259,10 @@ def _agreeing(volts: Iterable[tuple[str, float]], cells: int, chemistry: str) ->
 def _best_cells(
     volts: Sequence[tuple[str, float]], usual: Mapping[str, float]
 ) -> tuple[float, int] | None:
-    """Return the misfit, in spreads, and the cell count of one chemistry that fits `volts` best.
+    """Return (misfit in spreads, cell count) of the number of cells that fits `volts` best.
 
-    None without voltages, or if no count of cells allows them.
+    `usual` are the usual voltages of one chemistry by kind of setting, V a cell. None without
+    voltages, or if no count of cells allows them.
     """
     extra = 0.0 if usual is _CHEMISTRIES["LiPo"] else _LESS_USUAL
     fits = [
@@ -280,7 +281,8 @@ def _best_cells(
 
 
 def _possible(kind: str, setting: float, cells: int) -> bool:
-    """Return whether `cells` cells can have the voltage of a setting or the log.
+    """Return True if `cells` cells can have the voltage of a setting or the log; `kind` says of
+    which.
 
     Settings for an empty battery are often left at another battery's, and exclude nothing.
     """

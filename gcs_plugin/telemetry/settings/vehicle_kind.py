@@ -92,7 +92,7 @@ def vehicle_facts(
 ) -> VehicleFacts:
     """Return kind and rotors of a vehicle by its parameters, its MAV_TYPE and its status texts.
 
-    If not `whole`, more parameters may come, and motors are not counted from part of the outputs.
+    If not `whole`, more parameters may come, and motors are not counted from a part of them.
     """
     if not whole and any(f"SERVO{n}_FUNCTION" not in parameters for n in OUTPUTS):
         functions = {f"SERVO{n}_FUNCTION" for n in range(1, 33)}
@@ -109,7 +109,11 @@ def vehicle_facts(
 def _kind(
     parameters: Mapping[str, float], mav_type: int | None, texts: tuple[str, ...]
 ) -> tuple[VehicleKind, Evidence]:
-    """Return the kind and its evidence; "unknown" without evidence."""
+    """Return the kind of vehicle and the evidence for it, from parameters, MAV_TYPE and status
+    texts.
+
+    "unknown" and no evidence if these do not show it.
+    """
     kind, evidence = _program(parameters, mav_type, texts)
     frame = whole_number(parameters, "FRAME_CLASS")
     if kind == "multirotor" and mav_type == 4:
@@ -129,7 +133,8 @@ def _kind(
 def _program(
     parameters: Mapping[str, float], mav_type: int | None, texts: tuple[str, ...]
 ) -> tuple[VehicleKind, Evidence]:
-    """Return the kind by the first evidence: boot text, vehicle type, airframe, parameters."""
+    """Return the kind and its evidence, by the first of boot text, vehicle type, airframe,
+    parameters."""
     for text in texts:
         boot = _BOOT.match(text)
         if boot:
@@ -151,7 +156,10 @@ def _program(
 def _rotors(
     parameters: Mapping[str, float], mav_type: int | None, texts: tuple[str, ...], *, winged: bool
 ) -> tuple[int, Evidence, Evidence]:
-    """Return the number of lifting rotors, its evidence, and contrary evidence; 0 if unknown."""
+    """Return the number of lifting rotors, its evidence, and contrary evidence; 0 if unknown.
+
+    `winged`: a quadplane. `mav_type` is the MAV_TYPE of its heartbeat, `texts` its status texts.
+    """
     on_output = motor_outputs(parameters)
     by_function = len(on_output) if set(on_output) == set(range(len(on_output))) else 0
     by_function = by_function if by_function >= 3 else 0
@@ -183,7 +191,7 @@ def _counted(count: int, evidence: Evidence) -> Statement:
 def _by_frame(
     parameters: Mapping[str, float], texts: tuple[str, ...], *, winged: bool
 ) -> tuple[int, Evidence]:
-    """Return the motors of ArduPilot's frame and the evidence for it; 0 if unknown."""
+    """Return the number of motors of ArduPilot's frame and the evidence for it; 0 if unknown."""
     name = "Q_FRAME_CLASS" if winged else "FRAME_CLASS"
     frame = whole_number(parameters, name)
     if count := FRAME_ROTORS.get(-1 if frame is None else frame, 0):

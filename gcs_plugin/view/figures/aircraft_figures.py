@@ -37,9 +37,9 @@ def aircraft_figures(
 ) -> dict[str, Any]:
     """Return the figures of one row for the page, as JSON values.
 
-    `faulty` are the numbers, from 1, of the rotors that have an alarm. A rotor is `unsure` whose
-    colour is that of too little and whose number is not: by the lower end of its interval, or by
-    the hysteresis.
+    `faulty` are the numbers, from 1, of the rotors that have an alarm. A rotor is `unsure` if its
+    colour is that of too little thrust left but its number is not: by the lower end of its
+    interval, or by the hysteresis.
     """
     airframe, claim = row.analysis.model.airframe, row.analysis.claim
     worst = row.worst[1]
@@ -89,10 +89,10 @@ def aircraft_figures(
 
 
 def shown_margin(left: float, low: float, high: float) -> dict[str, int | None]:
-    """Return a margin as the page shows it, in whole percent with the ends of its interval.
+    """Return a margin and the ends of its interval, shares, in whole per cent; None for NaN.
 
-    It is rounded down, as in the text of an alarm: so what is below the limit reads below it, and
-    number, colour and alarm agree.
+    It is rounded down, as in the text of an alarm, so that a margin below the limit reads below it,
+    and number, colour and alarm agree. The upper end is rounded up.
     """
     return {
         "percent": None if math.isnan(left) else percent_down(left),
@@ -102,8 +102,8 @@ def shown_margin(left: float, low: float, high: float) -> dict[str, int | None]:
 
 
 def rotor_places(airframe: Airframe) -> tuple[Floats, float]:
-    """Return (R, 2) places of the rotors, right and back in arm lengths, and the radius of the
-    discs.
+    """Return the places of the rotors (R, 2), right and back in arm lengths, and their discs'
+    radius.
 
     Rotors at one place (coaxial pairs) are drawn side by side or one behind the other, whichever
     leaves more room.
@@ -124,9 +124,8 @@ def rotor_places(airframe: Airframe) -> tuple[Floats, float]:
 
 
 def by_number(rotors: int) -> tuple[Floats, float]:
-    """Return places and radius, as `rotor_places`, for rotors whose places are unknown: rows by
-    number.
-    """
+    """Return places and radius, as `rotor_places`, of rotors with unknown places: in rows by
+    number."""
     number = np.arange(rotors, dtype=np.float64)
     return np.column_stack([number % IN_A_ROW, number // IN_A_ROW]) - [1.5, 0.0], 0.48
 
@@ -141,7 +140,7 @@ def _room(places: Floats) -> float:
 def _tank(row: ShownRow, airframe: Airframe) -> dict[str, Any]:
     """Return the tank level in kg, and in litres by the airframe's density, 1 kg/L without one.
 
-    A `capacity_l` of 0 is an aircraft without a tank.
+    A `capacity_l` of 0 means an aircraft without a tank.
     """
     kg, density = float(row.track.tank_kg[row.row]), airframe.liquid_density
     density = density if math.isfinite(density) and density > 0.0 else 1.0
@@ -160,14 +159,15 @@ def _tank(row: ShownRow, airframe: Airframe) -> dict[str, Any]:
 
 
 def _lost(row: ShownRow) -> dict[str, Any]:
-    """Return the code of the effect of losing one rotor; "cannot_tell" where it would hold, but
-    within the error of redundancy.
+    """Return the code of the effect of losing one rotor.
+
+    "cannot_tell" where the aircraft would stay up, but not by more than the error of redundancy.
     """
     free, low, high = row.redundancy
     kept = float(row.analysis.redundancy_yaw_kept[row.row])
     if math.isnan(free):
         code = "bad_part" if row.analysis.bad_part else "no_data"
-    elif free < 1.0:  # as the answer of the flight counts it
+    elif free < 1.0:  # as the flight's verdict counts it
         code = "sinks"
     elif low < 1.0:
         code = "cannot_tell"

@@ -27,7 +27,7 @@ WIDE, HIGH = 400, 100  # units of a drawing, which the page stretches
 
 
 class Speeds(NamedTuple):
-    """Rotor speeds of T moments of R rotors, rpm; NaN where unknown."""
+    """Rotor speeds of R rotors in T rows, rpm; NaN where unknown."""
 
     time_s: Floats  # (T,)
     lower: Floats  # (T, R) of the prediction's interval
@@ -52,10 +52,10 @@ class Speeds(NamedTuple):
 def chart_images(
     places: Sequence[str], speeds: Speeds, now_s: float, *, window_s: float, ahead: float
 ) -> list[dict[str, Any]]:
-    """Return one chart for each of R rotors: number, place, and an SVG without text.
+    """Return one chart per rotor, R in all: number (1-based), place, and an SVG without text.
 
-    The window is `window_s` s long, of which the share `ahead` lies after `now_s`. The page sets
-    the line colours.
+    The window is `window_s` s long, of which the share `ahead` lies after `now_s`, s of the flight.
+    The page sets the line colours.
     """
     start_s = now_s - (1 - ahead) * window_s
     rows = shown_rows(speeds.time_s, start_s, start_s + window_s)
@@ -73,8 +73,10 @@ def chart_images(
 
 
 def shown_rows(time_s: Floats, start_s: float, end_s: float) -> NDArray[np.intp]:
-    """Return the rows of (T,) times within a window, thinned by a stride that is the same for the
-    whole flight, so that points stay where they are while the window moves.
+    """Return the indices of the rows of (T,) times within a window, thinned to about POINTS.
+
+    The stride is counted from the flight's first row, so that points do not change while the window
+    moves.
     """
     first = int(np.searchsorted(time_s, start_s, side="left"))
     end = int(np.searchsorted(time_s, end_s, side="right"))
@@ -92,8 +94,9 @@ def _svg(
     *,
     limits: tuple[float, float],
 ) -> str:
-    """Draw one rotor's interval, prediction and measurement (K,) at places `across`, with a line at
-    the present moment.
+    """Draw one rotor's interval, prediction and measurement (K,) at x places `across` (K,), as SVG.
+
+    `now` is the x place of the vertical line at the present time.
     """
     low, high = limits
 
@@ -102,9 +105,8 @@ def _svg(
         return [f"{x:.1f},{y:.1f}" for x, y in zip(across[rows], up, strict=True)]
 
     def path(values: Floats, back: Floats | None = None) -> str:
-        """Return an SVG path with gaps at unknown values; with `back`, of the areas between two
-        lines.
-        """
+        """Return an SVG path of a line; with `back`, of the area between both. Unknown values
+        are gaps."""
         drawn = np.isfinite(values) if back is None else np.isfinite(values) & np.isfinite(back)
         parts = []
         for run in np.split(np.arange(values.size), np.flatnonzero(np.diff(drawn)) + 1):
@@ -137,10 +139,11 @@ def speed_range(given: Speeds) -> tuple[float, float]:
 
 
 def timeline_colours(analysis: FlightAnalysis, least: float = 0.5) -> list[str]:
-    """Return the colours of equally long parts of the flight, by the least thrust margin in each.
+    """Return the CSS colours of equally long parts of the flight, by the least thrust margin in
+    each.
 
-    They turn at `least`, the share of thrust that must be left. Grey is a part on the ground, or
-    one where no margin is known.
+    They change at `least`, the share of thrust that must be left. Grey is a part on the ground, or
+    one without a known margin.
     """
     time_s = analysis.track.time_s
     use, _ = worst_rotor(analysis.known_utilisation)
@@ -188,7 +191,7 @@ class ReplayClock:
 
     @property
     def playing(self) -> bool:
-        """Whether time passes; False when paused and at the end."""
+        """Return True while time passes; False when paused and at the end."""
         with self._at_now():
             return self._playing
 
@@ -198,12 +201,12 @@ class ReplayClock:
             return self._ended
 
     def now(self) -> float:
-        """The time in the flight, s."""
+        """Return the time in the flight, s."""
         with self._at_now():
             return self._time_s
 
     def play(self) -> None:
-        """Continue; begin anew when at the end."""
+        """Continue; at the end, restart from 0."""
         with self._at_now():
             if self._ended or self._time_s >= self.duration:
                 self._time_s = 0.0
@@ -214,7 +217,7 @@ class ReplayClock:
             self._playing = False
 
     def seek(self, time_s: float) -> None:
-        """Go to a time, s, limited to the flight; ignore NaN."""
+        """Set the time, s, limited to the flight; ignore NaN."""
         if math.isnan(time_s):
             return
         with self._at_now():
@@ -226,7 +229,8 @@ class ReplayClock:
 
     @contextmanager
     def _at_now(self) -> Iterator[None]:
-        """The clock as it stands now, for one thread at a time."""
+        """Lock the clock while the block runs, with its time advanced to now; at the end of the
+        flight stop the playback."""
         with self._lock:
             wall = self._wall()
             if self._playing:

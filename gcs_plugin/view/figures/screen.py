@@ -51,11 +51,10 @@ CHANGE_V = 0.1  # of the battery at rest, likewise
 
 
 class FillAdvice:
-    """The largest fill of one aircraft on the ground, and its sentence in the language that is
-    spoken; computed anew when the air or the battery changes.
+    """The largest fill of an aircraft on the ground, and its sentence in the current language.
 
-    It is for the air and the battery that the aircraft reports, and else for the day that the user
-    stated within twelve hours.
+    It is for the air and battery that the aircraft reports, else for the day that the user stated
+    within twelve hours, and computed again when air or battery change.
     """
 
     def __init__(self, limit: float) -> None:
@@ -65,9 +64,8 @@ class FillAdvice:
         self._loaded_v = math.nan  # V under load
 
     def fill(self, analysis: FlightAnalysis) -> NextFill | None:
-        """Return the largest fill; None in flight, without a recognised airframe, and in unknown
-        air.
-        """
+        """Return the largest fill; None in flight, in unknown air, or without a recognised
+        airframe."""
         model = analysis.model
         if analysis.track.flying[-1] or analysis.withheld:
             return None
@@ -98,7 +96,8 @@ class FillAdvice:
         return self._fill
 
     def text(self, fill: NextFill) -> str:
-        """Return the sentence on a fill, and the day that it holds for."""
+        """Return the sentence on a fill, the day for which it holds, and a problem in reading that
+        day."""
         if fill.reason == "unsound":
             return f"{say(UNSOUND)}."
         of_day = f"{day_line(self._day, self._loaded_v)}{self._problem}"
@@ -148,7 +147,7 @@ class PageState:
             "acknowledge": lambda text, _: self.acknowledge(int(text) if text else None),
             **(acts or {}),
         }
-        self._seen: dict[int, int] = {}  # vehicle -> landing, µs, after which its answer was seen
+        self._seen: dict[int, int] = {}  # vehicle -> landing, µs, whose verdict was acknowledged
         self._token = secrets.token_urlsafe(16)
         self._lock = threading.Lock()
         self._known: set[Key] = set()  # acknowledged alarms
@@ -169,11 +168,12 @@ class PageState:
         self.insert = text.replace("@GIVEN@", data).encode()  # what the page gets before its end
 
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
-        """Add a change of an alarm to the history."""
+        """Append a change of an alarm to the history."""
         self.note(vehicle, event.kind, event.alarm.text)
 
     def _summaries(self, tab: str) -> list[VehicleSummary]:
-        """Return the aircraft of a tab, each with whether its last answer was seen."""
+        """Return the aircraft of a tab, with `seen` set if the pilot has confirmed the last
+        flight's answer."""
         with self._lock:
             seen = dict(self._seen)
         made = []
@@ -185,9 +185,10 @@ class PageState:
 
     def acknowledge(self, vehicle: int | None = None) -> None:
         """Mark every active alarm as known to the pilot, and the answer of one vehicle's last
-        flight as seen: that of number `vehicle`, else of the only one.
+        flight as seen.
 
-        Of several vehicles nobody has seen the answers that do not stand on top.
+        It is the vehicle of number `vehicle`; for None the only one. Of several vehicles, answers
+        that are not first on the page were not seen.
         """
         fleet = self._summaries("")
         for one in fleet:
@@ -238,10 +239,10 @@ class PageState:
         return 200, json.dumps(made, allow_nan=False).encode()
 
     def state(self, tab: str = "") -> dict[str, Any]:
-        """Return the whole state of a tab: vehicles, alarms (the gravest first), history (the
-        newest first).
+        """Return the whole state of a tab as JSON values.
 
-        A vehicle that is gone stays until the answer of its last flight was seen.
+        It has vehicles, alarms (gravest first) and history (newest first). A vehicle that has left
+        stays until the answer of its last flight was seen.
         """
         heard = self._summaries(tab)
         fleet = [one for one in heard if not one.gone or one.finding]
@@ -287,19 +288,24 @@ class PageState:
         }
 
     def _left(self, one: VehicleSummary) -> dict[str, Any]:
-        """Return which vehicle is no longer shown, and when it was last heard."""
+        """Return the number of a vehicle that is no longer displayed, and the time of its last
+        message."""
         return {"number": one.number, "at": _at(self._clock() - round(one.silent * 1e6))}
 
     def _landed(self, one: VehicleSummary) -> dict[str, Any] | None:
-        """Return when the flight of the answer ended, and s since then; None in the air."""
+        """Return when the last flight ended, the s since then, and whether its answer is unseen.
+
+        None in the air, and without an answer.
+        """
         if not one.landed_us or one.answer is None:
             return None
         ago_s = max(self._clock() - one.landed_us, 0) * 1e-6
         return {"at": _at(one.landed_us), "ago_s": round(ago_s), "unseen": one.finding}
 
     def _vehicle(self, one: VehicleSummary) -> dict[str, Any]:
-        """Return the state of one aircraft, with its figures where any are known, and their age,
-        None for a recorded flight.
+        """Return the state of an aircraft, with its figures and their age where any are known.
+
+        The age is None for a recorded flight.
         """
         answer = None if one.whole is not None else one.answer
         entry = {
@@ -338,7 +344,8 @@ class PageState:
 
 
 def field_state(names: Sequence[str], shown: Overlay, camera: Camera) -> dict[str, Any]:
-    """Return the page's controls of the scene: colours of the route, legend and cameras."""
+    """Return the state of the 3D view's controls as JSON: names of the route's colourings, the
+    shown one with its legend, and the cameras."""
     return {
         "colours": list(names),
         "colour": shown.name,

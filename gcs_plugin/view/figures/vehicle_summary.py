@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 Level = Literal["red", "amber", "grey", "green"]
 #: The gravest first.
 LEVELS: tuple[Level, ...] = ("red", "amber", "grey", "green")
-#: How soon an answer asks for something -> its colour.
+#: Urgency of the action after a flight -> its colour.
 URGENCY_LEVEL: Mapping[Urgency, Level] = {
     Urgency.STOP: "red",
     Urgency.BEFORE_NEXT: "amber",
@@ -41,7 +41,7 @@ URGENCY_LEVEL: Mapping[Urgency, Level] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleSummary:
-    """All that the page shows of one aircraft: its newest row, its alarms and their age."""
+    """The state of one aircraft for the page: its newest row, its alarms and their age."""
 
     number: int
     row: ShownRow | None = None
@@ -56,18 +56,17 @@ class VehicleSummary:
     stale: str = ""  # fields that are no longer reported, in words
     message: str = ""  # its last message
     seconds_to_empty: float = math.nan  # inf: the tank does not fall
-    fill: str = ""  # what to fill, while it stands on the ground
+    fill: str = ""  # what to fill, in words, while it is on the ground
     largest: NextFill | None = None  # the fill that `fill` states
     mission: Mapping[int, PlanItem] | None = None
     whole: FlightAnswer | None = None  # of a recorded flight
     recorded: bool = False  # of the past: nothing that an alarm asked for can be done now
-    seen: bool = False  # somebody has confirmed the answer of its last flight
+    seen: bool = False  # a user has acknowledged the verdict of its last flight
 
     @property
     def faulty(self) -> frozenset[int]:
-        """Numbers, from 1, of the rotors that have an alarm, or that a flight found bad which is
-        over.
-        """
+        """Return the numbers, from 1, of the rotors with an alarm, and after a flight those
+        found bad in it."""
         over = self.whole is not None or not self.flying
         found = self.answer.rotors if self.answer is not None and over else ()
         listed = (alarm.rotor for alarm in self.alarms if alarm.rotor is not None)
@@ -79,9 +78,8 @@ class VehicleSummary:
 
     @property
     def answer(self) -> FlightAnswer | None:
-        """Answer of the recorded flight, of the one in progress, or of the last one until it was
-        seen.
-        """
+        """Return the answer of the recorded flight, of the one in progress, or of the last one
+        until seen."""
         if self.whole is not None:
             return self.whole
         if self.update is None or (self.seen and not self.flying):
@@ -90,30 +88,31 @@ class VehicleSummary:
 
     @property
     def flying(self) -> bool:
-        """Whether it was off the ground in its newest row."""
+        """Return True if the aircraft is off the ground in its newest row."""
         return self.row is not None and self.row.flying
 
     @property
     def landed_us(self) -> int:
-        """Ground's clock, µs, of the landing after its last flight; 0 in flight and before one."""
+        """Return the ground's clock, µs, at the last landing; 0 in flight, before one and in a
+        replay."""
         return 0 if self.update is None or self.whole is not None else self.update.landed_us
 
     @property
     def finding(self) -> bool:
-        """Whether the answer of its last flight is shown and nobody has confirmed it yet."""
+        """Return True if the last flight's answer is displayed and not yet confirmed."""
         return self.landed_us > 0 and self.answer is not None
 
     @property
     def first_line(self) -> tuple[str, str, Level]:
-        """Headline, its reason and its level: of the gravest alarm, else of the flight.
+        """Return headline, reason and level of the gravest alarm, else of the flight.
 
-        In the air the gravest alarm comes first, and its action is to be done now. After landing it
-        is what was found in the flight, with what to do before the next one: an alarm of the link
-        or of the past flight does not take its place. Of an aircraft that is not known it is what
-        its rows show; a notice does not take its place. Before the flight it is the fill on board
-        against the largest, in grey or red. Without any the headline is empty: the page then says
-        that there is no alarm, in green only in the air, where the thrust left of all rotors is
-        known to be enough, and where nothing says that the loss of one would bring it down.
+        In the air the gravest alarm comes first, with the action for now. After landing it is what
+        was found in the flight, with the action before the next one: an alarm of the link or of the
+        past flight does not replace it. For an unknown aircraft it is the result that needs no
+        airframe; a notice does not replace it. Before the flight it is the fill on board against
+        the largest, in grey or red. Without any the headline is empty: the page then says that
+        there is no alarm, in green only in the air, where the thrust left of all rotors is known to
+        be enough, and where nothing says that the loss of one would bring it down.
         """
         if self.whole is not None:
             return self._recorded(self.whole)
@@ -140,12 +139,14 @@ class VehicleSummary:
         return "", self.pending, "green" if calm else "grey"
 
     def _leads(self, answer: FlightAnswer) -> bool:
-        """Whether the answer of a flight comes before the alarms that are listed on the ground."""
+        """Return True if a flight's answer comes before the alarms that are listed on the
+        ground."""
         others = (a for a in self.alarms if a.severity <= WARNING and a.name not in OF_PARTS)
         return answer.level in (FlightLevel.DAMAGED, FlightLevel.LOST) or not any(others)
 
     def _alarmed(self, answer: FlightAnswer | None, level: Level) -> tuple[str, str, Level]:
-        """Return the line of the gravest alarm: its action, and every grave alarm in full."""
+        """Return the first line for the gravest alarm: its action, then every grave alarm in
+        full."""
         first, *rest = self.alarms
         rotors = first.rotors or tuple(filter(None, (first.rotor,)))
         places = () if self.row is None else self.row.analysis.places
@@ -161,10 +162,10 @@ class VehicleSummary:
         return headline, " · ".join(reasons), worse
 
     def _recorded(self, whole: FlightAnswer) -> tuple[str, str, Level]:
-        """Return the line of a flight of the past: what to do before the next one.
+        """Return the first line for a recorded flight: the action before the next one.
 
-        It is the same at every moment of the replay; what an alarm asked of the pilot then is of
-        no use now, so the alarm itself follows with the other reasons.
+        It is equal at every time of the replay. The action that an alarm asked for then is of no
+        use now, so the alarm follows with the other reasons.
         """
         level = verdict_level(whole)
         # Not green before it is known whether there were alarms.
@@ -179,7 +180,8 @@ class VehicleSummary:
         return headline, because or self.pending, "grey" if unsure else level
 
     def _before_take_off(self, row: ShownRow) -> tuple[str, str, Level]:
-        """Return the fill on board against the largest: red where it is more, else grey.
+        """Return the first line on the ground: the fill on board against the largest, red if it is
+        more.
 
         While the motors run, the check of the run-up follows.
         """
@@ -192,18 +194,19 @@ class VehicleSummary:
 
     @property
     def shown(self) -> tuple[tuple[Alarm, ...], str, bool]:
-        """The parts that the page must show at once when they change."""
+        """Return the parts whose change the page must display at once: alarms, problem, and if
+        it left."""
         return self.alarms, self.problem, self.gone
 
 
 def verdict_level(answer: FlightAnswer) -> Level:
-    """Return the level of a flight's answer."""
+    """Return the colour level of a flight's answer; grey if it asks for no action."""
     return "grey" if answer.urgency is None else URGENCY_LEVEL[answer.urgency]
 
 
 def _found(answer: FlightAnswer, level: Level, rest: Sequence[str]) -> tuple[str, str, Level]:
-    """Return the line of what a flight showed: the action in short, the finding and the action in
-    full, then the rest."""
+    """Return the first line for a flight's finding: short action; then finding, full action and
+    `rest`."""
     headline = answer.glance or answer.headline
     finding = _sentence(sentence(answer.headline)) if answer.glance else ""
     do = _sentence(answer.action or answer.why)

@@ -55,7 +55,8 @@ ASKING = """<!doctype html><meta name="viewport" content="width=device-width">
 def page_token(host: str, token_file: Path | None) -> str:
     """Return the token for a page on `host`; empty where only this computer can open the page.
 
-    Raises DataError for a file whose token is too short.
+    It is that of `token_file`, else random. Raises DataError for a file that cannot be read or
+    whose token is too short.
     """
     if token_file is None:
         return "" if is_loopback(host) else secrets.token_urlsafe(16)
@@ -110,9 +111,8 @@ _SUBSTITUTION = threading.Lock()
 
 
 def refusal(headers: Any, *, loopback_only: bool) -> str | None:
-    """Return why a request with these headers (`get_all(name)`) is refused; None when it may
-    pass.
-    """
+    """Return why a request with these headers (`get_all(name)`) is refused; None if it is
+    accepted."""
     hosts = headers.get_all("Host")
     if len(hosts) != 1 or not names_this_machine(hosts[0], loopback_only=loopback_only):
         return "this address is not the view's own; open it by its IP address or localhost"
@@ -123,10 +123,9 @@ def refusal(headers: Any, *, loopback_only: bool) -> str | None:
 
 
 def names_this_machine(host: str, *, loopback_only: bool) -> bool:
-    """Return whether a Host header is `localhost` or an IP address, which no foreign name server
-    can forge.
+    """Return True if a Host header is `localhost` or an IP address.
 
-    With `loopback_only` the address must be a loopback one.
+    No foreign name server can forge these. With `loopback_only` it must be a loopback address.
     """
     name, _, port = host.rpartition(":") if not host.endswith("]") else (host, "", "")
     if not name:
@@ -143,8 +142,9 @@ def names_this_machine(host: str, *, loopback_only: bool) -> bool:
 
 
 def page_headers(host: str) -> dict[str, str]:
-    """Return the headers of every page: nothing from elsewhere, no frame around it. `host` was
-    checked.
+    """Return the headers of every page: no content from elsewhere, no frame around it.
+
+    `host` must have been checked.
     """
     return {
         "Content-Security-Policy": (
@@ -192,7 +192,7 @@ class PageAddition(Protocol):
         ...
 
 
-#: Its own answer to a request, or None to let it in.
+#: Response to a request, or None to accept it.
 Door = Callable[["ServerConnection", "Request"], "Response | None"]
 
 
@@ -240,13 +240,13 @@ def guarded_server(
 
 
 def address_of(host: str) -> str:
-    """Return the name by which this computer's browser reaches a server that listens on a host."""
+    """Return the host name for a URL that this computer's browser opens, for a server on `host`."""
     near = {"0.0.0.0": LOOPBACK, "::": "::1"}.get(host, host)
     return f"[{near}]" if ":" in near else near
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether a server on this host can be reached from this computer alone."""
+    """Return True if a server on this host can be reached from this computer alone."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -263,7 +263,7 @@ def stop_server(server: viser.ViserServer) -> None:
 def _handed_to_viser(
     listening: socket.socket, loopback_only: bool, addition: PageAddition | None, door: Door | None
 ) -> Iterator[None]:
-    """Make viser, while it starts, use the guarded WebSocket server on our socket."""
+    """Make viser, while it starts, use the guarded WebSocket server on the socket `listening`."""
     import websockets.asyncio.server as server_module
 
     plain = server_module.serve
@@ -318,7 +318,7 @@ def _guarded(
 def _added(
     connection: ServerConnection, request: Request, addition: PageAddition
 ) -> Response | None:
-    """Return the answer to a request that the addition knows."""
+    """Return the addition's response to a request; None for a request that it does not know."""
     found = addition.answer(request.path)
     if found is None:
         return None
@@ -330,7 +330,7 @@ def _added(
 
 
 def _check_the_door(server: viser.ViserServer, port: int) -> None:
-    """Ask as a foreign page would. Raises LinkError unless the server refuses."""
+    """Send a request as a foreign page would. Raises LinkError unless the server refuses it."""
     request = urllib.request.Request(
         f"http://{address_of(server.get_host())}:{port}/", headers={"Host": "elsewhere.invalid"}
     )

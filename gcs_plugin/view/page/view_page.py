@@ -49,10 +49,10 @@ _log = logging.getLogger(__name__)
 
 
 class ViewPage(ABC):
-    """A page that one thread of its own draws, every `every` s and whenever `wake` is set.
+    """A page that its own thread draws, every `every` s and whenever `wake` is set.
 
     `start` opens it, `stop` closes it. `_build` makes its content once and `_draw` updates it.
-    `what` names the page in messages; `port` 0 is any free one; `addition` is shown besides viser's
+    `what` names the page in messages; `port` 0 is any free one; `addition` is added to viser's
     page; `token` is what a browser must know, empty for none.
     """
 
@@ -78,23 +78,25 @@ class ViewPage(ABC):
 
     @abstractmethod
     def _build(self, server: viser.ViserServer) -> None:
-        """Make all that is on the page, before the first drawing."""
+        """Create the content of the page, before the first drawing."""
 
     @abstractmethod
     def _draw(self) -> None:
-        """Update what is on the page."""
+        """Update the content of the page."""
 
     @property
     def url(self) -> str:
-        """Address of the page with its token. Raises DataError before `start` and after `stop`."""
+        """Return the URL of the page with its token. Raise DataError before `start` and after
+        `stop`."""
         if self._server is None:
             raise DataError("the view is not open; call start() first")
         ends = f"/?token={self._token}" if self._token else ""
         return f"http://{address_of(self._host)}:{self._server.get_port()}{ends}"
 
     def phone_page(self) -> dict[str, str] | None:
-        """Return the address of the page for a phone in the same network, with its token, and its
-        code to scan; None where no phone can reach the page.
+        """Return keys `url` and `code`: the page's address with token for a phone, and its QR code.
+
+        None where no phone in the network can reach the page.
         """
         own = network_address(self._host)
         if own is None or self._server is None:
@@ -106,7 +108,7 @@ class ViewPage(ABC):
         return {"url": self._phone["url"], "code": self._phone["code"]}
 
     def start(self) -> None:
-        """Open the port, build the page and begin to draw. Raises LinkError for a taken port."""
+        """Open the port, build the page and start drawing. Raises LinkError for a taken port."""
         door = partial(asked_for, token=self._token) if self._token else None
         self._server = guarded_server(
             host=self._host, port=self._port, addition=self._addition, door=door
@@ -131,7 +133,8 @@ class ViewPage(ABC):
             stop_server(server)
 
     def announce(self, *, browser: bool) -> None:
-        """Print where the page is, warn when others can reach it, and open the `browser`."""
+        """Print where the page is, warn when others can reach it, and open the browser if asked
+        to."""
         print(f"{self._what} at {self.url} - Ctrl-C ends it", flush=True)
         if not is_loopback(self._host):
             print(
@@ -143,12 +146,13 @@ class ViewPage(ABC):
             _open_browser(self.url)
 
     def ask(self, act: Callable[[], None]) -> None:
-        """Let the drawing thread call `act` and then draw; callable from any thread."""
+        """Queue `act` for the drawing thread, which calls it and then draws; callable from any
+        thread."""
         self._requests.put(act)
         self.wake.set()
 
     def _run(self, server: viser.ViserServer) -> None:
-        """Draw until `stop`; log an error of one drawing and go on."""
+        """Draw until `stop` is called; log an error of one drawing and continue."""
         while not self._stopping.is_set():
             self.wake.wait(max(self._every - FASTEST, 0.0))
             self.wake.clear()
@@ -179,8 +183,8 @@ def _open_browser(url: str) -> None:
 def network_address(host: str) -> str | None:
     """Return the address of this computer at which others reach a server that listens on `host`.
 
-    None where only this computer reaches it, and where it has no address in a network. `0.0.0.0`
-    and `::` listen on all addresses, of which the one of the default route is returned.
+    None where no other computer can, or where this one has no address in a network. `0.0.0.0` and
+    `::` listen on all addresses, of which the one of the default route is returned.
     """
     if is_loopback(host):
         return None
@@ -205,7 +209,7 @@ def scan_code(text: str) -> str:
 
 @dataclass(slots=True, eq=False)
 class BrowserTab:
-    """One tab; `scene` is None until viser has connected it."""
+    """A tab of a browser; `scene` is None until viser has connected it."""
 
     name: str
     scene: Scene | None = None
@@ -218,7 +222,8 @@ Of = TypeVar("Of", bound=BrowserTab)
 
 
 class Tabs(Generic[Of]):
-    """All tabs that asked, made by `new` from their names. `shared` is that of programs."""
+    """All tabs that sent a request, made by `new` from their names; `shared` is for calls from
+    programs."""
 
     def __init__(self, new: Callable[[str], Of]) -> None:
         self._new, self._lock = new, threading.Lock()
@@ -226,7 +231,8 @@ class Tabs(Generic[Of]):
         self.shared = new("")
 
     def of(self, name: str) -> Of:
-        """Return the tab of this name, a new one at its first request; callable from any thread."""
+        """Return the tab of this name, a new one at its first request; safe to call from any
+        thread."""
         if not name:
             return self.shared
         with self._lock:
@@ -237,19 +243,20 @@ class Tabs(Generic[Of]):
         return tab
 
     def of_client(self, number: int) -> Of:
-        """Return the tab of a connection, by viser's number; the shared one for none."""
+        """Return the tab of viser's connection `number`; the shared one if there is none."""
         return next((tab for tab in self.all if tab.client == number), self.shared)
 
     @property
     def all(self) -> list[Of]:
-        """All tabs with a name."""
+        """Return all tabs with a name."""
         with self._lock:
             return list(self._tabs.values())
 
     def drawn(self, server: viser.ViserServer, shared: Scene) -> tuple[list[Of], list[Of]]:
-        """Return the tabs to draw, the connected ones, else the shared one; and of them the new.
+        """Return the tabs to draw (the connected ones, else the shared one), and the new ones of
+        them.
 
-        A tab whose connection is new gets a new scene, and one whose connection is gone has none.
+        A tab with a new connection gets a new scene; a tab that lost its connection gets None.
         """
         clients, new = server.get_clients(), []
         shared.keep_clients(clients)

@@ -35,7 +35,7 @@ TANK_HALF, TANK_HEIGHT, TANK_TOP = 0.24, 0.5, -0.06
 
 
 class VehicleNode:
-    """One aircraft under `parent` in the scene. `key` names its nodes."""
+    """An aircraft in the scene, under the node `parent`; `key` names its nodes."""
 
     def __init__(self, scene: SceneApi, parent: str, key: str, airframe: Airframe) -> None:
         self._airframe = airframe
@@ -116,12 +116,12 @@ class VehicleNode:
 
     @property
     def arm(self) -> float:
-        """Distance of the outermost rotor from the centre, m."""
+        """Return the distance, m, of the outermost rotor from the centre."""
         return self._arm
 
     @property
     def drawn_arm(self) -> float:
-        """Distance of the outermost rotor from the centre as drawn, m of the scene."""
+        """Return the distance of the outermost rotor from the centre as drawn, m of the scene."""
         return self._arm * self._scale
 
     def set_scale(self, scale: float, *, detailed: bool = True) -> None:
@@ -141,11 +141,10 @@ class VehicleNode:
     def show(
         self, row: ShownRow, faulty: frozenset[int] = frozenset(), *, old: bool = False
     ) -> None:
-        """Put the aircraft where `row` says, in its colours. Hidden without a position.
+        """Place the aircraft as in `row`, with its colours. It is hidden without a position.
 
-        `faulty` are the numbers, from 1, of the rotors that an alarm is of. Rotors of an `old` row
-        have the colour of no data, and so have those whose places are not known, without number
-        and ring.
+        `faulty` are the numbers, from 1, of the rotors with an alarm. Rotors of an `old` row have
+        the colour of no data, and so have those with unknown places, without number and ring.
         """
         known = row.analysis.placed
         faulty = faulty if known else frozenset()
@@ -219,8 +218,10 @@ def unit_disc() -> tuple[Floats, np.ndarray]:
 
 
 def spin_segments(rotors_flu: Floats, radius: float, spin: Floats) -> Floats:
-    """Return (N, 2, 3) lines of an arc with an arrow head over each disc, in the rotor's direction
-    (+1 counter-clockwise).
+    """Return lines (N, 2, 3), m, of an arc with an arrow head over each disc, in the spin's
+    direction.
+
+    `spin` is +1 counter-clockwise; `rotors_flu` (R, 3) is forward, left, up.
     """
     lines = []
     for centre, turn in zip(rotors_flu, spin, strict=True):

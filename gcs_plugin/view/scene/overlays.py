@@ -28,7 +28,7 @@ BEYOND_SCALE = 0.02
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Overlay:
-    """One way to colour the route."""
+    """A way to colour the route: values by row, and a colour scale."""
 
     name: str  # as listed in the switch
     values: Floats  # (T,) NaN where unknown
@@ -40,9 +40,8 @@ class Overlay:
     extreme: str = "worst"  # what its worst value is called
 
     def at(self, row: int, time_s: float, rotor_names: Sequence[str]) -> dict[str, Any]:
-        """Return the value of a row for the page, for example 53 %, of rotor 1 front right, at
-        2:31.
-        """
+        """Return the value of a row, with rotor and time, as JSON for the page: 53 %, rotor 1,
+        2:31."""
         whose = np.nan if self.rotor is None else self.rotor[row]
         rotor = int(whose) if np.isfinite(whose) else None
         return {
@@ -54,9 +53,8 @@ class Overlay:
         }
 
     def worst_row(self, among: Bools) -> int | None:
-        """Return which of the chosen rows (T,) has the worst value; None where no value is
-        known.
-        """
+        """Return the index of the worst value among the flagged rows (T,); None where none is
+        known."""
         score = {"max": self.values, "min": -self.values, "abs": np.abs(self.values)}[self.worst]
         score = np.where(among & np.isfinite(score), score, -np.inf)
         return int(np.argmax(score)) if np.isfinite(score).any() else None
@@ -65,8 +63,8 @@ class Overlay:
 def overlays_of(analysis: FlightAnalysis, least: float = 0.5) -> tuple[Overlay, ...]:
     """Return thrust left, redundancy and residual of an analysis, in the order of the switch.
 
-    `least` is the share of thrust that must be left, where the colours of the first turn.
-    Where no rotor was measured the predicted value is shown, and the note states its share.
+    `least` is the share of thrust that must be left, at which the colours of thrust left change.
+    Where no rotor was measured the predicted value is used, and the note states its share.
     """
     use = analysis.known_utilisation
     load, rotor = worst_rotor(use)
@@ -92,8 +90,10 @@ def overlays_of(analysis: FlightAnalysis, least: float = 0.5) -> tuple[Overlay, 
 
 
 def planned_overlays(analysis: FlightAnalysis, limit: float) -> tuple[Overlay, ...]:
-    """Return thrust left, redundancy and tank of a plan that is not flown yet; `limit` is the
-    largest share of a rotor's maximum thrust that may be in use."""
+    """Return thrust left, redundancy and tank of a plan that is not flown yet.
+
+    `limit` is the largest share of a rotor's maximum thrust that may be in use.
+    """
     left, redundancy, _ = overlays_of(analysis, 1.0 - limit)
     tank = analysis.track.tank_kg
     return (
@@ -110,7 +110,7 @@ def planned_overlays(analysis: FlightAnalysis, limit: float) -> tuple[Overlay, .
 
 
 def speed_overlay(track: FlightTrack) -> Overlay:
-    """Return the speed over ground, which needs no airframe."""
+    """Return the colouring by ground speed, m/s, which needs no airframe."""
     speed = np.hypot(track.velocity_ned[:, 0], track.velocity_ned[:, 1])
     return Overlay(
         name="Speed", values=speed, scale=colours.GROUND_SPEED, worst="max", extreme="fastest"
@@ -118,10 +118,10 @@ def speed_overlay(track: FlightTrack) -> Overlay:
 
 
 def before_and_after(before: FlightAnalysis, after: FlightAnalysis) -> tuple[Overlay, Overlay]:
-    """Return the residual of one flight under two models, with the same colour scale.
+    """Return the residual, rpm, of one flight under two models, with one colour scale.
 
-    The scale ends where all but 2 % of the flight's rows before are. Raises DataError when the two
-    are of different flights.
+    The scale ends at the value that 98 % of the rows under the first model do not exceed. Raises
+    DataError when the two are of different flights.
     """
     if before.track is not after.track:
         raise DataError(
@@ -141,8 +141,8 @@ def _residual(name: str, analysis: FlightAnalysis, note: str = "") -> Overlay:
 
 
 def residual_limit(residual_rpm: Floats, flying: Bools) -> float:
-    """Return the rpm at which the colours of (T,) residuals end: 98 % of the rows in flight are
-    below.
+    """Return the 98 % quantile, rpm, of absolute residuals (T,) in flight, the end of the colour
+    scale.
 
     At least 1; 1 where no residual is known.
     """
@@ -156,7 +156,8 @@ def _model_note(analysis: FlightAnalysis) -> str:
 
 
 def _basis_note(analysis: FlightAnalysis, known: Bools) -> str:
-    """Return a note on the share of the (T,) known rows in which a rotor was measured."""
+    """Return a note on the share of rows in flight, of those `known` (T,), in which a rotor was
+    measured."""
     flying, basis = analysis.track.flying, analysis.speed_basis
     rows = known[flying]
     if not rows.any():

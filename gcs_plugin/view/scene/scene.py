@@ -51,7 +51,7 @@ HIT = np.radians(2.0)  # from the route, within which a click is of it
 
 
 class Scene:
-    """One 3D scene for one or more aircraft of a viser server. Call it from one thread.
+    """A 3D scene with one or more aircraft of a viser server. Call it from one thread.
 
     With a `client` it is that browser's own, over the ground of the server's scene.
     """
@@ -97,9 +97,7 @@ class Scene:
         return made
 
     def keep_clients(self, numbers: Collection[int]) -> None:
-        """Forget the scenes of browsers that are gone; `numbers` are viser's of those that are
-        not.
-        """
+        """Drop the scenes of closed browsers; `numbers` are viser's ids of the open ones."""
         self._of_clients = {n: one for n, one in self._of_clients.items() if n in numbers}
 
     def atomic(self) -> AbstractContextManager[None]:
@@ -107,7 +105,7 @@ class Scene:
         return (self._client or self._server).atomic()
 
     def _fit_like(self, other: Scene) -> None:
-        """Take the ground of another scene, to which the camera is fitted."""
+        """Copy the extent and ground of another scene, and fit the camera to them."""
         self._low, self._high, self._ground = other._low, other._high, other._ground
         self._cell = other._cell
         self._note.position = other._note.position
@@ -151,7 +149,7 @@ class Scene:
             one._fit_like(self)
 
     def hold(self, points_enu: Floats) -> None:
-        """Enlarge ground and overview where (N, 3) points, m, lie outside of them.
+        """Enlarge ground and overview where points (N, 3), m, are outside of them.
 
         They grow by more than needed, so that the picture does not move all the time.
         """
@@ -168,7 +166,7 @@ class Scene:
 
     @property
     def _extent(self) -> float:
-        """Return half of the longer side of all that is shown, m."""
+        """Return half of the longer side of the scene's content, m."""
         return max(float(np.max(self._high - self._low)) / 2, 5.0)
 
     def set_field(self, field: Field | None) -> None:
@@ -201,8 +199,8 @@ class Scene:
     def set_plan(self, key: str, points_enu: Floats, ground: float) -> None:
         """Draw an aircraft's planned path through (W, 3) places in m, flat on the `ground`, m.
 
-        Without two places none is drawn, and one that was drawn is taken away. Legs of a large
-        plan that no picture of it can distinguish are drawn once.
+        With fewer than two places a path drawn before is removed. Legs of a large plan that no
+        picture of it can distinguish are drawn once.
         """
         name = f"/world/plan_{key}"
         legs = distinct_legs(points_enu[:, :2])
@@ -215,7 +213,8 @@ class Scene:
             self._planned.remove(name)
 
     def set_route(self, key: str, points_enu: Floats, values: Floats, scale: ColourScale) -> None:
-        """Draw where an aircraft flew, (S, 2, 3) m, in the colours of (S,) values on `scale`."""
+        """Draw an aircraft's flown segments (S, 2, 3), m, in the colours of values (S,) on
+        `scale`."""
         ends = np.repeat(sent_for(scale.screen(values))[:, None], 2, axis=1)
         line = self._routes.get(key)
         if line is not None and len(line.points) == len(points_enu):
@@ -232,7 +231,7 @@ class Scene:
         )
 
     def set_pin(self, position_enu: Floats) -> None:
-        """Mark a place, m; remove the mark for NaN."""
+        """Mark a position (3,), m; remove the mark for NaN."""
         self._pinned = bool(np.all(np.isfinite(position_enu)))
         self._show_pin()
         if self._pinned:
@@ -240,15 +239,13 @@ class Scene:
             self._pin.point_size = 0.03 * self._extent
 
     def _show_pin(self) -> None:
-        """Show the mark only over the whole field and away from the aircraft, where it hides no
-        rotor.
-        """
+        """Show the mark only in the overview, and not near the aircraft, where it would hide a
+        rotor."""
         self._pin.visible = self._pinned and self.camera is Camera.FIELD and not self._covered
 
     def in_world(self, origin: Sequence[float], ray: Sequence[float]) -> tuple[Floats, Floats]:
-        """Return (3,) origin, m, and direction of a ray of the page in coordinates of the moving
-        world.
-        """
+        """Convert a ray of the page, its origin (3,), m, and direction (3,), to coordinates of the
+        moving world."""
         turn = SO3(self._world.wxyz).inverse()
         both = np.array([np.asarray(origin) - self._world.position, ray], dtype=np.float64)
         start, way = both @ turn.as_matrix().T
@@ -278,10 +275,10 @@ class Scene:
         faulty: frozenset[int] = frozenset(),
         old: bool = False,
     ) -> None:
-        """Move one aircraft to `row`; with `focus` a following camera goes with it.
+        """Move one aircraft to `row`; with `focus` a following camera moves with it.
 
-        `faulty` are the numbers, from 1, of the rotors that an alarm is of. Rotors of an `old` row
-        have no colour.
+        `faulty` are the numbers, from 1, of the rotors with an alarm. Rotors of an `old` row have
+        no colour.
         """
         self._vehicles[key].show(row, faulty, old=old)
         if focus:
@@ -294,12 +291,12 @@ class Scene:
             self._centre_on(row.position_enu, row.wxyz)
 
     def show_wind(self, wind_ned: Floats) -> None:
-        """Draw the (3,) m/s wind beside the field; NaN takes it away."""
+        """Draw the wind (3,), m/s, next to the field; NaN removes it."""
         place = np.array([self._low[0], self._high[1], self._ground]) + 0.12 * self._extent
         self.surroundings.wind(wind_ned, np.round([*place[:2], self._ground], 1), self._extent / 4)
 
     def hide(self, key: str) -> None:
-        """Take an aircraft off the scene until it is shown again."""
+        """Remove an aircraft from the scene until `show` is called again."""
         self._vehicles[key].hide()
 
     def above(self, key: str) -> Floats:
@@ -307,7 +304,7 @@ class Scene:
         return np.array([0.0, 0.0, 1.2 * self._vehicles[key].drawn_arm])
 
     def set_camera(self, camera: Camera) -> None:
-        """Look at the whole field, or follow the aircraft."""
+        """Show the whole field, or follow the aircraft."""
         self.camera = camera
         self._show_pin()
         self._rescale()
@@ -335,9 +332,8 @@ class Scene:
         self._note.text = ", ".join(dict.fromkeys(note))
 
     def _look(self) -> None:
-        """Turn this scene's browser to the chosen camera; the server's scene turns pages that open
-        later.
-        """
+        """Aim this scene's browser as the chosen camera; without a browser, all pages that open
+        later."""
         if self._client is not None:
             self._aim(self._client)
             return
@@ -379,7 +375,8 @@ class Scene:
 
 
 def row_hit(points_enu: Floats, among: Bools, origin: Floats, ray: Floats) -> int | None:
-    """Return the row of (T, 3) points, m, among the rows `among`, nearest to a ray from `origin`.
+    """Return the index of the (T, 3) point, m, flagged by `among` (T,), nearest to a ray from
+    `origin`.
 
     None where no point is within two degrees of the ray, a finger's width on a phone.
     """

@@ -34,8 +34,8 @@ class ShownRow:
     """Row number `row` (negative: from the end) of an analysis of R rotors; NaN where unknown.
 
     `offset_ned` (3,) m is the track's origin from that of the scene. `least` is the share of thrust
-    that must be left, and `low` (R,) which rotors had less and have not recovered since; without
-    it the row alone decides.
+    that must be left, and `low` (R,) flags rotors that had less and have not recovered since;
+    without it the row alone decides.
     """
 
     analysis: FlightAnalysis
@@ -50,12 +50,13 @@ class ShownRow:
 
     @property
     def position_enu(self) -> Floats:
-        """Position (3,) in the scene, m."""
+        """Return the position (3,) in the scene, m east, north and up."""
         return enu(self.track.position_ned[self.row] + self.offset_ned)
 
     @property
     def wxyz(self) -> Floats:
-        """Quaternion (4,) that turns the vehicle frame into the scene frame."""
+        """Return the quaternion (4,), w first, that turns the vehicle frame into the scene
+        frame."""
         return wxyz_from_attitude(self.track.attitude[self.row])
 
     @property
@@ -64,12 +65,12 @@ class ShownRow:
 
     @property
     def measured(self) -> Bools:
-        """Rotors (R,) whose margin rests on a measured speed, or on one from motor outputs."""
+        """Flag the rotors (R,) whose margin uses a measured speed, or one from motor outputs."""
         return np.isfinite(self.analysis.utilisation[self.row])
 
     @property
     def margin(self) -> Floats:
-        """Thrust margin (R,) from the measured speed, else from the predicted one.
+        """Return the thrust margin (R,) by the measured speed, else by the predicted one.
 
         On the ground it is the predicted one, because a rotor at rest has all its thrust left.
         """
@@ -78,12 +79,13 @@ class ShownRow:
 
     @property
     def margin_predicted(self) -> Floats:
-        """Thrust margin (R,) from the predicted speed."""
+        """Return the thrust margin (R,), a share of 1, from the predicted rotor speeds."""
         return 1.0 - self.analysis.utilisation_predicted[self.row]
 
     @property
     def ends(self) -> tuple[Floats, Floats]:
-        """Low and high end (R,) of the 90 % interval of the known margin in flight."""
+        """Return the low and high ends (R,) of the 90 % interval of the known margin; NaN where
+        unknown."""
         low, high = self.analysis.use_ends
         return 1.0 - high[self.row], 1.0 - low[self.row]
 
@@ -95,37 +97,41 @@ class ShownRow:
 
     @property
     def worst(self) -> tuple[float, int | None]:
-        """Least margin of the rotors with a known one, and the index of that rotor from 0."""
+        """Return the least known margin, a share of 1, and its rotor from 0; NaN and None if
+        none is known."""
         known = self.analysis.known_utilisation[[self.row]]
         use, rotor = worst_rotor(known)
         return 1.0 - float(use[0]), int(rotor[0]) if np.isfinite(rotor[0]) else None
 
     @property
     def unmeasured(self) -> int:
-        """Number of rotors without a measurement, one of which may be worse; 0 where none is
-        measured.
+        """Return the number of rotors without a measurement, one of which may be worse.
+
+        0 where none is measured.
         """
         return int(np.sum(~self.measured)) if self.measured.any() else 0
 
     @property
     def too_little(self) -> Bools:
-        """Rotors (R,) whose thrust left counts as too little, by the lower end of its interval."""
+        """Flag the rotors (R,) whose thrust left counts as too little, by the lower end of its
+        interval."""
         if self.low is not None:
             return self.low
         return thrust_left.below(self._lower, self.least)
 
     @property
     def _lower(self) -> Floats:
-        """Margin (R,) that a colour goes by, a row of `lower_ends`."""
+        """Return the margin (R,) that decides the colour, a row of `lower_ends`."""
         low = self.ends[0] if self.flying else self.margin
         return np.where(np.isfinite(low), low, self.margin)
 
     @property
     def coloured(self) -> Floats:
-        """Margin (R,) that sets the colour of a rotor: the lower end of its interval, with the
-        hysteresis of `too_little`.
+        """Return the margin (R,) to colour each rotor by: its interval's lower end, with
+        hysteresis.
 
-        NaN, no colour, where the margin is sufficient but not measured: blue would be a promise.
+        The hysteresis is that of `too_little`. NaN, no colour, where the margin is sufficient but
+        not measured: blue would be a promise.
         """
         low, margin = self.too_little, self._lower
         sure = self.measured & self.flying
@@ -133,28 +139,28 @@ class ShownRow:
 
     @property
     def scale(self) -> palette.ColourScale:
-        """Scale of the colours of margins, which turn at `least`."""
+        """Return the colour scale of margins, which turns at `least`."""
         return palette.thrust_left(self.least)
 
     @property
     def calm(self) -> bool:
-        """Whether enough thrust is surely left at every rotor, each of them measured."""
+        """Return True if every rotor is measured and surely has enough thrust left."""
         return bool(
             self.surely_left + thrust_left.ROUNDING >= self.least and not self.too_little.any()
         )
 
     @property
     def surely_left(self) -> float:
-        """Lower end of the worst margin's interval; NaN where not all rotors are measured."""
+        """Return the lower end of the worst rotor's margin, a share of 1; NaN where not all
+        rotors are measured."""
         least, rotor = self.worst
         low = least if rotor is None else float(self.ends[0][rotor])
         return low if self.measured.all() else float("nan")
 
     @property
     def redundancy(self) -> tuple[float, float, float]:
-        """Thrust with one rotor lost over weight, yaw uncontrolled, and its 90 % interval; NaN
-        where unknown.
-        """
+        """Return the redundancy, thrust with one rotor lost over weight with yaw uncontrolled,
+        and the low and high ends of its 90 % interval; NaN where unknown."""
         free = float(self.analysis.redundancy_yaw_uncontrolled[self.row])
         error = float(np.nan_to_num(self.analysis.redundancy_error[self.row]))
         low, high = np.exp(INTERVAL * np.array([-error, error - self.analysis.redundancy_beyond]))
@@ -162,22 +168,22 @@ class ShownRow:
 
     @property
     def survives(self) -> bool:
-        """Whether the interval of redundancy allows the loss of one rotor; True where it is
-        unknown.
-        """
+        """Return True if the interval of redundancy allows the loss of one rotor, or is unknown."""
         return not self.redundancy[1] < 1.0
 
     @property
     def why_unknown(self) -> str:
-        """Sentence on why there is no worst margin; empty where there is one."""
+        """Return the sentence on why there is no worst margin; empty if there is one."""
         if self.analysis.withheld:
             return statement_words(self.analysis.withheld[0])
         return words.NOTHING_KNOWN if self.worst[1] is None else ""
 
 
 def lower_ends(analysis: FlightAnalysis) -> Floats:
-    """Return (T, R) the margin that a colour goes by: in flight the lower end of its 90 % interval,
-    or the margin itself where no interval is known; on the ground the predicted margin.
+    """Return the margin (T, R) that decides a colour.
+
+    In flight it is the lower end of its 90 % interval, or the margin itself without an interval; on
+    the ground it is the predicted margin.
     """
     predicted, high = analysis.utilisation_predicted, analysis.use_ends[1]
     known = np.where(np.isfinite(analysis.utilisation), analysis.utilisation, predicted)
@@ -186,8 +192,9 @@ def lower_ends(analysis: FlightAnalysis) -> Floats:
 
 
 def ground_height(track: FlightTrack) -> float:
-    """Return the height of the ground in the scene, m: the median of up minus height above ground,
-    else the lowest position.
+    """Return the height of the ground in the scene, m.
+
+    It is the median of up minus height above ground, else the lowest position.
     """
     up = -track.position_ned[:, 2]
     under = (up - track.height_agl)[np.isfinite(up - track.height_agl)]
@@ -198,7 +205,7 @@ def ground_height(track: FlightTrack) -> float:
 
 
 def row_at(time_s: Floats, moment_s: float) -> int:
-    """Return the last row at or before a moment; the first row for an earlier one."""
+    """Return the index of the last row at or before `moment_s`, s; 0 before the first row."""
     return max(int(np.searchsorted(time_s, moment_s, side="right")) - 1, 0)
 
 
@@ -222,11 +229,11 @@ SEA_LEVEL_FRAMES = (0, 5)
 
 
 def plan_enu(waypoints: Sequence[PlanItem], origin: Origin | None, ground: float) -> Floats:
-    """Return (W, 3) east, north, up, m, of the mission's places; `ground` is the scene's ground
+    """Return the places (W, 3) of the mission, m east, north, up; `ground` is the scene's ground
     height.
 
-    Item 0 (ArduPilot keeps home there) and items without a place are left out. The result is empty
-    without an origin.
+    Item 0 (home in ArduPilot) and items without a place are left out. The result is empty without
+    an origin.
     """
     placed = [(w.frame, *w.place) for w in waypoints if w.number > 0 and w.place is not None]
     frames, *places = np.array(placed or np.empty((0, 4))).T
@@ -242,10 +249,9 @@ def plan_enu(waypoints: Sequence[PlanItem], origin: Origin | None, ground: float
 
 
 def distinct_legs(points: Floats) -> Floats:
-    """Return (S, 2, 2) legs of the way through (W, 2) places that a picture of the whole can show.
+    """Return the legs (S, 2, 2) between (W, 2) places that a picture of all of them can show.
 
-    Of legs that have both ends on the same two pixels the first is returned, and none within one
-    pixel.
+    Of legs with both ends on the same two pixels the first is returned, and none within one pixel.
     """
     if len(points) < 2:
         return np.empty((0, 2, 2))

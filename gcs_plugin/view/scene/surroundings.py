@@ -38,9 +38,9 @@ class Camera(StrEnum):
 
 
 def overview(low: Floats, high: Floats, aspect: float) -> tuple[Floats, Floats]:
-    """Return camera position and look-at point, (3,) m, from the south with north up.
+    """Return camera position and look-at point, (3,) m, for a view from the south with north up.
 
-    It is as near as the box from corner `low` to corner `high`, (3,) m, allows in a picture
+    The camera is as near as the box from corner `low` to corner `high`, (3,) m, allows in a picture
     `aspect` times as wide as high.
     """
     centre = (low + high) / 2
@@ -64,8 +64,9 @@ def behind(arm: float) -> tuple[Floats, Floats]:
 
 
 def nose_north(wxyz: Floats) -> tuple[Floats, Floats]:
-    """Return the rotation about the vertical that points an aircraft's nose north: matrix and
-    quaternion.
+    """Return the rotation about the vertical that points an aircraft's nose north.
+
+    The result is a matrix and a quaternion; `wxyz` (4,) is the aircraft's attitude.
     """
     w, x, y, z = wxyz
     back = np.pi / 2 - np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
@@ -105,7 +106,12 @@ class SprayedGround:
         self.changed = False
 
     def add(self, positions_enu: Floats, spraying: Floats, ground: float) -> None:
-        """Add rows in order: (T, 3) m and (T,) 1 pump on, 0 off, NaN unknown."""
+        """Add rows in order of time: positions (T, 3), m, and `spraying` (T,), 1 pump on, 0 off,
+        NaN unknown.
+
+        Stretches are drawn at height `ground`, m, between rows with the pump on at least STEP
+        apart.
+        """
         for position, on in zip(positions_enu, spraying, strict=True):
             if on != 1.0 or not np.all(np.isfinite(position[:2])):
                 self._last = None
@@ -120,7 +126,7 @@ class SprayedGround:
 
     @property
     def points(self) -> Floats:
-        """Stretches (S, 2, 3), m."""
+        """Return the sprayed stretches (S, 2, 3): both ends of each, in the scene, m."""
         return np.array(self._stretches).reshape(-1, 2, 3)
 
 
@@ -137,7 +143,8 @@ class Surroundings:
         self._homes: dict[str, Floats] = {}
 
     def home(self, key: str, position_enu: Floats) -> None:
-        """Mark the origin of an aircraft's positions, (3,) m."""
+        """Draw a square of 2 m and a label at the origin of an aircraft's positions, (3,) m in
+        the scene."""
         if key in self._homes and np.allclose(self._homes[key], position_enu):
             return
         self._homes[key] = position_enu
@@ -155,9 +162,8 @@ class Surroundings:
             self.lines(f"/world/sprayed_{key}", points_enu, SPRAYED, 14.0)
 
     def wind(self, wind_ned: Floats, place_enu: Floats, length: float) -> None:
-        """Draw an arrow of `length` m in the direction in which the air moves, (3,) m/s; none for
-        NaN.
-        """
+        """Draw an arrow of `length` m in the direction in which the air moves, (3,) m/s; none
+        for NaN."""
         speed = float(np.hypot(*wind_ned[:2]))
         way = enu(wind_ned)[:2] / max(speed, 1e-9)
         drawn = None
@@ -178,13 +184,14 @@ class Surroundings:
             self._arrow = self.lines("/world/wind_arrow", arrow(way, place_enu, length), INK, 6.0)
 
     def lines(self, name: str, points: Floats, colour: Rgb, pixels: float):
-        """Draw (S, 2, 3) m in one colour; the node."""
+        """Draw lines (S, 2, 3), m, in one colour and return their node."""
         return screen_lines(self._api, name, points, colour, pixels)
 
 
 def arrow(way: Floats, place_enu: Floats, length: float) -> Floats:
-    """Return (3, 2, 3) m: shaft and head of an arrow about a place, along (2,) `way` of
-    length one.
+    """Return the lines (3, 2, 3), m, of an arrow of `length` m centred at `place_enu` (3,).
+
+    They are its shaft and the two sides of its head; `way` (2,) is its unit direction.
     """
     side = np.array([-way[1], way[0]])
     tip = 0.5 * length * way

@@ -18,8 +18,10 @@ COMMANDS = {
 
 
 def explain_change(model: RotorModel, flights: Sequence[FlightTrack]) -> ChangeCause | None:
-    """Return what the search says of the flights since a change of their aircraft; None where the
-    library of the search is not installed. See `explain.explain`."""
+    """Return the cause, by the search over effects, of a change of the aircraft since `flights`.
+
+    None where the search's library is not installed. See `explain.explain`.
+    """
     if find_spec("scipy") is None:
         return None
     from thrustmargin.gcs_plugin.workshop.identify.explain import explain

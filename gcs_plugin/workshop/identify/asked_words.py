@@ -26,7 +26,7 @@ from thrustmargin.models.identification.certainty import COSTS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RequestedAction:
-    """One action that the answer asks a person to do."""
+    """An action that the result of an identification asks a person to do."""
 
     part: str  # with the number of the rotor, from 1
     action: str
@@ -38,8 +38,8 @@ def requested_actions(found: Identification) -> tuple[RequestedAction, ...]:
     """Return the requested actions: those of effects, rotors first, then those of rotors not
     cleared.
 
-    Effects that are only kept in the model request no action. A rotor with an unexplained loss
-    comes last.
+    Effects that only stay in the model request no action. A rotor with an unexplained loss comes
+    last.
     """
     out = [
         _request(action, f.term.degraded_rotor, f.probability)
@@ -115,7 +115,8 @@ def unexplained_words(found: Identification) -> str:
 
 
 def minor_words(found: Identification) -> str:
-    """Return the clause about a minor unexplained residual; empty if there is none."""
+    """Return the clause about a minor unexplained residual: RMS, mode and channels; empty if there
+    is none."""
     left = found.unexplained()
     if not left["minor"]:
         return ""
@@ -133,8 +134,7 @@ def minor_words(found: Identification) -> str:
 
 
 def unnamed_causes_words(found: Identification) -> str:
-    """Return the sentence about the unnamed causes in the new model: where each acts, its channel,
-    range and size.
+    """Return the sentence on the unnamed causes in the new model: place, channel, range and size.
 
     Needs at least one unnamed cause.
     """

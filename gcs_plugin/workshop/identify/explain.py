@@ -23,10 +23,10 @@ from thrustmargin.models.model.rotor_model import RotorModel
 
 
 def explain(model: RotorModel, flights: Sequence[FlightTrack]) -> ChangeCause:
-    """Search for the effects that flights show, which their aircraft's model lacks.
+    """Search for effects that flights show and the model of their aircraft lacks.
 
-    `model` has the state before the first of them. The kind is NOT_SEARCHED where no flight has
-    enough rows.
+    `model` has the mode state before the first of them. The kind is NOT_SEARCHED where no flight
+    has enough rows.
     """
     tracks = [before_loss(track, loss_of_control(track)) for track in flights]
     tracks = [track for track in tracks if too_little(track, model) is None]

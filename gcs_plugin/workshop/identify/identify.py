@@ -235,7 +235,7 @@ def write_result(
 
 
 def show(result: Result, written: Sequence[Path]) -> None:
-    """Print the answer, then the tables, the unused logs, the notes on the new model and the files
+    """Print the result: sentences, tables, unused logs, notes on the new model and files
     written."""
     from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
     from thrustmargin.gcs_plugin.wording.language import Verbatim, say

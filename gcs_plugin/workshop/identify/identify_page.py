@@ -112,7 +112,7 @@ def residual_rows(unseen: Sequence[HeldOutResidual], tracks: Sequence[FlightTrac
 
 
 def _row_positions(problem: Problem, tracks: Sequence[FlightTrack]) -> tuple[Floats, Floats]:
-    """Return north and east, m, of a problem's rows, looked up in the tracks by time."""
+    """Return north and east (T,), m, of a problem's rows, looked up in the tracks by time."""
     north, east = (np.full(problem.flight.size, np.nan) for _ in range(2))
     for f, track in enumerate(tracks):
         mine = np.flatnonzero(problem.flight == f)
@@ -132,7 +132,7 @@ PANEL_PX, UNDER_PX = 180, 66  # of a panel, and of its axis below
 
 
 def time_figure(rows: Rows, flight: int) -> style.Figure:
-    """Draw the residual of each rotor of one flight over time, before and after."""
+    """Draw each rotor's residual in one flight over time, before and after the effects found."""
     mine = rows.flight_rows(flight)
     time_s, before, after = _break_at_gaps(
         rows.time_s[mine], rows.before_rpm[mine], rows.after_rpm[mine]
@@ -153,14 +153,16 @@ def time_figure(rows: Rows, flight: int) -> style.Figure:
 
 
 def _break_at_gaps(time_s: Floats, *tables: Floats) -> tuple[Floats, ...]:
-    """Insert a row of NaN into each gap longer than LONGEST_STEP_S, so that no line crosses it."""
+    """Insert a row of NaN into each time gap longer than LONGEST_STEP_S, so that no line crosses
+    it."""
     gaps = np.flatnonzero(np.diff(time_s) > LONGEST_STEP_S) + 1
     middle = (time_s[gaps - 1] + time_s[gaps]) / 2 if gaps.size else np.empty(0)
     return (np.insert(time_s, gaps, middle), *(np.insert(t, gaps, np.nan, axis=0) for t in tables))
 
 
 def modes_figure(rows: Rows) -> style.Figure:
-    """Draw the RMS of each mode, rpm, before and after, as bars."""
+    """Draw bars of each rotor speed mode's RMS residual, rpm, before and after the effects
+    found."""
     margin = {"l": 80, "r": 20, "t": 40, "b": 40}
     y = style.titled("RMS, rpm", rangemode="tozero")
     made = style.Figure({"template": style.STYLE, "height": 340, "margin": margin, "yaxis": y})
@@ -184,10 +186,10 @@ def modes_figure(rows: Rows) -> style.Figure:
 
 
 def channels_figures(rows: Rows) -> dict[int, style.Figure]:
-    """Draw each mode along the channels that explain it best: medians of bins, and the middle 80 %
-    as a band.
+    """Draw each mode's residual over the channels that explain it best; return figures by mode
+    number.
 
-    Return figures by mode; modes without a channel are missing.
+    Each is the median of bins, with the middle 80 % as a band. Modes without a channel are missing.
     """
     drawn = {
         mode: [
@@ -202,8 +204,10 @@ def channels_figures(rows: Rows) -> dict[int, style.Figure]:
 
 
 def _panels(made: list[tuple[str, list[tuple[str, Floats, Floats]]]], reach: float) -> style.Figure:
-    """Draw the panels of one mode, one for each (channel, quantiles of bins), rpm from -reach to
-    reach."""
+    """Draw the panels of one mode, one for each channel with its bins' quantiles, rpm.
+
+    The axes reach from -reach to reach.
+    """
     lines = -(-len(made) // ACROSS)
     height = lines * (PANEL_PX + UNDER_PX) - UNDER_PX
     margin = {"l": 70, "r": 10, "t": 40, "b": UNDER_PX}
@@ -241,8 +245,10 @@ def _panels(made: list[tuple[str, list[tuple[str, Floats, Floats]]]], reach: flo
 
 
 def _bin_quantiles(rows: Rows, channel: str, mode: int) -> list[tuple[str, Floats, Floats]]:
-    """Return, before and after, the bin centres (B,) and 10, 50, 90 % quantiles (B, 3), rpm, of a
-    mode."""
+    """Return the bins of a mode's residual over a channel, before and after the effects found.
+
+    They are the bin centres (B,) and the 10, 50 and 90 % quantiles (B, 3), rpm.
+    """
     values = rows.channels[channel]
     index, low, width = _bins(values)
     inside = (values >= low) & (values <= low + BINS * width)
@@ -266,8 +272,10 @@ def _bins(channel: Floats) -> tuple[NDArray[np.intp], float, float]:
 
 
 def _strongest_channels(rows: Rows, mode: int) -> list[str]:
-    """Return up to MOST_CHANNELS channels whose bin means explain most of a mode's variance
-    before."""
+    """Return up to MOST_CHANNELS channels whose bin means explain most of a mode's variance.
+
+    The variance is that before the effects found.
+    """
     about = rows.before_modes[:, mode] - rows.before_modes[:, mode].mean()
 
     def explained(channel: Floats) -> float:
@@ -280,8 +288,8 @@ def _strongest_channels(rows: Rows, mode: int) -> list[str]:
 
 
 def map_limit(rows: Rows) -> float:
-    """Return the residual, rpm, at the ends of the maps' colour scale: the 98 % quantile of rows
-    before, at least 1."""
+    """Return the residual, rpm, at the ends of the maps' colour scale: the 98 % quantile of its
+    absolute value before the new effects, at least 1."""
     worst = np.abs(rows.before_rpm).max(axis=1)
     return float(max(1.0, np.quantile(worst, 0.98)))
 
@@ -289,8 +297,10 @@ def map_limit(rows: Rows) -> float:
 def map_figure(
     rows: Rows, flight: int, residual_rpm: Floats, limit_rpm: float
 ) -> style.Figure | None:
-    """Draw the route from above, coloured by the largest residual among rotors; None without
-    positions."""
+    """Draw the route of a flight from above, coloured by the residual, rpm, of the worst rotor.
+
+    `residual_rpm` (T, R); the colours reach `limit_rpm`. None without positions.
+    """
     mine = rows.flight_rows(flight)
     north, east, time_s = rows.north[mine], rows.east[mine], rows.time_s[mine]
     if not np.any(np.isfinite(north) & np.isfinite(east)):
@@ -309,7 +319,11 @@ def map_figure(
 
 
 def flight_figures(rows: Rows, chosen: Sequence[int]) -> dict[str, style.Figure]:
-    """Return figures by name of the `chosen` flights: over time, and maps before and after."""
+    """Return the figures of the `chosen` flights (0-based) by name: `time_0`, `map_before_0`,
+    `map_after_0`.
+
+    Maps without positions are missing.
+    """
     limit = map_limit(rows)
     made: dict[str, style.Figure] = {}
     for f in chosen:
@@ -325,7 +339,7 @@ MOST_FLIGHTS = 6  # flights drawn over time and on the route
 
 
 def html_text(result: results.Result) -> str:
-    """Return the page as HTML; the browser draws a figure when it comes into view."""
+    """Return the page as HTML; the browser draws a figure when it scrolls into view."""
     rows = residual_rows(result.unseen, result.tracks)
     shown = rows.flights_by_error()[:MOST_FLIGHTS]
     made = {n: packed(f.to_json()) for n, f in figures(rows, shown).items()}
@@ -348,6 +362,6 @@ def html_text(result: results.Result) -> str:
 
 
 def figures(rows: Rows, shown: list[int]) -> dict[str, style.Figure]:
-    """Return all figures by name; those over time and on the route only of the flights `shown`."""
+    """Return all figures by name; those over time and on the route only for the flights `shown`."""
     channels = {f"channels_{m}": figure for m, figure in channels_figures(rows).items()}
     return {"modes": modes_figure(rows), **channels, **flight_figures(rows, shown)}

@@ -39,8 +39,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Result:
-    """An identification with the new model, the margins, the answer and the options of one
-    command."""
+    """An identification with the new model, margins, sentences and the command's options."""
 
     found: Identification
     update: ModelUpdate
@@ -69,7 +68,7 @@ def make_result(
     mission: str = "",
     date: str = "",
 ) -> Result:
-    """Return the result of an identification: new model, margins, next flight and answer.
+    """Return the result of an identification: new model, margins, next flight and sentences.
 
     `tracks` are the fitted flights, then the held-out ones. `mission` is dropped if there is no
     next flight.
@@ -129,8 +128,8 @@ def json_text(result: Result) -> str:
 
 
 def _next_flight_json(result: Result) -> dict[str, Any]:
-    """Return the next flight as JSON: the two sets that it distinguishes, manoeuvre, repeats,
-    mission."""
+    """Return the next flight as JSON: manoeuvre, repeats, mission, and the two sets to
+    distinguish."""
     following = result.following
     assert following is not None
     return {
@@ -153,7 +152,7 @@ MOST_SETS = 5  # sets of effects listed
 
 
 def effect_rows(found: Identification) -> list[tuple[str, str, str, str]]:
-    """Return the table rows of all found effects: name, value, 95 % interval, probability.
+    """Return the table rows of all reported effects: name, value, 95 % interval, probability.
 
     The row of an effect has only a name and a probability; rows of its parameters follow, without
     probability. All amounts of one unit in the table are in the same, possibly smaller, unit.
@@ -209,8 +208,10 @@ def set_rows(found: Identification) -> list[tuple[str, float]]:
 
 
 def error_rows(result: Result) -> list[tuple[str, str, str, str]]:
-    """Return rotor, RMSE before and after with intervals, and mean after, rpm; the first row is all
-    rotors."""
+    """Return rotor, RMSE before and after with intervals, and mean residual after, rpm.
+
+    The first row is for all rotors.
+    """
     names = result.found.model.airframe.rotor_names
     return [
         (
@@ -224,7 +225,7 @@ def error_rows(result: Result) -> list[tuple[str, str, str, str]]:
 
 
 def printed_tables(result: Result) -> list[Table]:
-    """Return the tables that the console prints below the answer; each fits 80 columns."""
+    """Return the tables that the console prints below the sentences; each fits 80 columns."""
     found = result.found
     flights = found.problem.flights
     by = say("by {count} flights" if flights > 1 else "by {count} flight", count=flights)

@@ -59,7 +59,7 @@ def answer(
     following: NextFlight | None = None,
     mission: str = "",
 ) -> tuple[str, ...]:
-    """Return the sentences of the answer, the most urgent first.
+    """Return the sentences on the result of an identification, the most urgent first.
 
     `margin` is the change by all effects, on the worst rotor. `mission` is the file of the flight
     `following`; empty if it is not written.
@@ -94,8 +94,10 @@ def answer(
 
 
 def suspect_rotors(found: Identification, following: NextFlight | None = None) -> tuple[int, ...]:
-    """Return the rotors (1-based) that may be bad: reported, confounded, not cleared, or to be
-    distinguished by `following`."""
+    """Return the rotors (1-based) that may be bad, without repeats.
+
+    They are reported, confounded, not cleared, or to be distinguished by the flight `following`.
+    """
     terms = [f.term for f in found.found]
     terms += [term for one in found.one_of for term in one.terms]
     terms += [term for side in (following.separates if following else ()) for term in side]
@@ -118,8 +120,8 @@ def inspection_words(rotors: Sequence[int]) -> str:
 def one_of_words(
     one: OneOf, names: Sequence[str], flights: int, gaining: Collection[int] = ()
 ) -> str:
-    """Return the sentence about confounded effects: at least one is present, and the flights do not
-    show which."""
+    """Return the sentence on confounded effects: at least one is present, which one is not
+    known."""
     shares = [
         f"{effect_thing(term, names, gaining)} ({chance(share)})"
         for term, share in zip(one.terms, one.probabilities, strict=True)
@@ -131,7 +133,8 @@ def one_of_words(
 
 
 def mentioned_words(one: Mentioned, names: tuple[str, ...], flights: int) -> str:
-    """Return the sentence about a rotor that is not reported and that the flights do not clear."""
+    """Return the sentence about a rotor that may be weak: not reported, but not excluded by the
+    flights."""
     sign, words = 1.0, "it may make {amount} less thrust {interval}"
     if one.loss < 0.0:
         sign, words = -1.0, "it may make {amount} more thrust {interval}"
@@ -179,8 +182,8 @@ def standing_words(
 
 
 def _standing_cause(one: ShareCause, names: tuple[str, ...]) -> str:
-    """Return the size of one possible cause, in words: a trim, or a weak rotor with the trim beside
-    it."""
+    """Return the size of one possible cause, in words: a trim, or a weak rotor together with a
+    trim."""
     along, across = (
         say(
             "{amount} aft" if one.cg_x < 0.0 else "{amount} forward", amount=_millimetres(one.cg_x)
@@ -217,8 +220,7 @@ def _millimetres(metres: float) -> str:
 
 
 def damage_in_model_words(fault: RotorFault, names: tuple[str, ...]) -> str:
-    """Return the sentence about a weak rotor that the model already contains: it may be repaired or
-    not."""
+    """Return the sentence about a weak rotor that the model already contains, repaired or not."""
     return say(
         "The model already holds {rotor} at {amount} less thrust: unless that was repaired, "
         "{action}",
@@ -256,8 +258,8 @@ def contradicted_words(found: Identification) -> str:
 
 
 def excluded_losses(found: Identification) -> str:
-    """Return the words `above 1.8 % on any rotor is excluded, a smaller one is not`; empty if no
-    loss is."""
+    """Return `above 1.8 % on any rotor is excluded, a smaller one is not`; empty if none is
+    excluded."""
     of_rotors = {
         e.term.rotor: e.above
         for e in found.excluded
@@ -276,10 +278,10 @@ def excluded_losses(found: Identification) -> str:
 
 
 def _missing_words(found: Identification) -> str:
-    """Return `Nothing is found missing`, with its probability below SURE; below CHOICE what may be
-    missing.
+    """Return `Nothing is found missing`, with its probability if below SURE.
 
-    An effect that cross-validation did not confirm is named, but requests no action.
+    Below CHOICE return what may be missing. An effect that cross-validation did not confirm is
+    named, but requests no action.
     """
     none, flights = found.nothing_probability, found.problem.flights
     nothing = say("Nothing is found missing")
@@ -306,11 +308,11 @@ def _missing_words(found: Identification) -> str:
 
 
 def excess_error_words(found: Identification) -> str:
-    """Return the sentence about an error that sound flights do not have and no effect explains;
-    else empty.
+    """Return the sentence on an error larger than that of fault-free flights, which no effect
+    explains.
 
-    The error of these flights is its part above the floor; that of sound flights is the model's 95
-    % limit.
+    Empty if it is not larger. It is the error of these flights above the floor, against the model's
+    95 % limit for fault-free flights.
     """
     known, error = found.model.good_flights, found.after
     most = known.most_rmse_rpm() if known else math.nan
@@ -381,8 +383,10 @@ def next_flight_words(
     suspects: Sequence[int] = (),
     gaining: Collection[int] = (),
 ) -> str:
-    """Return the sentence about the flight that distinguishes two explanations, after inspecting
-    `suspects` (rotors, 1-based)."""
+    """Return the sentence on the flight that distinguishes two explanations.
+
+    `suspects` are the rotors, 1-based, to inspect before it.
+    """
     ours, theirs = following.separates
     both = {t.key for t in ours} & {t.key for t in theirs}
     sides = [[t for t in side if t.key not in both] for side in (ours, theirs)]
@@ -436,8 +440,8 @@ def manoeuvre_words(manoeuvre: Manoeuvre) -> str:
 
 
 def error_words(found: Identification, margin: MarginChange) -> str:
-    """Return the sentence about the rotor speed error before and after: its rows, its floor, and
-    the margin."""
+    """Return the sentence on the rotor speed error before and after, with its rows, floor and
+    margin."""
     error = rmse_words(found.after)
     changed = found.found or found.open_causes
     if changed:
@@ -459,7 +463,7 @@ def rmse_words(errors: Errors, unit: str = "rpm") -> str:
 
 
 def error_rows_words(found: Identification) -> str:
-    """Return the words for the flights whose rows the errors before and after are computed on."""
+    """Return words on the flights in whose rows the errors before and after are computed."""
     if found.held_out is not None:
         count = found.held_out.flights
         words = "{count} flights not used" if count > 1 else "{count} flight not used"
@@ -471,9 +475,9 @@ def error_rows_words(found: Identification) -> str:
 
 
 def margin_words(change: MarginChange, names: tuple[str, ...]) -> str:
-    """Return the change of predicted margin in words: at typical moments, or at the worst ones.
+    """Return the change of predicted margin in words, in typical rows or in the worst ones.
 
-    The worst ones are reported if their margin changes by more than NOTICED and twice as much.
+    The worst rows are reported if their margin changes by more than NOTICED and twice as much.
     """
     who = say("the worst rotor")
     if change.rotor is not None:
@@ -502,8 +506,7 @@ def _change_words(before: float, after: float) -> str:
 
 
 def open_questions(found: Identification) -> list[str]:
-    """Return the sentences about rotors that stay in question, and effects that could not be
-    tried."""
+    """Return the sentences on rotors not cleared, and on effects that could not be tried."""
     lines = []
     if found.problem.of_outputs:
         lines.append(

@@ -25,8 +25,10 @@ NEEDED = ("fsspec", "pyarrow", "filelock", "scipy")
 def keep_flights(
     flights: Sequence[tuple[LearntFlight, FlightLog]], aircraft: KnownAircraft, hangar: Hangar
 ) -> None:
-    """Keep flights of a known aircraft in the season's store too, where its libraries are
-    installed. See `season_flight.keep_flights`."""
+    """Write flights of a known aircraft to the season's store too, if its libraries are installed.
+
+    See `season_flight.keep_flights`.
+    """
     if not flights or any(find_spec(name) is None for name in NEEDED):
         return
     from thrustmargin.gcs_plugin.workshop.learn.season_flight import keep_flights

@@ -168,10 +168,9 @@ def ingest(
 
 
 def follow_known(logs: list[LogSource], inputs: Inputs) -> list[LogSource]:
-    """Let the logs of aircraft that a store knows update their states, as `learn` does; return the
-    other logs.
+    """Analyse logs of aircraft that a store knows and update their states, as `learn` does.
 
-    A log that is stored already is left to `ingest_logs`, which counts it.
+    Return the other logs. A log that is stored already is left to `ingest_logs`, which counts it.
     """
     from thrustmargin.gcs_plugin.commands.shared.known import hangar_of, learn_logs, recognised
 
@@ -201,7 +200,7 @@ def _check_kind(store: SeasonStore, names: str | None) -> None:
     """Raise DataError if the store names flights in another way than this run does.
 
     Otherwise a log would be stored twice, under two names. `names` is the name of the key of this
-    run's pseudonyms; None without pseudonyms. An empty store takes over the run's way.
+    run's pseudonyms; None without pseudonyms. An empty store adopts this run's way.
     """
     from thrustmargin.gcs_plugin.store.season_store import NAMES
 
@@ -219,7 +218,8 @@ def _check_kind(store: SeasonStore, names: str | None) -> None:
 
 
 def _absolute(airframe: str | None) -> str | None:
-    """Return the absolute path of an airframe file, which every process finds; else the name."""
+    """Return the absolute path of an airframe file, for processes with other folders; a name
+    unchanged."""
     return str(Path(airframe).absolute()) if airframe and Path(airframe).is_file() else airframe
 
 
@@ -269,7 +269,10 @@ def find_logs(words: tuple[str, ...]) -> tuple[list[LogSource], list[tuple[str, 
 
 
 def _at_address(word: str, endings: set[str]) -> dict[str, int]:
-    """Return the size in bytes of each log at an address or pattern of fsspec, by its address."""
+    """Return the size in bytes of each log at an fsspec address or pattern, by the log's address.
+
+    Raises DataError if fsspec cannot read it.
+    """
     from fsspec.core import url_to_fs
 
     try:

@@ -43,7 +43,7 @@ NOTHING_STATED = OwnerStatement()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Group:
-    """The logs of one aircraft: a known one by its name, or a new one by its marks."""
+    """The logs of one aircraft: known, with its name, or new, with its marks."""
 
     name: str | None
     marks: tuple[Marks, ...]
@@ -124,7 +124,8 @@ def learn(
 
 
 def _flight_lines(flight: LearntFlight, log_name: str) -> tuple[str, ...]:
-    """Return the verdict of a flight, what it taught, and how it differs from those before it."""
+    """Return lines on a flight: verdict, effect on the aircraft's state, difference from earlier
+    ones."""
     from thrustmargin.gcs_plugin.store.hangar import NotTaught
     from thrustmargin.gcs_plugin.wording.advice_words import headline
     from thrustmargin.gcs_plugin.wording.aircraft_words import change_words, learnt_words
@@ -143,7 +144,7 @@ def _flight_lines(flight: LearntFlight, log_name: str) -> tuple[str, ...]:
 
 
 def _groups(inputs: Inputs, hangar: Hangar, unread: list[UnusedLog]) -> list[_Group]:
-    """Return the logs by aircraft; those that cannot be read or assigned are added to `unread`."""
+    """Group the logs by aircraft; logs that cannot be read or assigned are added to `unread`."""
     from thrustmargin.gcs_plugin.commands.shared.inputs import reading_keywords, unnamed
     from thrustmargin.gcs_plugin.logs.read import read_sorties
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
@@ -188,8 +189,10 @@ def _groups(inputs: Inputs, hangar: Hangar, unread: list[UnusedLog]) -> list[_Gr
 
 
 def _chosen(logs: Sequence[str], open_ones: Sequence[tuple[str, MarksMatch]]) -> str | None:
-    """Ask in a terminal which of the open aircraft flew some logs, one question for all of them;
-    None where nobody can be asked or the answer is none of them.
+    """Ask in a terminal which of the candidate aircraft flew some logs, one question for all of
+    them.
+
+    None without a terminal, or if it is none of them.
     """
     if not sys.stdin.isatty():
         return None
@@ -213,8 +216,10 @@ def _make(
     *,
     seed: int,
 ) -> tuple[KnownAircraft, list[tuple[LearntFlight, FlightLog]]]:
-    """Make a new aircraft: its airframe from hovers, its model from the sound flights. Return it
-    with the flights that its model was made from."""
+    """Make a new aircraft: its airframe from hovers, its model from the fault-free flights.
+
+    Return it with the flights that its model was trained on.
+    """
     from thrustmargin.gcs_plugin.store.hangar import checked_name
 
     name = checked_name(group.name or _folder_name(group, hangar) or _new_name(group.marks[0]))
@@ -389,7 +394,7 @@ def _make_model(
 
 
 def _untrained(path: Path, aircraft: KnownAircraft) -> bool:
-    """Return whether the model of an aircraft was not made from a log."""
+    """Return True if the model of an aircraft was not made from a log."""
     from hashlib import file_digest
 
     with path.open("rb") as file:
@@ -408,7 +413,10 @@ def _folder_name(group: _Group, hangar: Hangar) -> str:
 
 
 def _new_name(marks: Marks) -> str:
-    """Return the name of a new aircraft: asked for in a terminal, else made from its marks."""
+    """Return the name of a new aircraft: asked for in a terminal, else made from its marks.
+
+    Raises DataError if the input ends without an answer.
+    """
     if sys.stdin.isatty():
         try:
             if answer := input("a short name for this aircraft: ").strip():
@@ -419,7 +427,7 @@ def _new_name(marks: Marks) -> str:
 
 
 def card(aircraft: KnownAircraft) -> tuple[str, ...]:
-    """Return what is known of an aircraft, in a few lines: from what, how well, what is open."""
+    """Describe a known aircraft in a few lines: its flights, and how well they are predicted."""
     import numpy as np
 
     from thrustmargin.gcs_plugin.wording.aircraft_words import card_lines

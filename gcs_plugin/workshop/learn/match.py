@@ -85,7 +85,7 @@ def match(
 
 
 def load_table(matching: Matching) -> Table:
-    """Return the load matching as a table: one row for each quantity, columns for full and empty
+    """Return the load matching as a table, a row for each quantity, columns for full and empty
     tank."""
 
     # A title given as a string would be read as markup, and it comes from a file.
@@ -124,7 +124,7 @@ def load_table(matching: Matching) -> Table:
 
 
 def usual_fill(model: RotorModel) -> list[str]:
-    """Return the lines about how much to fill on a usual day, equal to those of `thrustmargin
+    """Return the lines on how much to fill on a usual day, equal to those of `thrustmargin
     fill`."""
     from thrustmargin.gcs_plugin.reports.fill.fill_table import conditions, fill_table
     from thrustmargin.gcs_plugin.store.remembered_day import remembered_day
@@ -138,7 +138,7 @@ def usual_fill(model: RotorModel) -> list[str]:
 
 
 def notes(matching: Matching) -> list[str]:
-    """Return the sentences below the table: the thrust coefficient against the paper's range, and
+    """Return the sentences below the table: thrust coefficient against the paper's range,
     redundancy."""
     low, high = matching.thrust_coefficient_range
     inside = "inside" if low <= matching.thrust_coefficient <= high else "outside"
@@ -153,7 +153,8 @@ def notes(matching: Matching) -> list[str]:
 def _network_points(matching: Matching, path: Path | None) -> tuple[NetworkPoints | None, str]:
     """Return the network's points for the figure and a sentence about them.
 
-    Without `path` the shipped model is used; None and the reason if it does not fit the airframe.
+    `path` is a model file; None uses the shipped model, and returns (None, reason) if it does not
+    fit the airframe. Raises ModelError if the file's model does not fit.
     """
     from thrustmargin.models.model.model_file import load_model, shipped_model
     from thrustmargin.models.model.training import network_points

@@ -33,8 +33,8 @@ ENDINGS = (".svg", ".pdf")
 
 
 def figure10(matching: Matching, points: NetworkPoints | None) -> Figure:
-    """Draw the paper's Figure 10: thrust curve, band of loads, ceilings, and the network's rotor
-    speeds if given."""
+    """Draw the paper's Figure 10: thrust curve, band of loads, ceilings, and the network's
+    points."""
     airframe, load = matching.airframe, matching.load
     share = float(airframe.rotor_effectiveness.mean())
     top = 1.12 * max(limit.max_thrust / G0 for limit in matching.ceilings)
@@ -79,10 +79,10 @@ def figure10(matching: Matching, points: NetworkPoints | None) -> Figure:
 
 
 def _draw_ceilings(made: Figure, matching: Matching, *, top: float, right: float) -> None:
-    """Draw a horizontal line at each ceiling of thrust, kgf, and one at half of the second ceiling,
-    that of the thrust curve.
+    """Draw a horizontal line at each ceiling of thrust, kgf, and at half of the thrust curve's.
 
-    `top`, kgf, and `right`, rpm, are the ends of the axes. Needs at least two ceilings.
+    `top`, kgf, and `right`, rpm, are the ends of the axes. Needs at least two ceilings, of which
+    the second is the thrust curve's.
     """
     heights: list[float] = []
     for limit in matching.ceilings:
@@ -120,8 +120,8 @@ def _label(
 
 
 def _network_traces(points: NetworkPoints) -> list[Trace]:
-    """Return the network's rotor speeds against load, by airspeed: the rotors' mean, and a bar over
-    their range."""
+    """Draw the network's rotor speeds against load, by airspeed: mean of the rotors, and their
+    range."""
     traces = []
     for index, airspeed in enumerate(np.unique(points.airspeed)):
         chosen = points.airspeed == airspeed
@@ -158,12 +158,12 @@ def write_figure(figure: Figure, out: Path) -> list[Path]:
 
 
 def loss_paths(model_path: Path) -> tuple[Path, Path]:
-    """Return the paths MODEL.loss.csv and MODEL.loss.svg beside the model file."""
+    """Return the paths MODEL.loss.csv and MODEL.loss.svg in the folder of the model file."""
     return model_path.with_suffix(".loss.csv"), model_path.with_suffix(".loss.svg")
 
 
 def write_loss_curves(curves: Sequence[LossCurve], model_path: Path) -> list[Path]:
-    """Write the loss curves as a table and a figure beside the model file; return both paths.
+    """Write the loss curves as a table and a figure next to the model file; return both paths.
 
     Raise DataError if a file cannot be written.
     """
@@ -182,8 +182,10 @@ def _write_file(path: Path, content: bytes) -> None:
 
 
 def loss_table(curves: Sequence[LossCurve]) -> str:
-    """Return the loss curves as CSV, a line for each network and epoch; losses are mean squares of
-    standardised rotor speed."""
+    """Return the loss curves as CSV, a line for each network and epoch.
+
+    Losses are mean squares of standardised rotor speed.
+    """
     rows = [
         (curve.name, epoch, f"{training:.6g}", f"{validation:.6g}", int(epoch == curve.best_epoch))
         for curve in curves

@@ -67,7 +67,7 @@ WAIT_S = 20.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IngestSettings:
-    """The settings of one run of `ingest`, with values that another machine can use too."""
+    """The settings of one run of `ingest`, in values that another machine can use."""
 
     store: str
     model: str | None = None
@@ -106,7 +106,8 @@ def stage_log(log: LogSource, content: str, *, settings: IngestSettings) -> list
 def season_flights(
     path: Path, content: str, settings: IngestSettings, *, name: str
 ) -> list[SeasonFlight]:
-    """Return a flight for each sortie of each vehicle in a log, whose name in the store is `name`.
+    """Return the flights of all sorties of all vehicles in a log that is called `name` in the
+    store.
 
     Raises ThrustMarginError if the first vehicle has no flight.
     """
@@ -128,7 +129,7 @@ def _sortie_flights(
 ) -> tuple[list[SeasonFlight], FlightLog]:
     """Return the flights of one vehicle's sorties, and the log of the first sortie.
 
-    The first flight's name is `content` alone, by which a store knows the log.
+    The first flight's name is `content` alone, by which a store recognises the log.
     """
     model, _ = season_model(settings.model, settings.airframe)
     given = settings.model is not None or settings.airframe is not None
@@ -146,7 +147,7 @@ def _sortie_flights(
 def flight_of_log(
     log: FlightLog, claim: AirframeClaim, name: str, settings: IngestSettings
 ) -> SeasonFlight:
-    """Return the flight of one sortie, under `name`, for the store.
+    """Return the flight of one sortie for the store, called `name`.
 
     Raises DataError if it has no row in flight, or more rotors than the store has columns for.
     """
@@ -157,10 +158,10 @@ def flight_of_log(
 
 
 def flight_of_known(flight: LearntFlight, log: FlightLog, aircraft: KnownAircraft) -> SeasonFlight:
-    """Return the flight of a known aircraft for the store, with what it taught.
+    """Return the flight of a known aircraft for the store, with its effect on the aircraft's state.
 
-    Its margins are by the state before the flight, its sums by the model as it was made, so that a
-    season follows what the state follows. Raises DataError like `flight_of_log`.
+    Its margins are by the state before the flight, its sums by the model as trained, so that a
+    season shows the changes that the state adapts to. Raises DataError like `flight_of_log`.
     """
     _check_rows(log)
     settings = IngestSettings(store="", aircraft=aircraft.name, max_utilisation=flight.advice.limit)
@@ -181,7 +182,7 @@ def _check_rows(log: FlightLog) -> None:
 def stored_flight(
     log: FlightLog, analysis: FlightAnalysis, name: str, settings: IngestSettings, *, digest: str
 ) -> SeasonFlight:
-    """Return a flight that was analysed with the model of a digest, for the store."""
+    """Return for the store a flight that was analysed with the model of digest `digest`."""
     sums, reason = _sums(analysis)
     identity, program = aircraft_identity(log, settings.aircraft), firmware(log)
     marks = marks_of(log)
@@ -227,8 +228,8 @@ def stored_flight(
 
 
 def _sums(analysis: FlightAnalysis) -> tuple[dict[str, np.ndarray] | None, str | None]:
-    """Return the sums of a flight for identification over many flights, or the kind of reason
-    why it has none."""
+    """Return a flight's sums for identification over many flights; None and the reason without
+    any."""
     if analysis.withheld:
         return None, "no_verdict"
     try:
@@ -239,9 +240,9 @@ def _sums(analysis: FlightAnalysis) -> tuple[dict[str, np.ndarray] | None, str |
 
 
 def _summary(analysis: FlightAnalysis, log: FlightLog, report: ReportedFlight) -> dict[str, Any]:
-    """Return the columns of `schema.FLIGHTS` that come from the report and the log.
+    """Return the columns of `schema.FLIGHTS` from the report and the log.
 
-    `analysis` is that of the whole flight, `report` that of its verdict.
+    `analysis` uses the load of the whole flight, `report` that of its verdict.
     """
     track, verdict, flight = log.track, report.json["verdict"], report.json["flight"]
     advice = report.advice
@@ -318,7 +319,7 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: ReportedFlight) -
 def keep_flights(
     flights: Sequence[tuple[LearntFlight, FlightLog]], aircraft: KnownAircraft, hangar: Hangar
 ) -> None:
-    """Put flights of a known aircraft into the season's store, which is the folder of the hangar.
+    """Write flights of a known aircraft to the season's store, which is the folder of the hangar.
 
     Raises DataError where the store cannot be written.
     """
@@ -342,8 +343,8 @@ WHOLE_LISTS = ("fault_kinds", "fault_rotors", "caveats", "suspects", "bad_arms")
 
 
 def learnt_columns(row: AircraftFlight) -> dict[str, Any]:
-    """Return the columns of `schema.FLIGHTS` that a flight of a known aircraft has: the fields of
-    its row, with nested ones as JSON."""
+    """Return the fields of a known aircraft's flight as columns of `schema.FLIGHTS`, nested ones as
+    JSON."""
     values = {field.name: getattr(row, field.name) for field in fields(row)}
     return {
         name: json.dumps(to_json_values(value)) if is_dataclass(value) else value
@@ -352,7 +353,7 @@ def learnt_columns(row: AircraftFlight) -> dict[str, Any]:
 
 
 def _notes(track: FlightTrack) -> list[str]:
-    """Return the notes of a track in English, for a store has readers of every language."""
+    """Return the notes of a track in English, because a store has readers of every language."""
     with speaking("en"):
         return note_words(track)
 

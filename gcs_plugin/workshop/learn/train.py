@@ -136,7 +136,7 @@ def train(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainingRun:
-    """A trained model, the fit of its network (None without one), and the flights of it."""
+    """A trained model, the fit of its network (None without one), and its training flights."""
 
     model: RotorModel
     trained: Trained | None
@@ -234,7 +234,7 @@ def training_run(
 
 
 def network_can_learn(tracks: Sequence[FlightTrack]) -> bool:
-    """Return whether tank level or measured airspeed, the network's inputs, vary in `tracks`.
+    """Return True if tank level or measured airspeed, the network's inputs, vary in `tracks`.
 
     Ground speed in place of an airspeed does not count, because the air it moves in is unknown.
     """
@@ -263,8 +263,8 @@ def _usable_flights(
     """Return the usable flights, and the unusable ones with the reason.
 
     Unusable are flights with too few rows for training, or with speeds of other rotors or times.
-    Flights without any such row stay: `_logs_without_rows` reports them. Raise LogError if no
-    flight is usable.
+    Flights without any such row are returned: `_logs_without_rows` reports them. Raise LogError if
+    no flight is usable.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import listed
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog

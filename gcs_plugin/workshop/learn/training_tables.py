@@ -65,7 +65,7 @@ def training_tables(model: RotorModel) -> list[RenderableType]:
 def effect_lines(model: RotorModel) -> list[str]:
     """Return a line for each effect of the model: its main parameters with 95 % intervals.
 
-    A curve without a name has its place alone, because its knots mean nothing by themselves.
+    A curve without a name has only its place, because its knots mean nothing by themselves.
     """
     lines = []
     for record, placed in zip(model.effects, model.placed, strict=True):
@@ -136,7 +136,8 @@ def _split_table(record: records.TrainingRecord) -> Table:
 
 
 def _held_out_table(conditions: tuple[records.ConditionScore, ...], title: str) -> Table:
-    """Return the table of R² and RMSE on held-out flights, a row for each condition."""
+    """Return a table, headed `title`, of R² and RMSE on held-out flights, a row for each
+    condition."""
     rows = [
         (
             say(one.condition),
@@ -167,8 +168,7 @@ def _pair_text(low: float, high: float) -> str:
 
 
 def interval_sentence(interval: Interval) -> str:
-    """Return the sentence about the interval's nominal and measured coverage, or about why there is
-    none."""
+    """Return the sentence on the interval's nominal and measured coverage, or why there is none."""
     if interval.flights < FEWEST_FLIGHTS:
         return say("No interval: it needs at least {count} flights.", count=FEWEST_FLIGHTS)
     few = interval.flights < flights_needed(interval.coverage)
@@ -213,8 +213,7 @@ OTHER_CAUSE = "leave out flights of an aircraft that was not in order"
 
 
 def fitness_sentence(shown: records.GoodFlights, model: RotorModel) -> str:
-    """Return the sentence about whether the model is usable, with its error, or about the reason
-    and the remedy."""
+    """Return the sentence that the model is usable, with its error, or why not and the remedy."""
     whole, straight, turning = (
         _relative_error(shown, condition)
         for condition in ("all rows", "outside yaw turns", "in yaw turns")
@@ -238,7 +237,7 @@ def fitness_sentence(shown: records.GoodFlights, model: RotorModel) -> str:
 
 
 def main_error_words(shown: records.GoodFlights, model: RotorModel) -> str:
-    """Return the words about the largest part of the error, and what to do about it."""
+    """Return words on the largest part of the error, with what to do about it."""
     squares = {name: rmse**2 for name, rmse in shown.flight_rmse_rpm.items()}
     worst = max(squares, key=lambda name: squares[name])
     if squares[worst] > 0.5 * sum(squares.values()):
@@ -257,8 +256,7 @@ def main_error_words(shown: records.GoodFlights, model: RotorModel) -> str:
 
 
 def outlier_sentences(shown: records.GoodFlights) -> list[str]:
-    """Return a sentence for each flight whose RMSE is unusually large, in case the aircraft was not
-    in order.
+    """Return a sentence for each flight with an unusually large RMSE, whose aircraft may be faulty.
 
     Its logarithm is above Student's prediction interval of the other flights, with a probability of
     a false one of ODD over all flights. Empty with fewer than FEWEST_OTHERS other flights.

@@ -30,7 +30,7 @@ Q = ArmQuantity
 
 
 class Cause(StrEnum):
-    """One thing that can be wrong with an arm."""
+    """A fault that an arm (propeller, motor, ESC, lead and their sensors) can have."""
 
     PROPELLER = "propeller"  # worn, cut, or of another size
     MOTOR = "motor"  # bearing, magnets, rubbing
@@ -50,7 +50,7 @@ class Cause(StrEnum):
 
     @property
     def of_sensor(self) -> bool:
-        """Return whether the cause is a wrong reading, not a part that flies."""
+        """Return True if the cause is a wrong reading, not a part that flies."""
         return self.value.endswith("_reading") or self is Cause.TELEMETRY
 
     @property
@@ -63,8 +63,8 @@ class Cause(StrEnum):
 class Moved:
     """Effect of a cause of size 1 on one figure: its mean and standard deviation over parts.
 
-    `sure` is the probability that it moves it at all: what only "may" change is as often unchanged,
-    and must not count against the cause then.
+    `sure` is the probability that the cause changes the figure at all. Where it only may, an
+    unchanged figure must not count against the cause.
     """
 
     ratio: float
@@ -74,17 +74,17 @@ class Moved:
 
 @dataclass(frozen=True, slots=True)
 class Pattern:
-    """Changes that one cause makes in the figures of its arm."""
+    """The changes of an arm's measured quantities that one cause of a fault produces."""
 
     moved: Mapping[ArmQuantity, Moved]
     both_ways: bool = False  # its size may be negative: a larger propeller, a reading that is low
     largest: float = 0.6  # of the sizes that are tried
 
     def of(self, quantity: ArmQuantity, *, own_voltage: bool) -> Moved:
-        """Return what happens to a figure; nothing where it is not listed.
+        """Return the cause's effect on a figure; UNMOVED where it is not listed.
 
-        Where power is by the battery's voltage (not `own_voltage`), a lead's loss is in it, and the
-        reading of an ESC's voltage is not.
+        If power is computed with the battery's voltage (not `own_voltage`, that of the ESC), it
+        includes a lead's loss, and a wrong reading of the ESC's voltage does not change it.
         """
         if quantity is Q.POWER and not own_voltage:
             if Q.RESISTANCE in self.moved:

@@ -58,7 +58,7 @@ NAN = math.nan
 
 
 class ArmQuantity(StrEnum):
-    """One kind of figure of an arm; the module has their definitions."""
+    """Kind of figure of an arm; the module docstring defines each."""
 
     THRUST = "thrust"
     POWER = "power"
@@ -138,7 +138,11 @@ class ArmReadings:
 
 
 def arm_figures(readings: ArmReadings, *, flight: str, day: int) -> ArmFigures:
-    """Return the figures of one flight's arms; those that the flight does not show are left out."""
+    """Return the figures of one flight's arms; quantities that the flight does not show are left
+    out.
+
+    `flight` identifies the flight, `day` is the number of its day.
+    """
     one, rotors = readings, readings.speed_rpm.shape[1]
     own = bool(np.isfinite(one.esc_voltage).any())
     volts = one.esc_voltage if own else np.repeat(one.voltage[:, None], rotors, axis=1)
@@ -206,10 +210,10 @@ class _Blocks:
         return means
 
     def jitter(self, speed: Floats) -> Floats:
-        """Return the scatter (B, R) of speeds (T, R) from sample to sample, as a share of them.
+        """Return the scatter (B, R) of speeds (T, R) between samples, as a share of the speed.
 
-        By second differences, which a steady change does not move; white noise of standard
-        deviation s has second differences of sqrt(6) s.
+        Computed from second differences, which a steady change does not affect; those of white
+        noise of standard deviation s have sqrt(6) s.
         """
         scatter = np.full((len(self._rows), speed.shape[1]), np.nan)
         for share, rows in zip(scatter, self._rows, strict=True):
@@ -220,7 +224,8 @@ class _Blocks:
 
 
 def _middle(quantity: ArmQuantity, blocks: Floats, *, unit: float = 1.0) -> ArmFigure | None:
-    """Return the medians of blocks (B, R) with their errors; None without a known arm."""
+    """Return the medians of blocks (B, R) over B, with standard errors; None if all arms are
+    unknown."""
     known = np.isfinite(blocks)
     enough = known.sum(axis=0) >= FEWEST_BLOCKS
     if not enough.any():
@@ -302,10 +307,11 @@ def _plain(values: Floats) -> tuple[float, ...]:
 
 
 def _leads(one: ArmReadings) -> list[ArmFigure | None]:
-    """Return resistance, ohm, and offset, V, of each arm's lead.
+    """Return resistance, ohm, and offset, V, of each arm's lead; [None, None] with too little data.
 
-    Least squares of U - U_i over I_i, on means of 2 s from the ground on: at rest no current flows,
-    which shows the offset. An ESC that reports no current before take-off has none then.
+    Least squares of U - U_i (battery less ESC voltage) over I_i, on means of 2 s from the ground
+    on: at rest no current flows, which shows the offset. An ESC that reports no current before
+    take-off counts as drawing none.
     """
     drop = one.voltage[:, None] - one.esc_voltage
     reported = np.isfinite(one.esc_current).any(axis=0)
@@ -353,7 +359,7 @@ def _leads(one: ArmReadings) -> list[ArmFigure | None]:
 
 
 def _heat(quantity: ArmQuantity, one: ArmReadings, kelvin: Floats) -> ArmFigure | None:
-    """Return ln of the K per A² s by which each arm grows warm, of temperatures (T, R).
+    """Return ln of the heating rate, K/(A² s), of each arm, from temperatures `kelvin` (T, R).
 
     First-order law: T' = g I² - (T - T_0)/tau, so T = T_0 + g h, with h the response of a lag of
     tau to I². One tau of HEAT_TIMES serves all arms. None where no arm rises by LEAST_RISE.
@@ -393,7 +399,8 @@ def _heat(quantity: ArmQuantity, one: ArmReadings, kelvin: Floats) -> ArmFigure 
 def _responses(time_s: Floats, square: Floats) -> Iterator[Floats]:
     """Yield the response (T, R) of a first-order lag to `square` (T, R) for each of HEAT_TIMES.
 
-    On steps of 1 s, which are short against every time constant. Nothing for less than 2 s.
+    Computed on steps of 1 s, which are short against every time constant. Nothing is yielded for
+    less than 2 s.
     """
     grid = np.arange(time_s[0], time_s[-1] + 1.0) if time_s.size else np.zeros(0)
     if grid.size < 2:

@@ -96,7 +96,7 @@ class Departure:
     """Difference of one flight's arms from the expected figures of one quantity, as shares.
 
     `departure` (R,) is NaN where unknown; `covariance` (R, R) is that of a sound aircraft, without
-    what moves all arms together; `freedom` is the number of flights that its scale is known from.
+    changes common to all arms; `freedom` is the number of flights that its scale is known from.
     """
 
     quantity: ArmQuantity
@@ -131,7 +131,7 @@ def departures(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Group:
-    """One quantity of F flights on D days."""
+    """Values of one quantity in F flights on D days."""
 
     quantity: ArmQuantity
     unit: float  # median of the flights' units
@@ -142,7 +142,10 @@ class _Group:
 
     @classmethod
     def of(cls, flights: Sequence[ArmFigures], quantity: ArmQuantity) -> _Group | None:
-        """Return the group; None where no flight shows the quantity."""
+        """Collect the values of `quantity` in `flights`, and their means by day.
+
+        None if no flight has the quantity.
+        """
         seen = [(one.day, found) for one in flights if (found := one.of(quantity)) is not None]
         if not seen:
             return None
@@ -163,7 +166,7 @@ class _Group:
 
 
 def _absolute(new: _Group) -> Departure:
-    """Return the departure of an instrument from zero."""
+    """Return an instrument offset's difference from zero, by arm; no earlier flights are needed."""
     usual = USUAL_SCATTER[new.quantity]
     return Departure(
         quantity=new.quantity,
@@ -175,16 +178,18 @@ def _absolute(new: _Group) -> Departure:
 
 
 def _departure(new: _Group, old: _Group, modes: Floats | None) -> Departure:
-    """Return the departure of one quantity from its mean over the days of earlier flights.
+    """Return the difference of one quantity of R arms from its mean over the days of earlier
+    flights.
 
-    The variance between days is divided by the days on either side, that within a day by the
-    flights. Both are in the unit of the new flights.
+    The variance between days is divided by the number of days on either side, that within a day by
+    the number of flights. Both are in the unit of the new flights. `modes` (R, R) are the
+    directions that scatter independently; None: each arm.
     """
     values, by_day = old.values / new.unit, old.by_day / new.unit
     days, rotors = by_day.shape
     expected = _mean(by_day)
     axes = np.eye(rotors) if modes is None else modes
-    # Arms of one make scatter alike; the common part has taken one arm's worth away.
+    # Arms of one make scatter alike; subtracting the mean removes one degree of freedom.
     alike = modes is None and not new.quantity.of_aircraft
     usual, counted = USUAL_SCATTER[new.quantity], rotors - 1 if alike else 1
     between = _squares_of(by_day - expected, axes, alike=alike)
@@ -205,9 +210,10 @@ def _departure(new: _Group, old: _Group, modes: Floats | None) -> Departure:
 
 
 def _squares_of(left: Floats, axes: Floats, *, alike: bool) -> Floats:
-    """Return the sums of squares (R,) of values (F, R) along each of the `axes` (R, R).
+    """Return the sums of squares (R,) of `left` (F, R) projected on the columns of `axes` (R, R).
 
-    `alike`: one sum of all arms about their mean. Rows with an unknown arm are left out.
+    `alike`: all R results are the sum of squares of all arms about each row's mean. Rows with a NaN
+    are left out.
     """
     left = left[np.isfinite(left).all(axis=1)]
     if alike:
@@ -217,7 +223,7 @@ def _squares_of(left: Floats, axes: Floats, *, alike: bool) -> Floats:
 
 
 def _mean(values: Floats) -> Floats:
-    """Return the mean over the first axis of the finite values; NaN where there is none."""
+    """Return the mean over the first axis of the finite values; NaN where none is finite."""
     finite = np.isfinite(values)
     count = finite.sum(axis=0)
     total = np.where(finite, values, 0.0).sum(axis=0)

@@ -30,7 +30,7 @@ from thrustmargin.models.flight import Floats
 #: Prior probability that something is wrong with an arm in a flight: about one flight in fifty.
 FAULTY = 0.02
 GIVEN = 0.5  # the same of an arm that the thrust search reports, whose figures are asked again
-SURE = 0.95  # posterior probability of an answer that is reported, and coverage of its interval
+SURE = 0.95  # posterior probability of a reported cause, and coverage of its interval
 POSSIBLE = 0.05  # probability from which another cause is listed
 #: Sizes that are tried, as shares: from half a per cent, below which no figure repeats, up.
 SIZES = np.geomspace(0.005, 0.6, 40)
@@ -42,7 +42,7 @@ _QUANTILES = np.array([NormalDist().inv_cdf((k + 0.5) / 25) for k in range(25)])
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PossibleCause:
-    """One cause with its probability, given that the arm has one."""
+    """A possible cause of an arm's fault, its probability given the fault, and the fault's size."""
 
     cause: Cause
     probability: float
@@ -53,8 +53,10 @@ class PossibleCause:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmFinding:
-    """One arm, from 0, with something wrong; its causes, the most probable first, are all that
-    together have the probability SURE."""
+    """A faulty arm, counted from 0, with the most probable causes first.
+
+    The causes are as many as needed to reach the probability SURE together.
+    """
 
     arm: int
     probability: float  # that something is wrong with this arm
@@ -69,7 +71,7 @@ class ArmFinding:
 
     @property
     def only_sensors(self) -> bool:
-        """Return whether every possible cause is a wrong reading: then no part is blamed."""
+        """Return True if every possible cause is a wrong reading: then no part is blamed."""
         return all(one.cause.of_sensor for one in self.causes)
 
 
@@ -91,11 +93,11 @@ def arm_answer(
     modes: Floats | None = None,
     given: Mapping[int, Collection[Cause]] | None = None,
 ) -> ArmAnswer:
-    """Return what is wrong with which arms in some flights, by their figures and earlier ones.
+    """Find faulty arms and their causes by comparing `flights` with the earlier flights of `law`.
 
-    `modes` (R, R) are the layout's modes (`arm_law.departures`). `given` are the arms, from 0, that
-    the thrust search reports, with the causes that it leaves possible: one of them is there for
-    certain.
+    `modes` (R, R) are the layout's modes (see `arm_law.departures`). `given` maps arms, from 0,
+    that the search for weak rotors found faulty to their possible causes, one of which is assumed
+    to be true.
     """
     left = list(departures(flights, law, modes))
     own_voltage = all(one.own_voltage for one in flights)
@@ -126,7 +128,7 @@ def arm_answer(
 def _without(
     left: Sequence[Departure], arm: int, causes: Collection[Cause], *, own_voltage: bool
 ) -> list[Departure]:
-    """Return the departures without what some causes move at an arm."""
+    """Set to NaN the quantities of one arm that `causes` change; drop quantities with only NaN."""
     kept = []
     for one in left:
         moves = any(_moves(cause, one.quantity, own_voltage=own_voltage) for cause in causes)
@@ -146,7 +148,7 @@ def _place(quantity: ArmQuantity, arm: int) -> int | None:
 
 
 def _moves(cause: Cause, quantity: ArmQuantity, *, own_voltage: bool) -> bool:
-    """Return whether a cause can move a quantity of its arm."""
+    """Return True if a cause can move a quantity of its arm."""
     moved = PATTERNS[cause].of(quantity, own_voltage=own_voltage)
     return moved.ratio != 0.0 or moved.spread != 0.0
 
@@ -184,7 +186,10 @@ class _Evidence:
         return _log_sum(self.base) - math.log(self.base.size)
 
     def gain(self, arm: int, moved: Moved, sizes: Floats) -> Floats:
-        """Return the log likelihood ratio (S,) of a cause of each size at an arm to none."""
+        """Return the log likelihood ratio (S,) to no cause of a cause at `arm`, for each size (S,).
+
+        `moved` is the cause's effect on the quantity; 0 if it has none or the arm is unknown.
+        """
         at = _place(self.one.quantity, arm)
         place = np.flatnonzero(self.known == (AIRCRAFT if at is None else at))
         ratio, spread = moved.ratio, moved.spread
@@ -210,10 +215,10 @@ def _finding(
     own_voltage: bool,
     given: Mapping[int, Collection[Cause]] | None = None,
 ) -> ArmFinding | None:
-    """Return the arm with something wrong, and its causes; None while none is sure.
+    """Return the arm that is most probably faulty, with its causes; None below probability SURE.
 
-    With an arm in `given` it is that arm, with one of its causes; None where its figures depart so
-    little that none of them is more probable than a sound arm.
+    With `given` only its arms and causes are considered, with a prior probability of GIVEN (which
+    is also the limit) instead of FAULTY.
     """
     evidence = [_Evidence.of(one) for one in left]
     rotors = max((one.departure.size for one in left if not one.quantity.of_aircraft), default=0)
@@ -267,7 +272,10 @@ def _finding(
 
 
 def _shown(one: Departure, arm: int) -> tuple[float, float]:
-    """Return an arm's departure from the others', as a share, and in standard deviations."""
+    """Return an arm's difference from the other arms' mean, as a share and in standard deviations.
+
+    Thrust is not compared with the other arms: its own value is returned.
+    """
     others = np.delete(one.departure, arm)
     others = others[np.isfinite(others)]
     usual = (
@@ -279,7 +287,11 @@ def _shown(one: Departure, arm: int) -> tuple[float, float]:
 
 
 def _possible(cause: Cause, share: float, sizes: Floats, logs: Floats) -> PossibleCause:
-    """Return a cause with the mean and interval of its size, from log likelihoods (S,)."""
+    """Return a cause with the mean and interval of its size, from log likelihoods (S,) at `sizes`
+    (S,).
+
+    `share` is its posterior probability.
+    """
     weight = np.exp(logs - logs.max())
     weight = weight / weight.sum()
     ends = np.interp([0.025, 0.975], np.cumsum(weight) - 0.5 * weight, sizes)
@@ -298,11 +310,10 @@ def _log_sum(logs: Sequence[float] | Floats) -> float:
 
 
 def _chi_squares(freedom: float) -> Floats:
-    """Return the quantiles of chi squared at _QUANTILES.
+    """Return the quantiles of chi squared at _QUANTILES, given as standard normal quantiles.
 
-    By the cube of a normal variable (Wilson and Hilferty 1931): good to 5 % but for the lowest
-    quantile of 3 to 4 degrees of freedom. `scipy.stats` takes longer to import than a flight to
-    analyse.
+    Source: Wilson and Hilferty 1931; good to 5 %, except the lowest quantile at 3 to 4 degrees of
+    freedom. Importing `scipy.stats` would take longer than analysing a flight.
     """
     width = 2.0 / (9.0 * freedom)
     return freedom * np.maximum(1.0 - width + _QUANTILES * math.sqrt(width), 0.05) ** 3

@@ -21,7 +21,7 @@ FALSE_ENTRIES = 0.01
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PowerTrend:
-    """An arm, from 0, whose power at its speed changed over the flights, as a share."""
+    """An arm, counted from 0, whose power at equal speed changed over the flights, as a share."""
 
     arm: int
     change: float  # from the first flight to the last; above 0: more power
@@ -31,9 +31,9 @@ class PowerTrend:
 
 
 def power_trends(flights: Sequence[ArmFigures]) -> tuple[PowerTrend, ...]:
-    """Return the arms whose power surely changed over `flights`, which are in order of time.
+    """Return the arms whose power, relative to the arms' median, rose significantly over `flights`.
 
-    Empty with fewer than FEWEST_DAYS days that report every arm's power.
+    `flights` are ordered by time. Empty with fewer than FEWEST_DAYS days with every arm's power.
     """
     from scipy.special import stdtrit
 

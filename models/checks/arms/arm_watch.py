@@ -54,7 +54,11 @@ class ArmWatch:
         self._rest: list[Floats] = []  # (R,) ESC voltages at rest less their median
 
     def add(self, track: FlightTrack) -> ArmHeat:
-        """Add the N new rows of a track, in order, and return the heat at each of them."""
+        """Add the N rows of a track, later than those before, and return the arms' heat per row.
+
+        (N, R): the seconds until ESC and motor reach their temperature limits, and the W lost in
+        each lead.
+        """
         rows, rotors = track.esc_temperature.shape
         esc, motor = np.full((2, rows, rotors), np.nan)
         for row in range(rows):
@@ -104,7 +108,11 @@ class ArmWatch:
         return counted
 
     def _seconds(self, part: str, arm: int, time_s: float, kelvin: float, limit: float) -> float:
-        """Return the s until a temperature is at its limit; NaN where it is unknown."""
+        """Return the s until the temperature `kelvin` of a part reaches `limit`, by its recent
+        rise.
+
+        0 at the limit, infinity if it hardly rises, NaN where it is unknown.
+        """
         if not math.isfinite(kelvin):
             return math.nan
         kept = self._readings.setdefault((part, arm), [])
@@ -124,7 +132,11 @@ class ArmWatch:
         return (limit - kelvin) / rise if rise > 0.0 else math.inf
 
     def _lead_watts(self, track: FlightTrack) -> Floats:
-        """Return the W (N, R) lost in each lead beyond the others'; NaN where unknown."""
+        """Return the power (N, R), W, lost in each lead beyond the other leads' median drop.
+
+        NaN on the ground, where an ESC reports no voltage, and until enough voltages at rest, which
+        give the offsets of the voltmeters, have been added.
+        """
         volts, rotors = track.esc_voltage, track.rotor_count
         watts = np.full(volts.shape, np.nan)
         known = np.isfinite(volts).all(axis=1)

@@ -83,7 +83,8 @@ from thrustmargin.models.physics.forward_flight import ForwardFlight, straight_r
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AcceptedEffects:
-    """The accepted effects and everything else to report; candidates index `answer.search`."""
+    """The accepted effects and all other results to report; candidates are indices of
+    `answer.search`."""
 
     answer: Posterior
     left_out: CrossValidation
@@ -123,7 +124,8 @@ def accept_effects(
     *,
     steepness: float = 0.0,
 ) -> AcceptedEffects:
-    """Apply the rules to a finished search; `steepness` is that of `posterior_of`."""
+    """Apply the rules (module docstring) to a finished search; `steepness` is that of
+    `posterior_of`."""
     # Rules 1 and 2
     answer, left_out = cross_validated_posterior(problem, posterior_of(search, steepness))
 
@@ -207,7 +209,7 @@ def cross_validated_posterior(
     out = FoldSums.from_nuisance(answer.search.nuisance)
 
     def fold_squares(one: EffectSet) -> Floats:
-        """Return the mean square (folds,) of the held-out residual of a set."""
+        """Return the mean square (folds,), rpm², of the held-out residual of the set `one`."""
         own = CrossValidation.about_set(problem, answer.search, one, alone=True, out=out)
         return own.fold_squares(own.with_effects(one.key))
 
@@ -218,7 +220,10 @@ def cross_validated_posterior(
 def drop_unconfirmed_sets(
     answer: Posterior, fold_squares: Callable[[EffectSet], Floats]
 ) -> Posterior:
-    """Apply rules 1 and 2, computing the held-out mean squares (folds,) of each set once."""
+    """Drop sets by rules 1 and 2, and return the posterior of the remaining ones.
+
+    `fold_squares` returns a set's held-out mean squares (folds,), rpm²; it is called once a set.
+    """
     fold_squares = lru_cache(maxsize=None)(fold_squares)
     return drop_worse_sets(drop_larger_sets(answer, fold_squares), fold_squares)
 
@@ -254,9 +259,10 @@ def drop_worse_sets(answer: Posterior, fold_squares: Callable[[EffectSet], Float
 
 
 def is_clearly_worse(squares: Floats, other: Floats) -> bool:
-    """Return whether held-out mean squares (folds,) are clearly larger than those of another set.
+    """Return True if the held-out mean squares `squares` (folds,) clearly exceed `other` (folds,).
 
     Their RMS must be larger by LEAST_FALL, and the difference significant (Student's paired test).
+    False with fewer than two folds.
     """
     if squares.size < 2 or squares.mean() < (1.0 + LEAST_FALL) ** 2 * other.mean():
         return False
@@ -275,8 +281,8 @@ MAIN_SHARE = 2 / 3  # of an effect's squared change: two of the modes of a rotor
 def find_unexplained(space: SearchSpace, answer: Posterior) -> Unexplained | None:
     """Describe the unexplained residual; None where none is probable and large enough.
 
-    It is the largest unnamed cause beyond the limits of `exceeds_limits`, a rotor's before any
-    other, or else a mode with too much slow noise.
+    It is the largest unnamed cause beyond the limits of `exceeds_limits`, with those of a rotor
+    first; without one it is a mode with too much slow noise.
     """
     search, best = answer.search, answer.best
     named_square = _named_change_square(answer)
@@ -313,12 +319,11 @@ def find_unexplained(space: SearchSpace, answer: Posterior) -> Unexplained | Non
 
 
 def probable_causes(answer: Posterior) -> dict[int, Floats]:
-    """Return the unnamed causes of the best set: candidate -> mean square (R,), rpm², of its
-    change.
+    """Map the best set's probable unnamed causes to the mean square (R,), rpm², of their change.
 
-    Causes in the same mode or on the same rotor count as one, because two may cancel each other:
-    they share one entry, keyed by the one with the largest change by itself, with the change of
-    all. Their joint probability must exceed CHOICE.
+    Keys are candidates. Causes in one mode or on one rotor count as one, because two may cancel
+    each other: they share one entry, with the change of all, keyed by the candidate with the
+    largest change. Only causes with a joint probability above CHOICE are included.
     """
     search, best = answer.search, answer.best
     members = best.effects
@@ -350,7 +355,7 @@ def _named_change_square(answer: Posterior) -> Floats:
 
 
 def exceeds_limits(square: Floats, named_square: Floats, usual: Floats, of_rotor: bool) -> bool:
-    """Return whether an unnamed cause is too large to ignore.
+    """Return True if an unnamed cause is too large to ignore.
 
     Mean squares (R,), rpm²: `square` of its change, `named_square` of the change by catalogue
     effects, `usual` of the residual of a sound aircraft. In its modes, a cause must exceed
@@ -368,9 +373,9 @@ def exceeds_limits(square: Floats, named_square: Floats, usual: Floats, of_rotor
 
 
 def _slow_mode(space: SearchSpace, search: Search, best: EffectSet) -> Unexplained | None:
-    """Describe the mode with the most slow noise relative to good flights.
+    """Describe the mode with the most slow noise relative to the model's training flights.
 
-    None where no mode exceeds SLOW_FACTOR, or the model has no good flights.
+    None where no mode exceeds SLOW_FACTOR, or the model contains no such flights.
     """
     reduced = space.reduced
     known = reduced.model.good_flights
@@ -433,7 +438,7 @@ def effects_resembling(
         read = {needed for channel in unexplained.channels for needed in ALONG[channel].needs}
 
     def resembles(c: int) -> bool:
-        """Return whether candidate `c` resembles the unexplained residual."""
+        """Return True if candidate `c` resembles the unexplained residual."""
         if uneven and terms[c].degraded_rotor not in uneven:
             own = float(mean_square_change(search, trials[c]).sum()) if c in trials else 0.0
             if sum(uneven.values()) > MOST_UNEXPLAINED * own:
@@ -453,7 +458,7 @@ def effects_resembling(
 
 
 def changes_mostly(search: Search, trial: TrialEffect, modes: Sequence[int]) -> bool:
-    """Return whether more than MAIN_SHARE of an effect's squared change is in the given modes."""
+    """Return True if over MAIN_SHARE of an effect's squared change is in `modes` (indices)."""
     square = mean_square_change(search, trial)
     return bool(square[list(modes)].sum() > MAIN_SHARE * square.sum())
 
@@ -467,9 +472,9 @@ def mean_square_change(search: Search, trial: TrialEffect) -> Floats:
 def needed_effects(error: Callable[[Sequence[int]], float], members: Collection[int]) -> list[int]:
     """Rule 5: return the effects that, each or in pairs, the cross-validated error needs.
 
-    `error` returns the RMS, rpm, with given effects. The effect or pair with the least increase of
-    the error is dropped, until each increases it by LEAST_FALL. Pairs are tried because two effects
-    that cancel each other appear needed one by one.
+    `error` returns the RMS, rpm, with only the effects of its argument. The effect or pair that
+    increases the error least is dropped, until dropping any increases it by LEAST_FALL. Pairs are
+    tried because, of two effects that are only needed together, neither can be dropped alone.
     """
     kept = list(members)
     while kept:
@@ -499,7 +504,7 @@ def exceeds_law_error(linear: LinearisedSets, estimate: EffectEstimate) -> bool:
 
 
 def resembles_unexplained(one: OneOf, unexplained: Unexplained | None, answer: Posterior) -> bool:
-    """Rule 6: return whether rule 4 would drop every effect of a "one of"."""
+    """Rule 6: return True if rule 4 would drop every effect of a "one of"."""
     keys = {term.key for term in one.terms}
     members = [c for c, k in enumerate(answer.search.candidates) if k.term.key in keys]
     return set(effects_resembling(unexplained, members, answer)) == set(members)
@@ -508,11 +513,11 @@ def resembles_unexplained(one: OneOf, unexplained: Unexplained | None, answer: P
 def names_that_hold(
     left_out: CrossValidation, names: Sequence[int], before: Collection[int]
 ) -> tuple[list[int], Floats]:
-    """Rule 8: return `names`, or none where selecting effects again without each fold makes the
-    error larger, and the residual (T, R), rpm, of that cross-validation.
+    """Rule 8: return `names`, or none if effects selected without each fold do not lower its error.
 
-    An effect that explains some flights and predicts the others worse is no property of the
-    aircraft. Where no fold selects any, because fewer flights are less certain, the residual is
+    Also return the cross-validated residual (T, R), rpm: with effects, or without if none are
+    returned. An effect that explains some flights and predicts the others worse is no property of
+    the aircraft. If no fold selects any, because fewer flights are less certain, the residual is
     that of `names` with values fitted without each fold. `before` are the probable candidates
     before any was dropped.
     """
@@ -560,17 +565,17 @@ def unnamed_terms_worth_keeping(
 def is_sole_cause(
     rotor: int, reported_else: Collection[int | None], causes: Collection[int | None]
 ) -> bool:
-    """Rule 10: return whether no other sentence is about a rotor and no cause competes with it.
+    """Rule 10: return True if `rotor` is not reported otherwise and all `causes` are of it alone.
 
-    `reported_else` are rotors with an uneven loss, which has an inspection of its own, or with an
-    effect that rule 8 dropped. `causes` are the rotors (None: of no rotor) of the probable unnamed
-    causes: a rotor that is not certain may only imitate one that does not act on itself.
+    `reported_else` are rotors with an uneven loss, which is reported separately, or with an effect
+    that rule 8 dropped. `causes` are the rotors (None: of no rotor) of the probable unnamed causes;
+    one of another rotor may be what `rotor` only imitates.
     """
     return rotor not in reported_else and set(causes) <= {rotor}
 
 
 def needs_inspection(probability: float, without_rpm: float, with_rpm: float) -> bool:
-    """Rule 10: return whether an unreported rotor should be inspected.
+    """Rule 10: return True if an unreported rotor should be inspected.
 
     Its probability must make a missed bad rotor costlier than a needless inspection, and its loss
     must lower the cross-validated error, `without_rpm` to `with_rpm`, by LEAST_FALL.
@@ -580,8 +585,7 @@ def needs_inspection(probability: float, without_rpm: float, with_rpm: float) ->
 
 
 def open_cause(effect: ReportedEffect, answer: Posterior) -> OpenCause:
-    """Describe an unnamed term of the new model: the RMS change of rotor speed, rpm, that it
-    predicts.
+    """Describe an unnamed term of the new model by the RMS change of rotor speed, rpm, it predicts.
 
     Also list the channels of other unnamed causes that could replace it with a probability above
     OPEN_PROBABILITY; none if it is an effect of the catalogue.
@@ -610,12 +614,13 @@ def wind_in_airspeed(
     trials: Sequence[TrialEffect],
     tracks: Sequence[FlightTrack],
 ) -> ReportedEffect | None:
-    """Return the wind that the airspeed sensor has followed, if it is stronger than in training.
+    """Return the wind that the airspeed sensor already measured, if stronger than in training.
 
-    `residual_rpm` (T, R) is the residual with the effects `trials`. The value (F, 2), m/s, is the
-    mean of the autopilot's estimate and of the wind derived from drag and tilt. The interval
-    contains their difference and the effect of a level error on both. None if either is missing, or
-    if ground speed would predict as well as airspeed.
+    `residual_rpm` (T, R) is the residual with the effects `trials`. The value (F, 2), m/s north and
+    east for each flight, is the mean of the autopilot's estimate and of the wind derived from drag
+    and tilt; the interval contains their difference and the effect of a level error on both. None
+    if either is missing, if no flight's wind is surely stronger, or if ground speed would predict
+    as well as airspeed.
     """
     model, flight = problem.model, problem.model.forward_flight
     if model.training_domain is None or flight is None or problem.lacks(WIND):
@@ -649,8 +654,8 @@ def wind_in_airspeed(
 
 
 def block_winds(track: FlightTrack, problem: Problem, flight: ForwardFlight) -> Floats:
-    """Return winds (B, 2, 2), m/s, by block of time: reported and from drag, each north
-    and east."""
+    """Return winds (B, 2, 2), m/s, by block of time: reported and from drag, each north and
+    east."""
     by_drag = wind_by_drag(track, problem.model.airframe, flight)
     both = np.stack([track.wind_ned[:, :2], by_drag], axis=1)
     rows = straight_rows(track) & np.isfinite(both).all(axis=(1, 2))
@@ -661,10 +666,11 @@ def block_winds(track: FlightTrack, problem: Problem, flight: ForwardFlight) -> 
 
 
 def wind_half_widths(winds: Sequence[Floats], mean: Floats) -> Floats:
-    """Return 95 % half widths (F, 2), m/s, of each flight's wind, north and east.
+    """Return the 95 % half widths (F, 2), m/s, of the wind of F flights, north and east.
 
-    `winds` (B, 2, 2) are those of `block_winds` for each flight, `mean` (F, 2, 2) their means over
-    blocks. Contains the scatter of blocks and the difference of both estimates.
+    `winds` has for each flight (B, 2, 2) of B blocks: reported and from drag, each north and east.
+    `mean` (F, 2, 2) are their means over blocks. Includes the scatter of blocks and the difference
+    of the two estimates.
     """
     scatter = np.stack(
         [
@@ -682,10 +688,10 @@ def wind_half_widths(winds: Sequence[Floats], mean: Floats) -> Floats:
 def errors_without_channels(
     problem: Problem, residual_rpm: Floats, trials: Sequence[TrialEffect], without: Channels
 ) -> tuple[float, float, float]:
-    """Return the RMSE, rpm, with the channels `without`, with the problem's own, and the p-value of
-    the gain.
+    """Return the RMSE, rpm, with the channels `without`, then with the problem's, and a p-value.
 
-    Student's t of the blocks' differences, with half as many degrees of freedom as blocks.
+    `residual_rpm` (T, R) is the residual with the problem's channels. The p-value of the gain is
+    from Student's t of the blocks' differences, with half as many degrees of freedom as blocks.
     """
     blind = replace(problem, channels=without)
     worse_rpm = problem.measured_rpm - blind.speeds(placed_effects(blind, trials))

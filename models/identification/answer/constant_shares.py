@@ -37,7 +37,7 @@ Change = Callable[[Sequence[Placed]], Floats]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShareCause:
-    """One cause that would produce the same constant outputs, with its sizes."""
+    """A cause, with its sizes, that would produce the constant difference in the outputs."""
 
     cg_x: float  # m, forward of the model's
     cg_y: float  # m, to the right
@@ -67,7 +67,7 @@ def constant_shares(
     """Return the constant difference between motor outputs and the model with the effects `trials`.
 
     `residual_rpm` (T, R) is measured minus predicted with these effects. None for measured speeds,
-    for a model that knows sound flights, and for a difference below REPORTED.
+    for a model trained on fault-free flights, and for a difference below REPORTED.
     """
     if not problem.of_outputs or not lacks_sound_flights(problem.model):
         return None
@@ -106,8 +106,8 @@ def constant_shares(
 
 
 def _trim_cause(moved: Change, target: Floats) -> ShareCause | None:
-    """Return the centre of gravity and yaw moment that produce `target` (3,) rpm; None
-    if none do."""
+    """Return the centre of gravity and yaw moment that produce `target` (3,) rpm; None if none
+    do."""
     yaw = BY_KEY["yaw_trim"].parameters[0]
     solved = _solve_sizes(
         lambda v: moved([_cg_offset(v[0], v[1]), _placed_effect("yaw_trim", {yaw.name: v[2]})]),
@@ -182,9 +182,10 @@ def _solve_sizes(
     scale: tuple[float, float, float],
     most: tuple[float, float, float],
 ) -> list[float] | None:
-    """Return values (3,) that produce the `target` change (3,) rpm of the axes, or None.
+    """Return values (3,) that produce the `target` change (3,), rpm, of roll, pitch and yaw, or
+    None.
 
-    Each value lies within its `most` of zero and is searched in steps of its `scale`. None if more
+    Each value is within its `most` of zero and is searched in steps of its `scale`. None if more
     than MATCHED of the change remains.
     """
     sizes, bounds = np.array(scale), np.array(most) / np.array(scale)

@@ -41,15 +41,15 @@ Values = dict[int, Floats]  # candidate -> (F, K)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HeldOutFold:
-    """One fold: the search's problem without some flights, or without a fifth of a
-    single flight."""
+    """One fold: the search's problem without some flights, or without a fifth of a single
+    flight."""
 
     flights: tuple[int, ...]  # held-out flights; none for a fifth of a single flight
     rows: Bools  # (T,) held-out rows of the problem
     linear: LinearisedSets
 
     def named_candidates(self, search: Search) -> list[int]:
-        """Return the candidates that would be reported from the data without this fold."""
+        """Return the candidates that would be reported if this fold's data were missing."""
         return self._posterior(search, search.possible_sets).named_candidates()
 
     def unnamed_members(self, search: Search) -> list[int]:
@@ -118,7 +118,7 @@ class CrossValidation:
         """Linearise about the set `start`, fitted to all flights, and subtract each fold from the
         sums.
 
-        With `alone`, only values of that set are kept: enough to cross-validate this set and no
+        With `alone`, only values of that set remain: enough to cross-validate this set and no
         other.
         """
         columns, nuisance = search.set_columns(start, alone=alone), search.nuisance
@@ -139,8 +139,7 @@ class CrossValidation:
         return cls(problem=problem, search=search, folds=tuple(folds))
 
     def residual(self, values: Values) -> Floats:
-        """Return the residual (T, R), rpm, measured minus predicted, with the given values on all
-        rows."""
+        """Return the residual (T, R), rpm, measured minus predicted, with `values` on all rows."""
         placed_ = placed_effects(self.problem, self.trial_effects(values))
         return self.problem.measured_rpm - self.problem.speeds(placed_)
 
@@ -157,10 +156,10 @@ class CrossValidation:
         return np.array([square[fold.rows].mean() for fold in self.folds])
 
     def with_persistent_effects(self, members: Collection[int]) -> Floats:
-        """Predict like `with_effects`, but only with effects that also apply to later flights.
+        """Return the residual as `with_effects` does, but predict only with persistent effects.
 
-        All `members` are fitted; those of their flights alone (a wind, a step) are then left out of
-        the prediction.
+        All `members` are fitted; those that apply to the fitted flights alone (a wind, a step) are
+        then left out of the prediction.
         """
         lasting = {c for c in members if not self._term(c).effect.of_its_flights}
         values = [fold.values(self.search, members) for fold in self.folds]
@@ -171,11 +170,11 @@ class CrossValidation:
     def with_selected_effects(
         self, members: Collection[int], dropped: Collection[int], *, open_: bool = False
     ) -> Floats:
-        """Return the residual (T, R), rpm, with effects selected again without each row's fold.
+        """Return the residual (T, R), rpm, with effects selected and fitted without the row's fold.
 
-        Candidates in `dropped` are never used. Of `members`, those that begin at a time or have
-        values of the held-out flight itself always stay, because other flights cannot show them.
-        With `open_`, unnamed causes are selected again as well.
+        Candidates in `dropped` are never used. Of `members`, effects that begin at a time or have
+        values of the held-out flight itself are always used, because other flights cannot show
+        them. With `open_`, unnamed causes are selected in each fold as well.
         """
         values = []
         for fold in self.folds:
@@ -200,8 +199,8 @@ class CrossValidation:
         return [_trial_effect(self._term(c), v) for c, v in sorted(values.items())]
 
     def _assemble_residual(self, values: Sequence[Values]) -> Floats:
-        """Return the residual (T, R), rpm, where each row uses the values of the fold that holds it
-        out."""
+        """Return the residual (T, R), rpm, where each row uses the values fitted without its
+        fold."""
         out = np.empty_like(self.problem.measured_rpm)
         for fold, fold_values in zip(self.folds, values, strict=True):
             if not fold.flights:
@@ -231,10 +230,9 @@ def _folds_of_one_flight(
 
 
 def held_out_residual(unused: Problem, estimates: Sequence[EffectEstimate]) -> Floats:
-    """Return the residual (T, R), rpm, on flights that no step has used, with an answer's
-    estimates.
+    """Return the residual (T, R), rpm, on flights not used for fitting, with reported estimates.
 
-    Each effect takes the median of its values over the fitted flights.
+    Each effect has the median of its values over the fitted flights.
     """
     trials = []
     for one in estimates:
@@ -247,7 +245,7 @@ def held_out_residual(unused: Problem, estimates: Sequence[EffectEstimate]) -> F
 
 
 def _trial_effect(term: Term, values: Floats) -> TrialEffect:
-    """Return a term with values (F, K) of other flights than the search's."""
+    """Return a trial effect of `term` with `values` (F, K): F flights, K parameters."""
     return TrialEffect(candidate=candidate(term, values.shape[0]), values=values)
 
 
@@ -272,7 +270,7 @@ def residual_on_other_flights(problem: Problem, trials: Sequence[TrialEffect]) -
 def refit_flight_values(
     problem: Problem, trials: Sequence[TrialEffect], chosen: Bools
 ) -> list[TrialEffect]:
-    """Refit the per-flight values on the `chosen` blocks (B,); shared values stay as they are."""
+    """Refit per-flight values on the blocks flagged in `chosen` (B,); shared values stay fixed."""
     own = [
         replace(h.candidate, free=tuple(f for f in h.candidate.free if f[1] is not None))
         for h in trials

@@ -35,10 +35,11 @@ STRIDE = 2  # stride of rows that are only trained on: neighbouring rows are sim
 def floor_rpm(
     problem: Problem, residual_rpm: Floats, other: tuple[Problem, Floats] | None = None
 ) -> float:
-    """Return the RMS, rpm, of a residual (T, R) minus its prediction by the learner.
+    """Return the RMS, rpm, of a residual (T, R) minus its prediction by a flexible learner.
 
-    Each flight is predicted from the others and from the flights `other` (problem, residual),
-    which are not scored. A flight without any other is predicted in fifths.
+    It estimates the least error achievable with these channels. Each group of flights is predicted
+    from the rest and from the flights `other` (problem, residual), which are not scored. A single
+    flight is predicted in fifths.
     """
     parts, targets = [problem.channels], [problem.mode_amplitudes(residual_rpm)]
     if other is not None:
@@ -71,7 +72,8 @@ def _products(columns: Floats, target: Floats) -> tuple[Floats, Floats]:
 
 
 def learner_columns(parts: Sequence[Channels]) -> Floats:
-    """Return the learner's columns for the rows of all `parts`, one after the other."""
+    """Return the columns of the comparison learner (curves and random Fourier features) for the
+    rows of all `parts`, one part after the other."""
     pairs = [_row_features(x) for x in parts]
     now, lines = (np.concatenate(one) for one in zip(*pairs, strict=True))
     few = _standardise(now)
@@ -84,7 +86,7 @@ def learner_columns(parts: Sequence[Channels]) -> Floats:
 
 
 def _row_features(x: Channels) -> tuple[Floats, Floats]:
-    """Return the channels at each row (T, n), and those with the channels of the time around it."""
+    """Return the channels at each row (T, n), and these with channels at nearby times (T, m)."""
     tables = [x.load_factor_shifts, x.manoeuvre_load_shifts, *x.rate_shifts, *x.acceleration_shifts]
     now = [*(getattr(x, name) for name in AT_ONCE), *(r[:, r.shape[1] // 2] for r in x.rate_shifts)]
     now += [np.sin(x.heading), np.cos(x.heading), *x.side_load.T]
@@ -93,7 +95,10 @@ def _row_features(x: Channels) -> tuple[Floats, Floats]:
 
 
 def _standardise(columns: Floats) -> Floats:
-    """Return columns with mean 0 and standard deviation 1; drop unreported or constant ones."""
+    """Shift and scale columns (T, n) to mean 0 and standard deviation 1.
+
+    Columns with NaN and constant ones are dropped.
+    """
     spread = columns.std(axis=0)
     varies = np.isfinite(spread) & (spread > 1e-9)
     return (columns[:, varies] - columns[:, varies].mean(axis=0)) / spread[varies]

@@ -90,7 +90,10 @@ def update_model(model: RotorModel, identified: Identification, *, date: str = "
 def record_of(
     reported: ReportedEffect, names: tuple[str, ...], date: str = ""
 ) -> EffectRecord | None:
-    """Return the effect as stored in a model file; None if it applies to its own flights only."""
+    """Return a reported effect as stored in a model file; None if it is of its own flights only.
+
+    `names` are the flights that showed it, `date` the day of identification.
+    """
     lasting = reported.term.effect.afterwards or reported.term.effect
     if lasting.of_its_flights:
         return None
@@ -165,9 +168,9 @@ def _omission_note(reported: ReportedEffect, names: tuple[str, ...]) -> str:
 def updated_background(model: RotorModel, identified: Identification) -> tuple[float, ...]:
     """Return the between-flight standard deviation of each mode's mean residual, rpm.
 
-    An effect must exceed it. For motor outputs it is `learnt_spread`, unless the model knows no
-    sound flights: these flights may not be sound. Return the old model's values in that case and
-    with too few flights.
+    An effect must exceed it. For motor outputs it is `learnt_spread`, unless the model was not
+    trained on fault-free flights: these flights may not be sound. Return the old model's values in
+    that case and with too few flights.
     """
     problem = identified.problem
     if problem.of_outputs and lacks_sound_flights(model):
@@ -235,7 +238,7 @@ class MarginChange:
 
 
 def margin_changes(identified: Identification) -> tuple[tuple[MarginChange, ...], MarginChange]:
-    """Compute the margin change by each effect found, in order, and by everything for the worst
+    """Compute the change of margin by each reported effect, in order, and by all for the worst
     rotor.
 
     The second result includes unnamed causes. Margins are predicted for the held-out flights; for
@@ -267,7 +270,10 @@ def _ceiling(problem: Problem) -> Floats:
 
 
 def _predicted_speeds(problem: Problem, effects: Sequence[ReportedEffect], own: bool) -> Floats:
-    """Return rotor speeds (T, R), rpm, with `effects`; `own` uses each flight's own values."""
+    """Return rotor speeds (T, R), rpm, predicted by the base model with `effects`.
+
+    With `own` each flight uses its own per-flight values; else all flights use the first one's.
+    """
     placed = [
         Placed(
             effect=f.term.effect,
@@ -284,8 +290,10 @@ def _predicted_speeds(problem: Problem, effects: Sequence[ReportedEffect], own: 
 
 
 def _margin_change(before: Floats, after: Floats, rotor: int | None, flights: str) -> MarginChange:
-    """Compare two utilisations (T, R) as margins of one rotor, or of the worst rotor of
-    each row."""
+    """Compare two utilisations (T, R) as margins: median, and exceeded in all but WORST_SHARE rows.
+
+    The margin is that of `rotor`, from 0; None: of the worst rotor of each row.
+    """
 
     def figures(use: Floats) -> tuple[float, float]:
         """Return the median and the worst margin of a utilisation (T, R)."""

@@ -69,14 +69,14 @@ class Posterior:
     def from_sets(
         cls, search: Search, fitted: Iterable[EffectSet], steepness: float = 0.0
     ) -> Posterior:
-        """Sort sets by log evidence and normalise their posterior probabilities."""
+        """Build the posterior: sort `fitted` by log evidence, and normalise the probabilities."""
         sets = sorted(fitted, key=lambda f: -f.total)
         totals = np.array([s.total for s in sets])
         weights = np.exp(totals - np.logaddexp.reduce(totals))
         return cls(search=search, sets=tuple(sets), weights=weights, steepness=steepness)
 
     def drop_sets(self, dropped: Collection[frozenset[int]]) -> Posterior:
-        """Return the posterior over all sets but those whose keys are in `dropped`."""
+        """Return the posterior without the sets whose keys are in `dropped`, normalised again."""
         kept = [s for s in self.sets if s.key not in dropped]
         return Posterior.from_sets(self.search, kept, self.steepness)
 
@@ -96,7 +96,7 @@ class Posterior:
         """List the candidates to report: inclusion probability at least SURE, interval excluding
         zero.
 
-        For a rotor that is certainly degraded, though since the start or since a step, the most
+        For a rotor that is certainly degraded, whether since the start or since a step, the most
         probable of these variants is listed.
         """
         seen = sorted({c for s in self.sets for c in s.key if not self._unnamed(c)})
@@ -115,9 +115,9 @@ class Posterior:
     def unnamed_members(self) -> list[int]:
         """List the candidates that may enter a model as unnamed causes.
 
-        They are those of the most probable set, and those of other sets that are more probable than
-        not (`Search.unnamed_members`). Unnamed causes in one mode or on one rotor stand in for each
-        other, so their joint probability counts.
+        They are `Search.unnamed_members` of the most probable set together with candidates of other
+        sets: those with a probability above OPEN_PROBABILITY, if it exceeds CHOICE jointly with the
+        unnamed causes in the same mode and on the same rotor, which can replace each other.
         """
         likely = set(self.best.key)
         for c in {c for one in self.sets for c in one.key}:
@@ -127,7 +127,7 @@ class Posterior:
         return self.search.unnamed_members(frozenset(likely))
 
     def _unnamed(self, candidate: int) -> bool:
-        """Return whether a candidate is an unnamed cause."""
+        """Return True if a candidate is an unnamed cause."""
         return self.search.candidates[candidate].unnamed
 
     def _equivalent_candidates(self, candidate: int) -> set[int]:
@@ -156,8 +156,8 @@ class Posterior:
         }
 
     def estimate(self, candidate: int) -> EffectEstimate:
-        """Compute mean and standard error of a candidate's values, averaged over the
-        sets with it."""
+        """Compute mean and standard error of a candidate's values, averaged over the sets with
+        it."""
         term = self.search.candidates[candidate].term
         total, mean, square = 0.0, 0.0, 0.0
         for one in self.sets:
@@ -192,10 +192,9 @@ class Posterior:
     ) -> list[EffectEstimate]:
         """Return estimates of the effects of `kept` whose intervals exclude zero when fitted alone.
 
-        Values are those of a fit of these effects and the most probable of each `either ... or`,
-        because predictions use that set. Errors also contain the shift between this fit and the
-        average over all sets. Dropping an effect changes the fit, so this repeats until none is
-        dropped.
+        Values are those of a fit of these effects together with `alternatives`, because predictions
+        use that set. Errors also contain the shift between this fit and the average over all sets.
+        Dropping an effect changes the fit, so this repeats until none is dropped.
         """
         kept, estimates = sorted(kept), []
         while kept:
@@ -220,8 +219,10 @@ class Posterior:
         return estimates
 
     def fit_alone(self, kept: Iterable[int]) -> EffectSet:
-        """Return the set of exactly the effects `kept`, fitted from their values in
-        probable sets."""
+        """Return the set of exactly the effects `kept`, fitted or found among fitted sets.
+
+        The fit starts from each effect's values in the most probable set that contains it.
+        """
         key = frozenset(kept)
         near = {c: h for s in self.sets[::-1] for c, h in s.effects.items()}
         return self.search.fitted.get(key) or self.search.fit_near(key, near)
@@ -235,7 +236,7 @@ class Posterior:
         )
 
     def one_of(self, named: Sequence[int]) -> tuple[OneOf, ...]:
-        """Return the smallest groups of unreported effects that contain at least one with
+        """Return the smallest groups of unreported effects with at least one present, at
         probability SURE.
 
         A group needs two effects or more, which must mostly occur one at a time (probability CHOICE
@@ -302,8 +303,8 @@ class Posterior:
     def gaining_rotors(self) -> frozenset[int]:
         """Return the rotors (0-based) whose most probable degradation has a negative loss.
 
-        They make more thrust than expected. Rotors with a probability of at most
-        OPEN_PROBABILITY are in no list, so they are left out.
+        Such rotors have more thrust than expected. Those with a probability of at most
+        OPEN_PROBABILITY are not reported, so they are left out.
         """
         of_rotors: dict[int, list[int]] = {}
         for c in {c for one in self.sets for c in one.key if not self._unnamed(c)}:
@@ -320,8 +321,8 @@ class Posterior:
         return frozenset(gaining)
 
     def excluded(self, linear: LinearisedSets, named: Sequence[int]) -> tuple[Excluded, ...]:
-        """Return the sizes above which single-value effects are excluded at SURE, added to the best
-        set.
+        """Return the sizes above which effects with one value are excluded at SURE, added to the
+        best set.
 
         Sizes beyond the effect's physical bound are left out, as are onsets and effects with a
         probability above OPEN_PROBABILITY.
@@ -361,7 +362,7 @@ class Posterior:
 
 
 def _interpolate_unknown_knots(one: Candidate, value: Floats, error: Floats) -> Floats:
-    """Return the values (F, K) of a curve with poorly determined knots interpolated from the
+    """Return the values (F, K) of a curve, with poorly determined knots interpolated from the
     others.
 
     A knot is poorly determined if its error is at least 1 / sqrt(2) of its prior scale, e.g. beyond
@@ -379,14 +380,13 @@ def _interpolate_unknown_knots(one: Candidate, value: Floats, error: Floats) -> 
 
 
 def _main_values(term: Term) -> list[tuple[int, float]]:
-    """List (index, absent value) of the parameters that make an effect, not those that only shape
-    it."""
+    """List a term's main parameters, without shape parameters: (index, value if absent)."""
     every = enumerate(term.effect.parameters)
     return [(k, p.absent) for k, p in every if p.absent is not None and not p.detail]
 
 
 def _excludes_zero(estimate: EffectEstimate) -> bool:
-    """Return whether the interval of any main value excludes its absent value; True without any."""
+    """Return True if the interval of any main value excludes its absent value; True without any."""
     away = [
         np.abs(estimate.value[:, k] - absent) > ERRORS * estimate.error[:, k]
         for k, absent in _main_values(estimate.term)

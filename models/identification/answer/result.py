@@ -48,7 +48,7 @@ class Excluded:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mentioned:
-    """A rotor that is not reported as degraded and that the flights do not clear."""
+    """A rotor whose degradation is neither reported nor excluded by the flights."""
 
     rotor: int  # 0-based
     probability: float
@@ -68,14 +68,14 @@ class Unexplained:
     rms_rpm: float
     wanders: bool = False  # slow noise within flights, along no channel but time
     rotor: int | None = None  # rotor (0-based) with an uneven loss, which acts in all modes
-    #: too small to stand first or to request anything; an uneven loss of a rotor never is
+    #: too small to be listed first or to request an action; an uneven loss of a rotor never is
     minor: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReportedEffect:
-    """One reported effect with values and 95 % limits (F, parameters); shared values
-    repeat over F."""
+    """A reported effect with values and 95 % limits (F, parameters); shared values repeat over
+    F."""
 
     term: Term
     value: Floats
@@ -96,8 +96,10 @@ class ReportedEffect:
 
     @property
     def flight(self) -> int:
-        """Return the index of the flight whose values represent the effect: that with the largest
-        one."""
+        """Return the index of the flight with the largest value, which represents the effect.
+
+        0 for an effect without per-flight values.
+        """
         own = [k for k, p in enumerate(self.term.effect.parameters) if p.per_flight]
         return int(np.argmax(np.abs(self.value[:, own[0]]))) if own else 0
 
@@ -127,7 +129,8 @@ class ReportedEffect:
     def to_json(self, names: tuple[str, ...], *, followed: bool = False) -> dict[str, Any]:
         """Return the effect as JSON.
 
-        `followed`: a channel reports the effect to the model already, so it is not added.
+        `followed`: the airspeed channel already contains the effect, so it is not added to the
+        model.
         """
         return {
             "name": self.term.effect.name,
@@ -229,7 +232,7 @@ class Identification:
         )
 
     def _unexplained_words(self) -> list[str]:
-        """Return the line that describes the unexplained residual, or no line."""
+        """Return a line that describes the unexplained residual; empty without one."""
         what = self.unexplained()
         if not what["mode"]:
             return []
@@ -269,8 +272,8 @@ class Identification:
 
     @property
     def reported(self) -> tuple[ReportedEffect, ...]:
-        """Return the effects to add to the model, then those that airspeed already includes, which
-        are not added."""
+        """Return the effects to add to the model, then winds that airspeed contains, which are
+        not added."""
         return (*self.found, *self.followed)
 
     def to_json(self, *, model_in: str = "", model_out: str = "") -> dict[str, Any]:
@@ -330,10 +333,10 @@ class Identification:
         )
 
     def unexplained(self) -> dict[str, Any]:
-        """Return the unexplained residual as JSON: share of variance, RMS in rpm, mode, channels,
-        rotor (1-based), closest effects.
+        """Return the unexplained residual as JSON.
 
-        Without one, share and RMS are 0, mode, channel and rotor None, and channels empty.
+        The keys are share of variance, RMS in rpm, mode, channels, rotor (1-based) and closest
+        effects. Without one, share and RMS are 0, mode, channel and rotor None, and channels empty.
         """
         unexplained = self.left
         return {
@@ -358,7 +361,7 @@ def _term_json(term: Term) -> dict[str, Any]:
 
 
 def _shares_json(shares: ConstantShares, names: tuple[str, ...]) -> dict[str, Any]:
-    """Return the shares as JSON, rotors counted from 1 and the flight by its name."""
+    """Return constant thrust shares as JSON, rotors counted from 1 and the flight by its name."""
     rotors = [{**to_json_values(one), "rotor": (one.rotor or 0) + 1} for one in shares.weak_rotors]
     flight = None if shares.flight is None else names[shares.flight]
     return {**to_json_values(shares), "flight": flight, "weak_rotors": rotors}

@@ -59,8 +59,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Chain:
-    """One way to build a model, and its predictions of each flight when built without
-    that flight."""
+    """A way to build a model, and its predictions of each flight when built without that flight."""
 
     base: RotorModel
     folds: tuple[Fold, ...]  # each model with its standard effects
@@ -92,7 +91,8 @@ def commission(
     coverage: float = 0.9,
     progress: Progress | None = None,
 ) -> Commissioned:
-    """Build an aircraft's model from at least 3 good flights, with their between-flight variation.
+    """Build an aircraft's model from at least 3 fault-free flights, between-flight variance
+    included.
 
     `trained` is the result of `training.train` on the same tracks, or None without a network.
     Raises DataError when there are fewer than 3 usable flights or one has too few rows.
@@ -160,7 +160,7 @@ def commission(
 
 
 def with_delays(shown: GoodFlights, delays: Floats) -> GoodFlights:
-    """Add mean and scatter of the delay of rotor speeds in good flights.
+    """Add to `shown` mean and between-flight scatter, s, of the delay of rotor speeds.
 
     `delays` (F, 2), s, are each flight's delay and error. Unchanged with fewer than 2 finite
     errors.
@@ -188,7 +188,7 @@ def validated_chain(
     inputs: Sequence[str],
     announce: Progress,
 ) -> Chain:
-    """Return the base's chain, with standard effects selected and fitted again without each fold's
+    """Return the base's chain with standard effects, selected and fitted without each fold's
     flights."""
     what = "weight and thrust curve" if base.network is None else "network"
     closed = []
@@ -205,7 +205,7 @@ def validated_chain(
 def chain_with_curves(
     chain: Chain, tracks: Sequence[FlightTrack], used: Sequence[int], inputs: Sequence[str]
 ) -> Chain:
-    """Return the chain with recurring curves on top, selected and fitted again without each fold's
+    """Return the chain with recurring curves added, selected and fitted without each fold's
     flights."""
     folds = tuple(
         replace(
@@ -252,6 +252,6 @@ def _mean_squares(chain: Chain) -> Floats:
 
 
 def network_is_worse(network: Chain, curve: Chain) -> bool:
-    """Return whether the network's held-out error is larger by more than its standard error."""
+    """Return True if the network's held-out error is larger by more than its standard error."""
     gain, error = gain_and_error(_mean_squares(network), _mean_squares(curve))
     return gain > error

@@ -52,7 +52,8 @@ class HeldOutFlights:
 
 
 def good_flights(left_out: Sequence[HeldOutFlights]) -> GoodFlights:
-    """Measure the between-flight variation; each flight is in exactly one of `left_out`."""
+    """Measure the variation between fault-free flights; each flight is in exactly one of
+    `left_out`."""
     estimates: dict[tuple[str, int | None], list[Floats]] = {}
     of_slopes: dict[tuple[str, int | None], list[Floats]] = {}
     means: list[Floats] = []
@@ -115,8 +116,10 @@ def mean_and_error(values: Floats, block: NDArray[np.intp], mine: NDArray[np.boo
 def flight_estimates(
     problem: Problem, filter_: Whitening, catalogue: Sequence[Effect]
 ) -> dict[tuple[str, int | None], Floats]:
-    """Return each flight's value and error (F, 2), by parameter
-    ("effect_key.parameter") and rotor."""
+    """Map ("effect_key.parameter", rotor) to each flight's value and standard error (F, 2).
+
+    The rotor is from 0, None for an effect that is of no rotor.
+    """
     model, estimates = problem.model, {}
     for effect in catalogue:
         if effect.begins or effect.of_one_arm or problem.lacks(effect):
@@ -144,11 +147,11 @@ def flight_estimates(
 
 
 def _slope_estimates(problem: Problem, filter_: Whitening, residual: Floats) -> dict[str, Floats]:
-    """Return each flight's slope of the residual and its error (F, 2), by "mode.channel".
+    """Map "mode.channel" to (F, 2): each flight's slope of the residual and its standard error.
 
-    `residual` (T, R) is in rpm in modes. Each channel is taken by itself, beside a constant: what a
-    flight has along one channel may be due to another one that moves with it. Empty for motor
-    outputs, whose shares show no slope.
+    `residual` (T, R) is modal, in rpm; a slope is in rpm per unit of the channel. Each channel is
+    fitted alone, with a constant, because correlated channels cannot be distinguished in one
+    flight. Empty for motor outputs, whose shares show no slope.
     """
     slopes: dict[str, Floats] = {}
     if problem.of_outputs:
@@ -170,8 +173,10 @@ def _slope_estimates(problem: Problem, filter_: Whitening, residual: Floats) -> 
 
 
 def separate_effect(model: RotorModel, effect: Effect) -> tuple[RotorModel, list[float]]:
-    """Return the model without an effect, and the effect's values there; absent values if it has
-    none."""
+    """Return the model without an effect, and the values that the effect has in the model.
+
+    If the model does not contain it, they are the values at which it has no influence.
+    """
     for k, (record, placed) in enumerate(zip(model.effects, model.placed, strict=True)):
         if placed.effect.key == effect.key and record.rotor is None:
             rest = replace(model, effects=(*model.effects[:k], *model.effects[k + 1 :]))
@@ -198,7 +203,11 @@ def own_estimate(sums: Floats) -> Floats:
 
 
 def pool_scatter(estimates: dict[tuple[str, int | None], list[Floats]]) -> dict[str, float]:
-    """Return the between-flight scatter of each parameter, root mean square over rotors."""
+    """Return the between-flight scatter of each parameter, root mean square over rotors.
+
+    `estimates` maps (parameter, rotor) to arrays (F, 2) of a value and its error for each flight;
+    rows with NaN or no error are left out.
+    """
     scatter: dict[str, list[float]] = {}
     for (key, _), parts in estimates.items():
         own = np.concatenate(parts)
@@ -215,10 +224,10 @@ def pool_scatter(estimates: dict[tuple[str, int | None], list[Floats]]) -> dict[
 def confirmed_curve_rms(
     values: Floats, channel: Floats, flight: NDArray[np.intp], *, periodic: bool = False
 ) -> float:
-    """Return the RMS that a smooth curve of `values` (T,) over a channel explains in held-out
-    flights.
+    """Return the RMS of `values` (T,) that a smooth curve over `channel` (T,) explains, held out.
 
-    0 where it is not better than the mean by more than the standard error over flights. Penalised
+    0 if it does not predict held-out flights better than the mean of the others does, by more than
+    the standard error over flights. Penalised
     B-splines with a second-difference penalty (Eilers and Marx, Stat. Sci. 11, 89 (1996));
     harmonics for a `periodic` angle in rad. SMOOTHNESS is selected on the held-out flights.
     """
@@ -260,8 +269,8 @@ def splines(channel: Floats) -> tuple[Floats, Floats]:
 
 
 def harmonics(angle: Floats) -> tuple[Floats, Floats]:
-    """Return a Fourier basis (T, 1 + 2 HARMONICS) of an angle, rad, and its diagonal penalty,
-    order**4."""
+    """Return a Fourier basis (T, 1 + 2 HARMONICS) of an angle, rad, and its penalty, order**4
+    (diagonal)."""
     waves = [np.ones_like(angle)]
     weights = [0.0]
     for k in range(1, HARMONICS + 1):

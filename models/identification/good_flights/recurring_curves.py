@@ -39,11 +39,10 @@ from thrustmargin.models.model.rotor_model import RotorModel
 def with_recurring_curves(
     model: RotorModel, tracks: Sequence[FlightTrack], *, date: str = ""
 ) -> RotorModel:
-    """Return the model with the curves that its residual repeats in all flights `tracks`.
+    """Return the model with curves added that its residual repeats in all flights `tracks`.
 
     Unchanged for motor outputs, which show no curve, and for a single flight, which cannot show
-    that one recurs. Raises DataError when a flight has too few
-    rows to fit.
+    that one recurs. Raises DataError when a flight has too few rows to fit.
     """
     problem = assemble(model, tracks)
     if problem.of_outputs or problem.flights < 2:
@@ -57,7 +56,7 @@ def with_recurring_curves(
 
 
 def mode_curves(problem: Problem) -> list[Candidate]:
-    """Return the curves to learn: each mode along each varying channel, and its constant.
+    """Return the candidate curves: each mode along each varying channel, and its constant.
 
     All modes have the same channels, in the same order. A channel's range is the whole range of the
     flights, because beyond it the model's interval doubles.
@@ -73,10 +72,11 @@ def mode_curves(problem: Problem) -> list[Candidate]:
 
 
 def curve_sums(problem: Problem, curves: Sequence[Candidate]) -> list[RowSums]:
-    """Return the sums by flight of each mode's residual and of the derivatives by its own curves.
+    """Return for each mode the sums of products, by flight, of its residual and curve columns.
 
-    A curve also acts a little in other modes (a share of thrust of unequal rotors); that is
-    neglected here, and cross-validation of the model includes it.
+    A column is the derivative of the speed by one value of a curve. A curve also acts a little in
+    other modes (a share of thrust of unequal rotors); that is neglected here, and cross-validation
+    of the model includes it.
     """
     some = thin_rows(problem, problem.stride)
     residual = np.nan_to_num(some.mode_amplitudes(some.measured_rpm - some.speeds()))
@@ -113,7 +113,7 @@ def curve_sums(problem: Problem, curves: Sequence[Candidate]) -> list[RowSums]:
 def needed_curves(sums: RowSums, places: Sequence[slice]) -> tuple[int, ...]:
     """Return the curves that the prediction of held-out flights needs, by backward elimination.
 
-    `places` are the values of each curve in `sums`.
+    `places` are the indices of each curve's values in `sums`.
     """
     kept = tuple(range(len(places)))
     while kept:
@@ -131,7 +131,7 @@ def needed_curves(sums: RowSums, places: Sequence[slice]) -> tuple[int, ...]:
 
 
 def _only(sums: RowSums, places: Sequence[slice], kept: Sequence[int]) -> RowSums:
-    """Return the sums with the values of the curves `kept` free, the others zero."""
+    """Return the sums with the values of the curves `kept` free, and all others zero."""
     free = [k for c in kept for k in range(places[c].start, places[c].stop)]
     return sums.fix_values(free, np.zeros(sums.prior.size))
 

@@ -51,8 +51,7 @@ STANDARD = (
 
 
 def standard_effects(model: RotorModel, problem: Problem) -> list[Term]:
-    """Return the effects of STANDARD that the airframe can have and whose channels
-    every row has."""
+    """Return the effects of STANDARD that are possible on the airframe and have all channels."""
     effects = [BY_KEY[key].scaled(model.airframe) for key in STANDARD]
     if problem.of_outputs:
         effects = list(effects_on_shares(effects))
@@ -63,10 +62,9 @@ def standard_effects(model: RotorModel, problem: Problem) -> list[Term]:
 def with_standard_effects(
     model: RotorModel, tracks: Sequence[FlightTrack], *, date: str = ""
 ) -> RotorModel:
-    """Return the model with the standard effects that its flights show, fitted together to
-    `tracks`.
+    """Return the model with the standard effects that improve its prediction of `tracks`.
 
-    At least 2 flights. Raises DataError when one has too few rows to fit.
+    They are fitted together. At least 2 flights. Raises DataError when one has too few rows to fit.
     """
     problem = assemble(model, tracks)
     uncertainty = problem.mode_amplitudes(
@@ -110,8 +108,9 @@ def with_standard_effects(
 def _fit_from_start(problem: Problem, terms: Sequence[Term], known: Floats) -> RowFit:
     """Fit all terms together: first their main values, then their shapes too.
 
-    A lag, a derivative correction and rotor inertia imitate each other in sharp turns; fitted at
-    once from zero, they would converge to a wrong combination.
+    `known` (R,) is the base model's standard error, rpm. A lag, a derivative correction and rotor
+    inertia imitate each other in sharp turns; fitted at once from zero, they would converge to a
+    wrong combination.
     """
     whole = [candidate(t, problem.flights) for t in terms]
     trials = [TrialEffect(candidate=_fix_shapes(one), values=one.start) for one in whole]
@@ -129,10 +128,10 @@ def _fix_shapes(one: Candidate) -> Candidate:
 
 
 def mode_half_widths(fit: RowFit, uncertainty: Floats) -> Floats:
-    """Return the half widths (P,) of a fit's values, with base model `uncertainty` (D, T, R), rpm
-    in modes.
+    """Return the half widths (P,) of a fit's values, from the base model's `uncertainty` (D, T, R).
 
-    Between-flight variation is in the fit's block sums already.
+    That is modal, in rpm, D independent directions. Between-flight variation is in the fit's block
+    sums already.
     """
     z = fit.filter.apply(np.concatenate([fit.columns, np.moveaxis(uncertainty, 0, 2)], axis=2))
     count = fit.columns.shape[2]
@@ -143,8 +142,11 @@ def mode_half_widths(fit: RowFit, uncertainty: Floats) -> Floats:
 def _drop_if_unneeded(
     problem: Problem, fit: RowFit, key: str, known: Floats, *, worth: float = 0.0
 ) -> RowFit:
-    """Drop one effect unless it improves held-out flights by more than the standard error and
-    `worth`."""
+    """Refit without the effect `key` if held-out flights do not need it; else return `fit` itself.
+
+    The effect is needed if it lowers the held-out cost by more than the standard error and `worth`.
+    `known` (R,) is the base model's standard error, rpm.
+    """
     rest = [h for h in fit.trials if h.candidate.key != key]
     if len(rest) == len(fit.trials):
         return fit
@@ -176,8 +178,7 @@ def _needed_effects(fit: RowFit) -> tuple[TrialEffect, ...]:
 
 
 def sums_without_effects(fit: RowFit, kept: Sequence[TrialEffect]) -> RowSums:
-    """Return the sums of a fit with effects outside `kept` fixed at absent values, the
-    rest free."""
+    """Return a fit's sums with effects outside `kept` fixed at zero influence, those in it free."""
     free, move = [], []
     for trial in fit.trials:
         for p, value in zip(trial.candidate.parameters, trial.free_values, strict=True):
@@ -189,8 +190,8 @@ def sums_without_effects(fit: RowFit, kept: Sequence[TrialEffect]) -> RowSums:
 
 
 def _is_worth_storing(trial: TrialEffect) -> bool:
-    """Return whether all main values are within bounds and one has at least its least reportable
-    size.
+    """Return True if all main values are within bounds and one has its least reportable size or
+    more.
 
     Always True for ALWAYS_KEPT.
     """

@@ -39,8 +39,7 @@ FLOWN = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlownLimits:
-    """The ranges in which this aircraft has flown, with the air and the battery of
-    those flights."""
+    """Ranges in which this aircraft has flown, with the air and battery of those flights."""
 
     origin: Origin | None
     place_ne: tuple[float, float]  # m, the middle of where it flew
@@ -51,7 +50,7 @@ class FlownLimits:
     turn_rate: float  # rad/s
     fill_kg: tuple[float, float]  # least and largest fill to fly with; NaN without a tank
     minutes: float  # the longest flight
-    wind_ne: tuple[float, float]  # m/s, the way the air moves; 0 unknown
+    wind_ne: tuple[float, float]  # m/s, velocity of the air; 0 unknown
     voltage: tuple[float, float]  # V, fresh and used; NaN unknown
     typical: dict[str, float]  # pressure Pa, temperature K, altitude m AMSL; NaN unknown
 
@@ -131,7 +130,8 @@ class Manoeuvre:
 
 
 def manoeuvres(limits: FlownLimits) -> tuple[Manoeuvre, ...]:
-    """Return the library for one aircraft: each manoeuvre full, nearly empty, and at both fills."""
+    """Return the library for one aircraft: each manoeuvre with a full and a nearly empty tank,
+    and both."""
     low, high = limits.height
     middle = (low + high) / 2
     upwind = float(np.arctan2(-limits.wind_ne[1], -limits.wind_ne[0]))
@@ -213,15 +213,14 @@ def _stop_piece(speed: float) -> Piece:
 
 
 def _corner_piece(seconds: float, way: float) -> Piece:
-    """Return a quarter turn, to the right for `way` 1, to the left for -1."""
+    """Return a quarter turn that lasts `seconds` s; `way` is its sign: 1 right, -1 left."""
     return Piece(seconds=seconds, turn=way * np.pi / 2 / seconds)
 
 
 def corners_ned(manoeuvre: Manoeuvre, limits: FlownLimits) -> Floats:
-    """Return the start of each piece and the end of the last (pieces + 1, 3), m, centred on
-    `place_ne`.
+    """Return the start of each piece and the end of the last (pieces + 1, 3), m NED.
 
-    Down is counted from the ground under the origin, taken as level.
+    They are centred on `place_ne`. Down is counted from the ground at the origin, taken as level.
     """
     heading, corner = manoeuvre.heading, np.array([0.0, 0.0, -manoeuvre.height])
     corners = [corner]

@@ -73,11 +73,11 @@ class FittedExplanation:
 def fitted_explanation(
     problem: Problem, terms: Sequence[Term], noise_rpm: Floats
 ) -> FittedExplanation:
-    """Fit the terms to the flown rows, with values shared by all flights.
+    """Fit `terms` to the rows of `problem`, with values shared by all flights.
 
-    A step within a flight counts with its state afterwards. `noise_rpm` (R,) is that of a mean over
-    one second. Values have their usual sizes as prior; their covariance includes the scatter of a
-    sound aircraft.
+    A step within a flight is replaced by its final state. `noise_rpm` (R,) is the standard
+    deviation of a mean over one second, by mode. The prior of each value is its usual size; the
+    covariance (P, P) includes the between-flight variance of a fault-free aircraft.
     """
     rows = thin_rows(problem, problem.stride)
     fit = fit_rows(rows, [_shared_effect(term, rows) for term in terms])
@@ -109,10 +109,11 @@ def scale_by_noise(columns: Floats, noise_rpm: Floats) -> Floats:
 
 
 def scatter_columns(rows: RowsToFit, background_rpm: Floats | float) -> Floats:
-    """Return between-flight deviations (T, R, N), rpm in modes, one standard deviation a column.
+    """Return between-flight deviations (T, R, N), modal, rpm; each of N columns is one standard
+    deviation.
 
-    These are each mode's mean by `background_rpm` (R,), and every effect by its scatter from good
-    flights in the model, else its usual scatter.
+    They are each mode's mean by `background_rpm` (R,), and every effect by its scatter between the
+    model's training flights, else its usual scatter.
     """
     shape = rows.measured_rpm.shape
     means = np.diag(np.broadcast_to(background_rpm, shape[1:]))
@@ -133,11 +134,10 @@ def scatter_columns(rows: RowsToFit, background_rpm: Floats | float) -> Floats:
 
 
 def second_noise_rpm(problem: Problem, residual_rpm: Floats) -> Floats:
-    """Return the noise (R,), rpm, of a mean over one second in each mode, from means over blocks of
-    time.
+    """Return the noise (R,), rpm, of a mean over one second in each mode.
 
-    `residual_rpm` (T, R) is the residual after identification. Means over BLOCK_SECONDS, relative
-    to their flight's, include variation that lasts for seconds.
+    `residual_rpm` (T, R) is the residual after identification. It is estimated from means over
+    BLOCK_SECONDS, relative to their flight's, which include variation that lasts for seconds.
     """
     amplitudes = problem.mode_amplitudes(residual_rpm)
     count = np.bincount(problem.block).astype(float)[:, None]
@@ -192,7 +192,8 @@ def plan_next_flight(
 ) -> NextFlight | None:
     """Choose the next flight after an identification; `tracks` are its flights.
 
-    None if nothing is left open, or no manoeuvre would distinguish with a probability above CHANCE.
+    None if no two explanations remain, or no manoeuvre would distinguish them with a probability
+    above CHANCE.
     """
     pair = explanations_of(identified)
     if pair is None:
@@ -282,8 +283,10 @@ def next_flight(
 
 
 def _preference(proposal: NextFlight) -> tuple[bool, float]:
-    """Return the sort key: distinguishing flights first, by least duration, others by nats a
-    minute."""
+    """Return the sort key (larger is better): flights that distinguish first, the shortest best.
+
+    Others rank by information, nats a minute.
+    """
     distinguished = proposal.certainty >= SURE
     return distinguished, -proposal.minutes if distinguished else proposal.nats / proposal.minutes
 
@@ -305,7 +308,10 @@ def _fly_once(
     background_rpm: Floats | float,
     of_outputs: bool,
 ) -> _FlownManoeuvre:
-    """Predict the difference of two explanations over a simulated track, and its uncertainty."""
+    """Predict the difference of two explanations over a simulated track, and its uncertainty.
+
+    `noise_rpm` (R,) is that of a mean over one second.
+    """
     rows = rows_of(model, track, [t.effect for one in explanations for t in one.terms], of_outputs)
     noise = noise_rpm / np.sqrt(ROW_S)
     ours, theirs = (np.nan_to_num(predicted_modes(rows, one.trials)) for one in explanations)
@@ -352,8 +358,10 @@ def rows_of(
 
 
 def _gram(flown: Sequence[_FlownManoeuvre]) -> Floats:
-    """Return the Gram matrix of the columns of S, with d last, of a manoeuvre flown once at each
-    fill."""
+    """Return the Gram matrix of S's columns and d, last, for a manoeuvre flown once at each fill.
+
+    d is the difference of the two explanations, S its uncertainty.
+    """
     table = np.column_stack(
         [
             np.concatenate([one.shared for one in flown]),
@@ -365,7 +373,10 @@ def _gram(flown: Sequence[_FlownManoeuvre]) -> Floats:
 
 
 def _distance_square(gram: Floats, repeats: int) -> float:
-    """Return d' S^-1 d if the rows are repeated `repeats` times within the same flights."""
+    """Return d' S^-1 d, a squared distance, if the rows occur `repeats` times in their flights.
+
+    `gram` is the Gram matrix of unit-prior nuisance columns and, last, the difference d.
+    """
     whole = repeats * gram
     inner, gradient = whole[:-1, :-1], whole[:-1, -1]
     explained = gradient @ np.linalg.solve(np.eye(inner.shape[0]) + inner, gradient)

@@ -88,7 +88,7 @@ class Candidate:
 
     @property
     def unnamed(self) -> bool:
-        """Return whether this is an unnamed cause: a curve of a mode or rotor along a channel."""
+        """Return True if this is an unnamed cause: a curve of a mode or rotor along a channel."""
         return self.term.effect.name == NAME
 
     @property
@@ -128,7 +128,7 @@ class TrialEffect:
         return self.values[self.candidate.places]
 
     def moved(self, change: Floats) -> TrialEffect:
-        """Return the effect, its free values moved by `change` (P,) and clipped to their bounds."""
+        """Return the effect with `change` (P,) added to its free values and clipped to bounds."""
         values = self.values.copy()
         for (k, flight), step in zip(self.candidate.free, change, strict=True):
             p = self.candidate.term.effect.parameters[k]
@@ -138,8 +138,8 @@ class TrialEffect:
 
 
 def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candidate]:
-    """Return a candidate for every catalogue effect that the flights can show, on each rotor if
-    rotor-specific.
+    """Return a candidate for every catalogue effect that the flights can show; for each rotor if it
+    is of one.
 
     Effects that begin in flight are left to `onsets`. Bounds of rotor losses and drag are narrowed
     to values with which the flights could have been flown.
@@ -223,8 +223,7 @@ def curve_candidate(rows: RowsToFit, term: Term, ends: tuple[float, float]) -> C
 
 
 def _possible_change(reduced: Reduced, effect: Effect) -> Effect | None:
-    """Return the effect, or its possible change if the model has it already; None if none is
-    possible.
+    """Return the effect, or its change if the model already contains it; None if none is possible.
 
     Motor outputs respond to gusts as to turns, so they show no change of a model's own effect.
     """
@@ -237,8 +236,7 @@ def _possible_change(reduced: Reduced, effect: Effect) -> Effect | None:
 
 
 def _is_observable(reduced: Reduced, effect: Effect) -> bool:
-    """Return whether an effect of usual size would have enough influence on these flights to be
-    seen.
+    """Return True if an effect of usual size would influence these flights enough to be seen.
 
     `effect.weight` computes that influence at start values plus one scale; it must be at least 1.
     True for an effect without `weight`.
@@ -250,8 +248,11 @@ def _is_observable(reduced: Reduced, effect: Effect) -> bool:
 
 
 def _flyable_loss(reduced: Reduced) -> float:
-    """Return the largest loss of one rotor's thrust with which the flights' weight can be trimmed,
-    yaw uncontrolled."""
+    """Return the largest loss of a rotor's thrust, a share, at which the flights' weight can be
+    trimmed.
+
+    Yaw is uncontrolled.
+    """
     x, airframe = reduced.channels, identified_airframe(reduced.model)
     voltage = np.nanmedian(x.voltage) if np.isfinite(x.voltage).any() else np.nan
     limits = ceiling(airframe, np.nanmedian(x.density), voltage)
@@ -272,8 +273,7 @@ def _bound_loss(effect: Effect, most: float) -> Effect:
 
 
 def _bound_drag(reduced: Reduced, effect: Effect) -> Effect:
-    """Bound missing drag area below by minus the model's own drag, so that total drag stays
-    positive.
+    """Bound the missing drag area below by minus the model's own drag: total drag stays positive.
 
     The model's drag is converted to an area at its highest known airspeed. Return the effect
     unchanged for a network without forward flight physics, whose drag is unknown.
@@ -296,7 +296,8 @@ def _bound_drag(reduced: Reduced, effect: Effect) -> Effect:
 def candidate(term: Term, flights: int, *, taught: bool = True) -> Candidate:
     """Return a candidate for a term with start values, every value free.
 
-    With a model that no flight has `taught`, effects of every aircraft have prior odds EVEN.
+    If the model was not trained on flights (`taught` False), effects that every aircraft has get
+    prior odds EVEN.
     """
     start = np.array([[p.start for p in term.effect.parameters]] * flights)
     free: list[tuple[int, int | None]] = []
@@ -308,8 +309,7 @@ def candidate(term: Term, flights: int, *, taught: bool = True) -> Candidate:
 
 
 def placed_effects(rows: RowsToFit, trials: Sequence[TrialEffect]) -> list[Placed]:
-    """Return the effects with their values: scalars if shared, else arrays (N,) by each row's
-    flight."""
+    """Return the effects with their values: a scalar if equal in all flights, else (N,) by row."""
     out = []
     for one in trials:
         values: dict[str, Any] = {}
@@ -349,7 +349,8 @@ def value_columns(rows: RowsToFit, trials: Sequence[TrialEffect], index: int) ->
 def slopes(
     rows: RowsToFit, trials: Sequence[TrialEffect], index: int, varied: Sequence[int] | None = None
 ) -> Floats:
-    """Compute derivatives (T, R, K), rpm in modes, by the parameters of effect `index` of `trials`.
+    """Compute the derivatives (T, R, K), modal, rpm, by the parameters of effect `index` of
+    `trials`.
 
     `varied` selects parameters. Central differences; one-sided at a bound, 0 for a value beyond
     both.
@@ -377,7 +378,7 @@ def slopes(
 
 
 def _curve_slopes(rows: RowsToFit, trials: Sequence[TrialEffect], index: int) -> Floats:
-    """Return derivatives (T, R, K), rpm in modes, by the knots of an unnamed curve.
+    """Return the derivatives (T, R, K), modal, rpm, by the knots of an unnamed curve.
 
     Each is the derivative by a constant cause, times the knot's share in each row.
     """

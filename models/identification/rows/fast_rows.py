@@ -43,19 +43,18 @@ class Reading:
         return value, float(np.hypot(weight.sum() ** -0.5, self.shared))
 
     def without(self, flights: Collection[int]) -> Reading | None:
-        """Return the reading without some flights; None if no other flight shows the value."""
+        """Return the reading with infinite errors in `flights`; None if no finite one remains."""
         errors = self.errors.copy()
         errors[list(flights)] = np.inf
         return replace(self, errors=errors) if np.isfinite(errors).any() else None
 
 
 def delay_reading(delay_s: Floats, good: GoodFlights | None, resolution: float) -> Reading | None:
-    """Return the delays beyond those of the good flights, as a reading; `delay_s` (F, 2) value and
-    error.
+    """Return the flights' delays beyond those of the training flights, as a reading with errors.
 
-    Errors include the between-flight scatter: the good flights', or these flights' if larger. None
-    without a delay in the good flights (the laws of quick turns may be late themselves) or in
-    these.
+    `delay_s` (F, 2) is each flight's delay and error, s. Errors include the between-flight scatter,
+    the training flights' or these flights', whichever is larger. None if these or the training
+    flights show no delay (the laws of quick turns may be late themselves).
     """
     values, errors = delay_s.T
     shown = np.isfinite(errors)
@@ -72,9 +71,9 @@ def delay_reading(delay_s: Floats, good: GoodFlights | None, resolution: float) 
 def delay_of_rows(flight: Problem, bins: NDArray[np.intp]) -> Floats:
     """Estimate the delay of one flight's rotor speeds and its standard error (2,), s.
 
-    `bins` (T,) is each row's bin. The error is infinite for motor outputs and without quick motion.
-    It is at least the delay over the square root of twice its log likelihood ratio against no
-    delay.
+    `bins` (T,) is each row's bin, whose mean is removed. The error is infinite for motor outputs
+    and without quick motion. It is at least the delay over the square root of twice its log
+    likelihood ratio against no delay.
     """
     if flight.of_outputs or flight.lacks(ROTOR_SPEED_LAG):
         return UNKNOWN

@@ -28,8 +28,8 @@ class Modes:
 
 
 def modes(airframe: Airframe) -> Modes:
-    """Compute collective, roll, pitch, yaw and rest modes of an airframe by QR of its
-    mixer's rows."""
+    """Compute the modes of an airframe (collective, roll, pitch, yaw, rest) by QR of its mixer's
+    rows."""
     rows = mixer(airframe) / np.linalg.norm(mixer(airframe), axis=1, keepdims=True)
     rotors = airframe.rotor_count
     basis = np.linalg.qr(np.concatenate([rows.T, np.eye(rotors)], axis=1))[0][:, :rotors]
@@ -50,7 +50,7 @@ def robust_scale(values: Floats) -> float:
 def sensor_noise_rpm(residual: Floats, step: Bools) -> float:
     """Estimate the white noise of a rotor speed sensor, rpm, from second differences.
 
-    `residual` (T, R) in modes; `step` (T,) marks rows that directly follow the row before. The
+    `residual` (T, R) is modal; `step` (T,) marks rows that directly follow the row before. The
     second difference of white noise of variance s² has variance 6 s², that of smooth motion nearly
     none. The quietest mode counts. NaN with fewer than 10 second differences.
     """

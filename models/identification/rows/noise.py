@@ -73,7 +73,7 @@ class Whitening:
         return out
 
     def select_means(self, kept: Bools) -> Whitening:
-        """Return the filter for the means with `kept` (n,) True."""
+        """Return the filter for the means flagged in `kept` (n,)."""
         return replace(
             self,
             rows=self.rows[kept],
@@ -90,12 +90,12 @@ def unfiltered_whitening(
     of_outputs: bool = False,
     known_rpm: Floats | float = 0.0,
 ) -> Whitening:
-    """Return a whitening without filter, for rows that do not follow each other.
+    """Return a whitening without filter, for rows that are not consecutive.
 
     Each mode of `residual` (T, R), rpm, is divided by its robust size, at most SPREAD times that of
     the quietest mode: a mode with a large missing effect must keep its weight. Outliers count
-    linearly. For motor outputs the collective takes the size of the quietest other mode.
-    `known_rpm` (R,) is added to the sizes in squares.
+    linearly. For motor outputs the collective has the size of the quietest other mode. `known_rpm`
+    (R,) is added to the sizes in squares.
     """
     scale = 1.4826 * np.median(np.abs(residual), axis=0)
     if of_outputs:
@@ -120,8 +120,7 @@ def whitening_of(
     busy: Bools,
     mean_speed_rpm: float,
 ) -> Whitening:
-    """Estimate the noise filter from a residual (N, R), rpm in modes, with all explanations
-    removed.
+    """Estimate the noise filter from a modal residual (N, R), rpm, with all explanations removed.
 
     `follows` (N,) marks means directly after the mean before; `busy` (N,) marks manoeuvres. A
     flight with fewer than FEWEST means of either state has one noise size for both.
@@ -206,8 +205,7 @@ FORM = 0.25  # relative error of lift and of drag laws beyond the known airspeed
 
 
 def base_uncertainty_rpm(model: RotorModel, base: BaseTable, x: Channels) -> Floats:
-    """Return independent error directions of the base model (D, T, R), rpm, one standard deviation
-    each."""
+    """Return D independent errors of the base model (D, T, R), rpm, each one standard deviation."""
     parts = [
         *_member_deviations(model, x),
         *_extrapolation_errors(model, base, x),
@@ -217,7 +215,8 @@ def base_uncertainty_rpm(model: RotorModel, base: BaseTable, x: Channels) -> Flo
 
 
 def _member_deviations(model: RotorModel, x: Channels) -> list[Floats]:
-    """Compute each ensemble member's deviation from their mean rotor speed, over sqrt(M - 1).
+    """Return each of M ensemble members' deviation (T, R), rpm, from their mean speed, over sqrt(M
+    - 1).
 
     The squares then sum to the variance. Airspeed and tank mass are clipped to the training domain.
     Empty without a network, a training domain or a second member.
@@ -234,15 +233,17 @@ def _member_deviations(model: RotorModel, x: Channels) -> list[Floats]:
 
 
 def _extrapolation_errors(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]:
-    """Return the changes in speed (T, R), rpm, by FORM more lift, and more drag, beyond known
-    airspeeds."""
+    """Return the changes in speed (T, R), rpm, by FORM more lift, and by FORM more drag.
+
+    They are 0 within the known airspeeds.
+    """
     flight, known = model.forward_flight, model.known_airspeed
     if flight is None or not np.any(x.airspeed > known):
         return []
     now = rotor_speed_rpm(base, model.placed, x)
 
     def growth(flight: ForwardFlight) -> Floats:
-        """Return the factor (T, 1) on rotor speed from the known airspeed to the flown one."""
+        """Return the factor (T, 1) by which rotor speed grows beyond the highest known airspeed."""
         fast, slow = (
             thrust_ratio(flight, v, x.total_mass, model.reference_density, model.airframe)
             for v in (x.airspeed, np.minimum(x.airspeed, known))
@@ -258,8 +259,8 @@ def _extrapolation_errors(model: RotorModel, base: BaseTable, x: Channels) -> li
 
 
 def _effect_errors(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]:
-    """Return the change in speed (T, R), rpm, by one standard error of each identified value of the
-    model."""
+    """Return the change in speed (T, R), rpm, by a standard error of each identified value in
+    the model."""
     placed = model.placed
     if not placed:
         return []

@@ -36,7 +36,7 @@ MOST_CONSTANT = 0.3
 
 
 def of_outputs(tracks: Sequence[FlightTrack]) -> bool:
-    """Return whether the speeds of all rotors are from motor outputs in all flights.
+    """Return True if the speeds of all rotors are from motor outputs in all flights.
 
     Raises DataError when flights are of both kinds, or when a flight has only some rotors' speeds.
     """
@@ -81,17 +81,16 @@ def scaled_to(total: Any, speed: Any) -> Any:
 
 
 def lacks_sound_flights(model: RotorModel) -> bool:
-    """Return whether the model has no between-flight variation from sound flights of
-    its aircraft."""
+    """Return True if the model has no between-flight variance from fault-free flights."""
     return not any(model.background_rpm)
 
 
 def is_constant_share(change: Floats, flight: NDArray[np.intp]) -> bool:
-    """Return whether each of P values' change (T, R, P), rpm in modes, is mostly constant in a
+    """Return True if the changes (T, R, P), modal, rpm, of all P values are mostly constant in each
     flight.
 
     Outputs alone cannot distinguish such an effect from any other shift of the balance: the mixer
-    answers all of them with the same constant roll, pitch and yaw.
+    responds to all of them with the same constant roll, pitch and yaw.
     """
     rest = change.copy()
     for f in np.unique(flight):
@@ -103,8 +102,9 @@ def is_constant_share(change: Floats, flight: NDArray[np.intp]) -> bool:
 def spread_of_flights(residual: Floats, flight: NDArray[np.intp], learnt: Floats) -> Floats:
     """Return the between-flight standard deviation (R,), rpm, of each mode's mean.
 
-    The larger of that of the `residual` (T, R), rpm in modes, and of sound flights, `learnt` (R,).
-    If `learnt` is all zero, return a value so large that no constant share can be reported.
+    It is the larger of that of the `residual` (T, R), modal, rpm, and of fault-free flights,
+    `learnt` (R,). If `learnt` is all zero, return a value so large that no constant share can be
+    reported.
     """
     if not learnt.any():
         return np.full_like(learnt, 1e3 * np.abs(residual).max())
@@ -118,8 +118,8 @@ def spread_of_flights(residual: Floats, flight: NDArray[np.intp], learnt: Floats
 def learnt_spread(residual: Floats, flight: NDArray[np.intp]) -> Floats:
     """Return the standard deviation (R,), rpm, expected of each mode's mean in a new flight.
 
-    Root mean square over the good flights of `residual` (T, R), rpm in modes, widened for few
-    flights by Student's t.
+    Root mean square over the flights of `residual` (T, R), modal, rpm, widened for few flights by
+    Student's t.
     """
     count = int(flight.max()) + 1
     means = np.stack([residual[flight == f].mean(axis=0) for f in range(count)])

@@ -116,7 +116,7 @@ class Problem(RowsToFit):
     def rows(self, which: NDArray[np.intp]) -> Problem:
         """Return the rows with the increasing indices `which`.
 
-        Flights and blocks without such a row are dropped and the others renumbered.
+        Flights and blocks without a selected row are dropped and the others renumbered.
         """
         flights, flight = np.unique(self.flight[which], return_inverse=True)
         blocks, block = np.unique(self.block[which], return_inverse=True)
@@ -134,12 +134,12 @@ class Problem(RowsToFit):
 
 
 def airspeed_is_ground_speed(track: FlightTrack) -> bool:
-    """Return whether the airspeed is ground speed, for lack of a sensor and of a wind."""
+    """Return True if the airspeed is ground speed, for lack of a sensor and of a wind."""
     return track.source("airspeed").meaning is Meaning.GROUND_SPEED
 
 
 def _is_complete(channel: Any) -> bool:
-    """Return whether a channel, or each of a tuple of channels, is finite on every row."""
+    """Return True if a channel, or each of a tuple of channels, is finite on every row."""
     if isinstance(channel, tuple):
         return all(_is_complete(c) for c in channel)
     return isinstance(channel, np.ndarray) and bool(np.isfinite(channel).all())

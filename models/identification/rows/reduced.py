@@ -48,8 +48,8 @@ class Reduced(RowsToFit):
 
     @property
     def scored_modes(self) -> Bools:
-        """Return which modes (R,) carry information: all, but not the collective of
-        motor outputs."""
+        """Flag the modes (R,) that carry information: all, but not the collective of motor
+        outputs."""
         return np.arange(self.measured_rpm.shape[1]) >= int(self.of_outputs)
 
 

@@ -64,7 +64,7 @@ class RowSums:
         return np.asarray(np.linalg.solve(system, total[:-1, -1] + self.pull), dtype=np.float64)
 
     def held_out_costs(self) -> Floats:
-        """Return the cost (F,) of each flight under the values fitted to the other flights."""
+        """Return each flight's cost (F,), a sum of squares, with values fitted to the others."""
         each = self.by_flight()
         total, costs = each.sum(axis=0), []
         for own in each:
@@ -73,8 +73,8 @@ class RowSums:
         return np.array(costs)
 
     def fix_values(self, free: Sequence[int], move: Floats) -> RowSums:
-        """Return the sums after moving the values by `move` (P,), with only the values `free` still
-        free."""
+        """Return the sums after moving the P values by `move` (P,); only the values with indices
+        `free` stay free."""
         chosen = np.zeros((self.prior.size + 1, len(free) + 1))
         chosen[list(free), np.arange(len(free))] = 1.0
         chosen[:-1, -1], chosen[-1, -1] = -move, 1.0

@@ -65,8 +65,8 @@ def require_airframe(flights: Sequence[Flown], model: RotorModel, *, given: bool
 
 
 def wrong_speeds(track: FlightTrack, airframe: Airframe) -> Statement | None:
-    """Return why a flight's rotor speeds are late or in the wrong motor order; None if they are
-    not.
+    """Report that a flight's rotor speeds are late or in the wrong motor order; None if neither is
+    so.
 
     None for speeds from motor outputs too, which are commands, not readings.
     """

@@ -29,7 +29,7 @@ QUARTILE = float(ndtri(0.75))  # median absolute deviation of a standard normal 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeasonEntry:
-    """One change of a value over a season. Flights are counted from 0."""
+    """A change of a value over a season. Flights are counted from 0."""
 
     ramp: bool  # a ramp from flight to flight, else a step
     flight: int  # first flight after the step, or on the ramp
@@ -60,10 +60,10 @@ def penalty_of(flights: int, series: int = 1, false_entries: float = FALSE_ENTRI
 
 
 def spread_beyond(values: Floats, errors: Floats) -> float:
-    """Return the ratio of the flights' scatter to their errors, at least 1; 1 for fewer than 5
-    flights.
+    """Return the ratio of the scatter of `values` (F,) to their errors (F,), at least 1; 1 for
+    fewer than 5 flights.
 
-    From the median of second differences, which neither a step nor a ramp changes much.
+    Computed from the median of second differences, which neither a step nor a ramp changes much.
     """
     if values.size < 5:
         return 1.0
@@ -73,8 +73,7 @@ def spread_beyond(values: Floats, errors: Floats) -> float:
 
 
 def scatter_of(values: Floats) -> Floats:
-    """Return one error (F,) for all flights of a value without reported errors:
-    `spread_of` them."""
+    """Return standard errors (F,) for values (F,) that have none: `spread_of(values)`, repeated."""
     return np.full(values.size, max(spread_of(values), 1e-12))
 
 
@@ -86,8 +85,10 @@ def spread_of(values: Floats) -> float:
 
 
 def clip_outliers(values: Floats, errors: Floats) -> Floats:
-    """Limit each value's distance from its neighbours' median to OUTLIER times their combined
-    errors."""
+    """Limit the distance of `values` (F,) from the median of neighbours to OUTLIER errors.
+
+    The error is that of the value combined with the neighbours' median one.
+    """
     middle = median_filter(values, NEIGHBOURS, mode="nearest")
     far = OUTLIER * np.hypot(errors, median_filter(errors, NEIGHBOURS, mode="nearest"))
     return middle + np.clip(values - middle, -far, far)
@@ -124,8 +125,8 @@ class _ConstantOrLine:
         self.penalty = penalty
 
     def costs(self, start: Any, end: Any) -> Floats:
-        """Return the cost (N,) of fitting each segment from `start` up to, not including, `end`,
-        like `fitted`.
+        """Return the cost (N,) of fitting each segment from `start` up to, excluding, `end`, as
+        `fitted`.
 
         Either may be one flight for all segments.
         """
@@ -150,7 +151,7 @@ class _ConstantOrLine:
 
 
 def recount_flights(entry: SeasonEntry, where: NDArray[np.intp]) -> SeasonEntry:
-    """Return an entry found among the flights `where`, with its flight numbers counted over all
+    """Return an entry found among the flights `where`, with flight numbers counted over all
     flights.
 
     `where` has the index over all flights of each flight that the entry was searched in.
@@ -161,9 +162,10 @@ def recount_flights(entry: SeasonEntry, where: NDArray[np.intp]) -> SeasonEntry:
 
 
 def segments(values: Floats, errors: Floats, penalty: float) -> list[tuple[int, int]]:
-    """Return (start, end) of the segments with the least total cost, a penalty for each cut.
+    """Cut `values` (F,) with standard errors (F,) into the segments of least total cost.
 
-    Source: Jackson et al. 2005, optimal partitioning.
+    Each segment, from flight `start` up to, excluding, `end`, is fitted by a constant or a line;
+    its cost is the fit's plus `penalty`. Source: Jackson et al. 2005, optimal partitioning.
     """
     flights = values.size
     start, end = np.triu_indices(flights + 1, LEAST_FLIGHTS)
@@ -181,10 +183,10 @@ def segments(values: Floats, errors: Floats, penalty: float) -> list[tuple[int, 
 
 
 def changes(values: Floats, errors: Floats, penalty: float) -> tuple[list[SeasonEntry], Floats]:
-    """Return the changes of a value (F,) with errors (F,), and the fitted curve (F,).
+    """Return the changes of a value (F,) with standard errors (F,), and the fitted curve (F,).
 
-    A single outlier is no change. Slopes are per flight. No change for fewer than 2 LEAST_FLIGHTS
-    flights.
+    `penalty` is the gain in squares that a change must exceed. A single outlier is no change.
+    Slopes are per flight. No change for fewer than 2 LEAST_FLIGHTS flights.
     """
     if values.size < 2 * LEAST_FLIGHTS:
         return [], np.full(values.size, float(np.mean(values)) if values.size else np.nan)
@@ -254,8 +256,11 @@ def _date_interval(costs: Floats, first: int) -> tuple[int, int, int]:
 
 
 def _step_interval(values: Floats, errors: Floats, began: int, end: int) -> tuple[int, int]:
-    """Return the earliest and latest flight of the step between `began` and `end`, with a line on
-    either side."""
+    """Return the earliest and latest flight at which a step may be, between `began` and `end`.
+
+    `values` and their standard errors are (F,); before and after the step the values are constant
+    or on a line. At least LEAST_FLIGHTS flights are on either side.
+    """
     sums = _ConstantOrLine(values, errors, 0.0)
     tried = np.arange(began + LEAST_FLIGHTS, end - LEAST_FLIGHTS + 1)
     costs = sums.costs(began, tried)
@@ -266,9 +271,10 @@ def _step_interval(values: Floats, errors: Floats, began: int, end: int) -> tupl
 def _fit_hinge(
     values: Floats, errors: Floats, began: int, end: int, line: bool
 ) -> tuple[float, tuple[int, int, int]]:
-    """Fit two lines that meet; the first is flat unless `line`.
+    """Fit two lines that meet to values (F,) with errors (F,) of flights `began` to `end`; the
+    first line is flat unless `line`.
 
-    Return the squares left, and the first flight on the second line with its interval.
+    Return the remaining squares, and the first flight on the second line with its interval.
     """
     tried = np.arange(began + 1, end - 2)
     t, w, y = np.arange(0.0, end - began), errors[began:end] ** -2.0, values[began:end]

@@ -66,8 +66,8 @@ class FlightEvidence:
         return self.limits[:, LIMITS.index(name)]
 
     def linearise_at(self, values: Floats) -> Floats:
-        """Return the Gram matrix (q + 1, q + 1) of [derivatives, residual], with losses linearised
-        at `values` (q,).
+        """Return the Gram matrix (q + 1, q + 1) of [derivatives J, residual r] with the effects'
+        quadratic changes Q linearised at `values` v (q,).
 
         r = J d still holds for values d counted from 0: r + Q v² = (J + 2 Q v) d.
         """
@@ -127,7 +127,7 @@ def flight_sums(model: RotorModel, track: FlightTrack) -> FlightEvidence:
 
 
 def _derivatives(reduced: Reduced, one: Candidate, found: Floats | None) -> Floats:
-    """Return the derivatives (N, R, P), rpm in modes, by a candidate's values at its start.
+    """Return the derivatives (N, R, P), modal, rpm, by a candidate's values at its start.
 
     `found` are these derivatives if they were computed before. The column of a torque share is
     replaced by the derivative by loss x share.
@@ -145,7 +145,7 @@ def _derivatives(reduced: Reduced, one: Candidate, found: Floats | None) -> Floa
 
 
 def _bend(reduced: Reduced, one: Candidate, slope: Floats) -> Floats:
-    """Return the second-order change (N, R), rpm in modes, of a loss, over d², from a chord to
+    """Return the second-order change (N, R), modal, rpm, of a loss d, over d², from a chord to
     BEND_SPAN."""
     moved = one.start.copy()
     moved[:, [p.name for p in one.parameters].index(LOSS.name)] += BEND_SPAN
@@ -156,7 +156,11 @@ def _bend(reduced: Reduced, one: Candidate, slope: Floats) -> Floats:
 
 
 def to_arrays(evidence: FlightEvidence) -> dict[str, Floats]:
-    """Convert evidence to named float64 arrays for a table or a file; `from_arrays` reverses it."""
+    """Convert evidence to named float64 arrays for a table or a file; `from_arrays` reverses it.
+
+    `names` are joined by newlines, as UTF-8 bytes; `gram` is the upper triangle, row by row;
+    `facts` are seconds, means, rotor count and 1 for speeds from outputs.
+    """
     upper = np.triu_indices(len(evidence.gram))
     return {
         "names": np.array(list("\n".join(evidence.names).encode()), dtype=np.float64),
@@ -226,7 +230,7 @@ class SeasonSums:
 
     @property
     def main(self) -> NDArray[np.intp]:
-        """Return the indices of the main values, not those that only shape an effect."""
+        """Return the indices of the main values; shape parameters of effects are left out."""
         return np.flatnonzero(self.limit("shapes") == 0.0)
 
     def limit(self, name: str) -> Floats:
@@ -243,10 +247,10 @@ class SeasonSums:
         )
 
     def estimates(self, place: int, curves: Floats) -> tuple[Floats, Floats]:
-        """Return each flight's estimate (F,) of one value and its standard error (F,), given
-        `curves` (F, q) of all values.
+        """Return each flight's estimate (F,) of one value and its standard error (F,).
 
-        NaN and infinite where a flight has no information.
+        `curves` (F, q) are the values of all parameters. NaN and infinite where a flight has no
+        information.
         """
         own = self.information[:, place, place]
         left = self.pull[:, place] - np.einsum("fq,fq->f", self.information[:, place], curves)
@@ -264,8 +268,8 @@ class SeasonSums:
 def season_sums(
     flights: Sequence[FlightEvidence], bent: Mapping[str, Floats] = MappingProxyType({})
 ) -> SeasonSums:
-    """Combine flights in the order of time; `bent` are the losses (F,) that the sums are linearised
-    at.
+    """Combine flights in the order of time; the sums are linearised at the losses `bent` (F,), by
+    name.
 
     Raises DataError without flights, or when flights have different numbers of rotors.
     """

@@ -42,7 +42,7 @@ _Fit = tuple[Floats, float]  # result of `_joint_fit`: curves (F, q), squares le
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Trend:
-    """One value over F flights."""
+    """Estimates, curve and changes of a value over F flights."""
 
     name: str
     value: Floats  # (F,) estimate of each flight, NaN without information
@@ -77,7 +77,7 @@ class SeasonChanges:
     shared: tuple[SharedEffect, ...]
 
     def trend(self, name: str) -> Trend | None:
-        """Return the trend of the value `name`, or None."""
+        """Return the trend of the value `name`; None if the season has no such value."""
         return next((t for t in self.trends if t.name == name), None)
 
 
@@ -150,8 +150,10 @@ def _relinearise(sums: SeasonSums, found: _SeasonModel) -> SeasonSums:
 
 
 def _add_best_value(sums: SeasonSums, found: _SeasonModel, penalty: float) -> _SeasonModel | None:
-    """Return the model with the shared value or curve that explains most, or None if none exceeds
-    the penalty."""
+    """Return the model with the shared value or curve added that explains most.
+
+    None if none exceeds the penalty.
+    """
     now, best, most = _joint_fit(sums, found), None, penalty
     for place in (int(k) for k in sums.main):
         tried = []
@@ -207,8 +209,7 @@ def _change_curve(
 def _value_changes(
     sums: SeasonSums, place: int, found: _SeasonModel, curves: Floats, penalty: float
 ) -> tuple[list[SeasonEntry], Floats]:
-    """Return the significant changes of one value, flights counted over the season, and its curve
-    (F,).
+    """Return the significant changes of one value over the season, and its curve (F,).
 
     A change must exceed its error and the error that FORM of other values' changes causes.
     """
@@ -231,7 +232,9 @@ def _value_changes(
 
 
 def _flight_estimates(sums: SeasonSums, place: int, curves: Floats) -> tuple[Floats, Floats, float]:
-    """Return estimates (F,) and standard errors (F,) of a value, and the factor of excess scatter.
+    """Return estimates (F,) and standard errors (F,) of a value, and the errors' scale factor.
+
+    The factor is the one by which flights scatter more than their errors; the errors include it.
 
     No flight has a smaller error than the median flight: flights of one kind share model errors,
     and a few accurate flights of another kind would appear as a change.
@@ -291,8 +294,7 @@ def _joint_fit(sums: SeasonSums, found: _SeasonModel) -> _Fit:
 
 
 def _shared_effects(sums: SeasonSums, found: _SeasonModel, penalty: float) -> list[SharedEffect]:
-    """Return the season means that exceed their standard errors, which come from the scatter of
-    flights.
+    """Return the season means that exceed their standard errors, estimated by the flights' scatter.
 
     Each flight counts once; model uncertainty is added.
     """
@@ -327,9 +329,10 @@ def _shared_effects(sums: SeasonSums, found: _SeasonModel, penalty: float) -> li
 def _equivalent_values(
     sums: SeasonSums, rest: _SeasonModel, squares: float, others: Mapping[int, _SeasonModel]
 ) -> tuple[str, ...]:
-    """Return the names of values that explain nearly as much as the one missing in `rest`.
+    """Return the names of values that fit nearly as well as the one that is missing in `rest`.
 
-    `others`: index -> the model with that value instead. Effects are accurate to FORM.
+    `others` maps a value's index to the model with it instead; `squares` is the fit's cost with the
+    missing value. Costs up to the share FORM of the gain apart cannot be distinguished.
     """
     gain = _joint_fit(sums, rest)[1] - squares
     most = squares + max(2.0 * NEAR, FORM * gain)
@@ -337,7 +340,10 @@ def _equivalent_values(
 
 
 def _trend(sums: SeasonSums, place: int, found: _SeasonModel, fit: _Fit, penalty: float) -> Trend:
-    """Collect estimates, curve, changes and detection limit of one value."""
+    """Return the trend of value number `place`: estimates, curve, changes and detection limit.
+
+    `penalty` is the gain in squares that a change must exceed.
+    """
     curves, squares = fit
     value, error, _ = _flight_estimates(sums, place, curves)
     where = np.flatnonzero(np.isfinite(value))

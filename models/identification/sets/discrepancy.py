@@ -56,7 +56,8 @@ SLOW_MEANS = 43
 
 
 def free_columns(x: Channels, flight: NDArray[np.intp]) -> tuple[Floats, tuple[str, ...]]:
-    """Return the discrepancy's columns (N, H) of size about one, and the channel (H,) of each.
+    """Return the basis columns (N, H) of the model discrepancy, of size about 1, and each one's
+    channel.
 
     The first is the constant. Channels that are incomplete or vary too little have no columns.
     """
@@ -86,7 +87,10 @@ def free_columns(x: Channels, flight: NDArray[np.intp]) -> tuple[Floats, tuple[s
 
 
 def form_columns(x: Channels) -> Floats:
-    """Return slow curves (N, W) of size one, along which an effect's law may be inaccurate."""
+    """Return basis columns (N, W), about 1 in size, of slow errors in an effect's law.
+
+    A constant and piecewise linear functions of channels that vary.
+    """
     parts = [np.ones((x.time_s.size, 1))]
     for name in FORMED:
         values = np.asarray(getattr(x, name))
@@ -144,7 +148,8 @@ def hats(values: Floats, count: int) -> Floats:
 
 
 def flight_running_mean(values: Floats, flight: NDArray[np.intp]) -> Floats:
-    """Return the running mean over SLOW_MEANS values within each flight."""
+    """Return the running mean (N,) of `values` (N,) over SLOW_MEANS values within each flight;
+    shorter at its ends."""
     out = np.empty_like(values)
     for f in np.unique(flight):
         mine = flight == f
@@ -161,8 +166,8 @@ ANSWER = 0.3  # share of an output's response to a turn, as a third less thrust 
 
 
 def law_uncertainty(reduced: Reduced) -> Floats:
-    """Return directions (N, R, D), rpm in modes, in which the base model and its effects' laws may
-    be inaccurate.
+    """Return directions (N, R, D), modal, rpm, in which base model and effects' laws may be
+    inaccurate.
 
     A law may be inaccurate along slow channels and with the size of its own change: if large turns
     deviate from the law, another inertia must not explain it.
@@ -204,8 +209,8 @@ def shape_columns(reduced: Reduced, base: Floats) -> list[Floats]:
 def _rotor_columns(reduced: Reduced, base: Floats) -> Floats:
     """Return FORM of each rotor's variation in predicted speed within its flight (N, R, R), rpm.
 
-    For a model without flights of this aircraft: the response of each rotor to load is known no
-    better than the laws of the load, so a deviation of one rotor is no evidence of a weak one.
+    For a model not trained on this aircraft: the response of each rotor to load is known no better
+    than the laws of the load, so a deviation of one rotor is no evidence of a weak one.
     """
     directions = reduced.modes.directions
     speed = np.nan_to_num(base) @ directions.T
@@ -215,9 +220,9 @@ def _rotor_columns(reduced: Reduced, base: Floats) -> Floats:
 
 
 def load_response(reduced: Reduced, base: Floats) -> Floats:
-    """Return fast collective changes (N, R, R - 1), rpm, as they would appear in each other mode.
+    """Return the fast collective changes, rpm, placed in each other mode: columns (N, R, R - 1).
 
-    While gusts and manoeuvres load the rotors, the controller may answer in any mode by as much:
+    While gusts and manoeuvres load the rotors, the controller may respond in any mode by as much:
     that is no evidence about thrust shares.
     """
     load = np.nan_to_num(base[:, 0])
@@ -226,7 +231,7 @@ def load_response(reduced: Reduced, base: Floats) -> Floats:
 
 
 def turn_response(reduced: Reduced, base: Floats) -> list[Floats]:
-    """Return columns for each rotor's output responding more than others to a turn.
+    """Return columns (N, R, 1), modal, rpm, for each rotor's output responding more to a turn.
 
     Outputs are commands, not measurements: a rate loop commands the same of all rotors, and not
     more of one with less thrust.
@@ -261,11 +266,11 @@ def learn_variances(
     numbers: NDArray[np.intp],
     factor: float = 1.0,
 ) -> VarianceFactors:
-    """Estimate the variance components of a residual (N, R), rpm in modes.
+    """Estimate the variance components of a modal residual (N, R), rpm.
 
-    `groups` (H,) is each hat's channel; `numbers` (K,) the component of each scatter column, -1 for
-    those that keep their size. `factor` is the size of the discrepancy relative to a sound
-    aircraft; the discrepancy's own sizes are estimated only if it is 1.
+    `groups` (H,) is the channel of each basis column; `numbers` (K,) is the component of each
+    scatter column, or -1 for a fixed size. `factor` is the size of the discrepancy relative to a
+    sound aircraft; the discrepancy's own sizes are estimated only if it is 1.
     """
     names = list(dict.fromkeys(groups))
     group = np.array([names.index(g) for g in groups])
@@ -318,7 +323,7 @@ class _Sums:
 
     @classmethod
     def from_residual(cls, nuisance: Nuisance, residual: Floats) -> _Sums:
-        """Compute the products for a residual (N, R), rpm in modes."""
+        """Compute the products for a modal residual (N, R), rpm."""
         z = nuisance.filter_columns(residual[:, :, None])
         pairs = zip(nuisance.by_flight, nuisance.flights, strict=True)
         return cls(

@@ -71,7 +71,7 @@ class ValuePrior:
     pull: Floats  # (P,) gradient of the log prior of normal values and readings
 
     def exceeds_bounds(self, step: Floats) -> Bools:
-        """Return which shape values (P,) a step (P,) would move beyond their bounds."""
+        """Flag the shape values (P,) that a step (P,) would move beyond their bounds."""
         lower, upper = self.set_prior.limits[:2]
         moved = self.values + step
         return ((moved < lower) | (moved > upper)) & self.set_prior.normal
@@ -153,7 +153,10 @@ def _candidate_prior(one: Candidate) -> SetPrior:
 
 @lru_cache(maxsize=4096)
 def _set_prior(candidates: tuple[Candidate, ...]) -> SetPrior:
-    """Concatenate the priors of a set's candidates; the first bad rotor has better odds."""
+    """Concatenate the priors of a set's candidates, in order.
+
+    The set's log prior is the sum of theirs, plus `_first_rotor_log_odds` of the candidates.
+    """
     own = [_candidate_prior(one) for one in candidates]
     normal = np.concatenate([np.zeros(0, dtype=bool), *(one.normal for one in own)])
     ends = [0, *accumulate(one.normal.size for one in own)]
@@ -191,13 +194,12 @@ def _first_rotor_log_odds(candidates: Sequence[Candidate]) -> float:
 
 
 def is_shape(p: Parameter) -> bool:
-    """Return whether a parameter has no absent value: it shapes its effect and cannot remove it."""
+    """Return True if a parameter has no absent value: it shapes its effect and cannot remove it."""
     return p.detail or p.absent is None
 
 
 def score(prior: ValuePrior, gram: Floats, temperature: float = 1.0) -> SetScore:
-    """Score a set by its Gram matrix `gram` (P + 1, P + 1) of derivatives J and residual r, [J
-    r]'[J r].
+    """Score a set by the Gram matrix [J r]'[J r] (P + 1, P + 1) of derivatives J and residual r.
 
     `gram` is in units of `temperature` times the noise; the returned variance is for the noise
     itself. Shapes beyond a bound are fixed at it. The log evidence is IMPOSSIBLE for a singular
@@ -250,7 +252,7 @@ def _step_at_bounds(prior: ValuePrior, system: Floats, pulled: Floats, step: Flo
 
 
 def _log_sizes(prior: ValuePrior, values: Floats, error: Floats) -> float:
-    """Return the log prior density of all effects' main values, including that they lie within
+    """Return the log prior density of all effects' main values, including that they are within
     bounds.
 
     An effect whose linearisation point is at a bound is IMPOSSIBLE.

@@ -44,7 +44,7 @@ class FilteredColumns:
     def from_columns(
         cls, nuisance: Nuisance, solved: ReducedNuisance, columns: ValueColumns
     ) -> FilteredColumns:
-        """Filter columns (N, R, P), rpm in modes, and marginalise the nuisances."""
+        """Filter modal columns (N, R, P), rpm, and marginalise the nuisances."""
         z = nuisance.filter_columns(columns)
         drawn, (shared, own) = nuisance.flight_draws(z), nuisance.products(z)
         sums = shared - nuisance.cross_products.T @ drawn, own - drawn.T @ drawn
@@ -58,8 +58,10 @@ class FilteredColumns:
         )
 
     def gram(self, residual: Floats) -> Floats:
-        """Return the Gram matrix (P + 1, P + 1) of the columns and a residual (N, R), rpm in modes,
-        nuisances marginalised."""
+        """Return the Gram matrix (P + 1, P + 1) of the columns and a modal residual (N, R), rpm.
+
+        Nuisances are marginalised.
+        """
         n = self.nuisance
         r = n.filter_columns(residual[:, :, None])
         drawn, (shared, own) = n.flight_draws(r)[:, 0], n.products(r)
@@ -77,7 +79,7 @@ Key = frozenset[int]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EffectSet:
-    """A set of effects with its values and its score, from the search to the answer.
+    """A set of effects with its values and its score, from the search to the report.
 
     The search fits the values with the nonlinear effects; a fold of cross-validation scores them.
     """
@@ -125,11 +127,10 @@ class _AboutSet:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearisedSets(_AboutSet):
-    """All candidates, linearised about a fitted set, with `gram` (q, q) of [derivatives, changes,
-    residual].
+    """All candidates, linearised about a fitted set.
 
-    A change is what a candidate adds to the prediction by entering the set at its start values, or
-    by leaving it.
+    `gram` (q, q) is of [derivatives, changes, residual]. A change is what a candidate adds to the
+    prediction by entering the set at its start values, or by leaving it.
     """
 
     gram: Floats
@@ -186,7 +187,7 @@ class LinearisedSets(_AboutSet):
         return out
 
     def restrict(self, members: Collection[int], without: Collection[int]) -> LinearisedSets:
-        """Return the problem with free values of `members` alone, without values of the flights
+        """Return the problem with only the free values of `members`, and none of the flights
         `without`."""
         trials, columns, kept = [], [], []
         for c, (one, places) in enumerate(zip(self.trials, self.columns, strict=True)):
@@ -204,10 +205,10 @@ class LinearisedSets(_AboutSet):
         return replace(self, trials=tuple(trials), columns=tuple(columns), gram=gram)
 
     def law_error(self, c: int, k: int) -> float:
-        """Return the standard error that inaccurate laws cause in value `k` of candidate `c`,
-        outside the set.
+        """Return the standard error that inaccurate laws cause in value `k` of candidate `c`.
 
-        Laws of the effects in the set are accurate to FORM of the change that they predict.
+        The candidate is outside the set. Laws of the effects in the set are accurate to FORM of the
+        change that they predict.
         """
         place = self.columns[c].start + k
         first = self.columns[-1].stop if self.columns else 0

@@ -34,7 +34,7 @@ _factored, _inverted = get_lapack_funcs(("potrf", "trtri"))
 
 
 def inverse_cholesky(system: Floats) -> Floats:
-    """Return the inverse of the Cholesky factor L of `system` = L L'; all NaN if not positive
+    """Return the inverse of the Cholesky factor L of `system` (n, n) = L L'; NaN if not positive
     definite."""
     if not system.size:
         return system
@@ -195,7 +195,7 @@ class Nuisance:
         )
 
     def select_means(self, kept: Bools) -> Nuisance:
-        """Return the nuisance of the means with `kept` (n,) True."""
+        """Return the nuisance of the means flagged in `kept` (n,)."""
         filter_ = self.whitening.select_means(kept)
         flights = tuple(
             slice(*np.searchsorted(filter_.flight, [f, f + 1])) for f in range(len(self.flights))
@@ -245,7 +245,10 @@ class Nuisance:
         return np.concatenate(draws)
 
     def products(self, z: ValueColumns) -> Sums:
-        """Return X'z and z'z of filtered columns z, without marginalising the scatter."""
+        """Return X'z (X, q) and z'z (q, q) of q filtered columns z, with the scatter left in.
+
+        X are the columns of the nuisances that all flights share.
+        """
         modes, _, hats = self.free.shape
         known = self.uncertainty.shape[2]
         shared, own = np.zeros((known + modes * hats, z.count)), np.zeros((z.count, z.count))

@@ -64,7 +64,7 @@ def drop_rotor_effects(search: Search, key: Key) -> Key:
 def onset_candidates(search: Search, effect_set: EffectSet) -> list[Candidate]:
     """Return step changes of rotors that raise the likelihood enough, best first.
 
-    Each is added to the set `effect_set` without its rotor effects.
+    Each is added to `effect_set` after its rotor effects were removed.
     """
     sound = drop_rotor_effects(search, effect_set.key)
     near = effect_set.effects
@@ -137,10 +137,10 @@ def step_families(search: Search) -> Iterator[_Step]:
 
 
 def _grid(time_s: Floats) -> Floats:
-    """Return times to try, GRID seconds apart and LEAST_AFTER from either end, in s like `time_s`
-    (n,).
+    """Return possible times of a step, s, GRID s apart and LEAST_AFTER s or more from either end.
 
-    Times in a pause of the log are left out, as they are equivalent.
+    They are on the clock of `time_s` (n,). Times in a pause of the log are left out, as they are
+    equivalent.
     """
     first, last = time_s.min() + LEAST_AFTER, time_s.max() - LEAST_AFTER
     inside = time_s[(time_s >= first) & (time_s < last)]
@@ -158,8 +158,8 @@ class LossSums:
 
     @classmethod
     def about_set(cls, search: Search, fitted: EffectSet, column: Floats) -> LossSums:
-        """Compute the sums of `column` (N, R), the loss's derivative, and the residual
-        of `fitted`."""
+        """Compute the sums of `column` (N, R), the loss's derivative, and the residual of
+        `fitted`."""
         columns = np.stack([column, np.nan_to_num(fitted.residual)], axis=2)
         flight, flights = search.nuisance.whitening.flight, search.reduced.flights
         parts = [search.nuisance.select_means(flight == f).sums(columns) for f in range(flights)]
@@ -171,8 +171,10 @@ class LossSums:
         )
 
     def constant_gram(self) -> Floats:
-        """Return the Gram matrix (2, 2) of a loss in all flights from their beginning, and the
-        residual."""
+        """Return the Gram matrix (2, 2) of two columns, nuisances marginalised.
+
+        They are a constant loss from the beginning of all flights, and the residual.
+        """
         return self.search.solved.reduce(self.search.nuisance.sums(self.columns))
 
     def spans(self) -> Iterator[tuple[str, float, int, tuple[float, ...]]]:
@@ -213,8 +215,11 @@ class LossSums:
             yield kind, gain, -1, times
 
     def gram(self, step: _Step, times: Floats) -> Floats:
-        """Return the Gram matrix (S + 1, S + 1) of a loss from each of `times` on, and the
-        residual."""
+        """Return the Gram matrix (S + 1, S + 1) of the residual and a loss from each of S `times`
+        on.
+
+        The residual is last.
+        """
         reduced, nuisance = self.search.reduced, self.search.nuisance
         f, count = step.flight, times.size
         if f is None:
@@ -261,7 +266,8 @@ def _best_transient(sums: LossSums, step: _Step) -> tuple[float, tuple[float, ..
 
 
 def _best_interval(sums: LossSums, step: _Step, times: Floats) -> tuple[float, tuple[float, ...]]:
-    """Return the largest gain of a loss between two of `times`, and the two times.
+    """Return the largest gain of log likelihood by a loss between two of `times` (n,), s, and both
+    times.
 
     Its column is a step at the first time minus a step at the second, LEAST_AFTER seconds later or
     more.
@@ -278,8 +284,10 @@ def _best_interval(sums: LossSums, step: _Step, times: Floats) -> tuple[float, t
 def _step_candidate(
     search: Search, kind: str, rotor: int, flight: int, when: tuple[float, ...], tries: int
 ) -> Candidate:
-    """Return the candidate of a step found, with its times as start values and its prior for
-    `tries` times."""
+    """Return the candidate of a step that was found, with its times as start values.
+
+    Its prior allows for the `tries` times that were tried.
+    """
     effect, clock = KINDS[kind]
     steady = candidate(Term(effect=effect, rotor=rotor), search.reduced.flights)
     names = [p.name for p in effect.parameters]

@@ -56,10 +56,10 @@ OF_DIRECTION = (
 
 
 def unreported_wind_columns(reduced: Reduced, tracks: Sequence[FlightTrack]) -> Floats:
-    """Return the change (N, R, 2), rpm in modes, by a wind from south and by one from west.
+    """Return the change (N, R, 2), modal, rpm, by a wind from south and by one from west.
 
-    Its speed is the strongest of the good flights. No column if these flights report the wind or
-    the good ones did not.
+    Its speed is the strongest of the training flights. No column if these flights report the wind
+    or the training flights did not.
     """
     domain = reduced.model.training_domain
     strongest = np.nan if domain is None else domain.wind_speed[1]
@@ -117,9 +117,10 @@ def search_space(
     catalogue: Sequence[Effect],
     means: Reduced | None = None,
 ) -> SearchSpace:
-    """Build the search space of some flights; raises like `problem.assemble`.
+    """Build what a search over effects needs: candidate effects, nuisance columns, noise filter.
 
-    `means` avoids reducing the flights again.
+    `means` is `reduce_flights(model, tracks)` if already computed; None: compute it here. Raises
+    like `problem.assemble`.
     """
     reduced = reduce_flights(model, tracks) if means is None else means
     candidates = _drop_constant_shares(reduced, candidates_of(reduced, catalogue))
@@ -187,10 +188,10 @@ def search_space(
 def _drop_constant_shares(
     reduced: Reduced, candidates: Sequence[Candidate]
 ) -> tuple[Candidate, ...]:
-    """Drop candidates that shift the balance by a constant, for motor outputs without known sound
-    flights.
+    """Drop candidates that shift the balance by a constant, for motor outputs of an untrained
+    model.
 
-    `answer.constant_shares` reports them instead.
+    `answer.constant_shares` reports them instead. Other problems are unchanged.
     """
     if not (reduced.of_outputs and lacks_sound_flights(reduced.model)):
         return tuple(candidates)
@@ -204,10 +205,9 @@ def _drop_constant_shares(
 
 
 def slow_noise_columns(reduced: Reduced, others: int) -> tuple[Floats, NDArray[np.intp]]:
-    """Return slow noise of the usual size (N, R, R W), rpm, in each mode, and the mode of each
-    column.
+    """Return columns (N, R, R W), rpm, of slow noise in each mode, and each column's mode.
 
-    The modes (K,) begin with `others` columns that have none (-1).
+    The mode indices begin with `others` entries of -1, for other columns, which have no mode.
     """
     x, modes = reduced.channels, reduced.measured_rpm.shape[1]
     curves = wander_columns(
@@ -220,8 +220,7 @@ def slow_noise_columns(reduced: Reduced, others: int) -> tuple[Floats, NDArray[n
 
 
 def unexplained_noise(open_: Nuisance, residual: Floats) -> Floats:
-    """Return the factor (n, R) by which the remaining residual of each flight and mode exceeds its
-    noise.
+    """Return the factor (n, R) by which each flight's and mode's residual exceeds its noise.
 
     Noise is estimated by a median, which ignores outliers. The factor is between 1 and TAILS: a
     larger excess is no noise.
@@ -261,9 +260,9 @@ def main_values(candidates: Sequence[Candidate]) -> list[tuple[int, int, str]]:
 def _effect_columns(
     reduced: Reduced, candidates: Sequence[Candidate]
 ) -> tuple[Floats, dict[int, Floats]]:
-    """Return the changes (N, R, K), rpm in modes, by the `smallest` size of every main value.
+    """Return the changes (N, R, K), modal, rpm, by the `smallest` size of every main value.
 
-    Also return the derivatives (N, R, P) of each candidate that has such a value.
+    Also return the derivatives (N, R, P) of each candidate that has a main value.
     """
     columns = []
     of_effect: dict[int, Floats] = {}
@@ -278,10 +277,10 @@ def _effect_columns(
 
 
 def _unnamed_columns(reduced: Reduced, unnamed: Sequence[Candidate]) -> Floats:
-    """Return the largest changes (N, R, K), rpm in modes, by knots of unnamed causes along slow
+    """Return the largest changes (N, R, K), modal, rpm, by knots of unnamed causes along slow
     channels.
 
-    Those channels vary as slowly as slow noise, which must not absorb them.
+    These channels vary as slowly as slow noise, which must not absorb them.
     """
     columns = [np.zeros((*reduced.measured_rpm.shape, 0))]
     for one in (c for c in unnamed if place_of(c.term.effect)[1] in SLOW):
@@ -293,7 +292,7 @@ def _unnamed_columns(reduced: Reduced, unnamed: Sequence[Candidate]) -> Floats:
 def scatter_sizes(candidates: Sequence[Candidate], known: GoodFlights | None) -> Floats:
     """Return the between-flight scatter (K,) of each main value, in units of its `smallest`.
 
-    From the good flights, kept within SCATTER_LIMITS of the usual, as few or short flights estimate
+    From the training flights, within SCATTER_LIMITS of the usual, as few or short flights estimate
     it poorly. 0 for rotors: a sound propeller does not change between flights.
     """
     learnt = {} if known is None else known.scatter
@@ -306,12 +305,12 @@ def scatter_sizes(candidates: Sequence[Candidate], known: GoodFlights | None) ->
 
 
 def flight_offsets(reduced: Reduced, residual: Floats) -> tuple[Floats, Floats]:
-    """Return the size (N, R, R), rpm, of each mode's offset by flight, and of an offset that all
-    flights share.
+    """Return the size (N, R, R), rpm, of each mode's offset by flight, and of one all flights
+    share.
 
-    Sizes are those of the n good flights, which were held out of the model; their mean is uncertain
-    by 1/n of the variance. For motor outputs, whose shares depend on wind and battery, sizes are at
-    least these flights' own; without good flights, too large to report anything.
+    Sizes are those of the n training flights, which were held out of the model; their mean is
+    uncertain by 1/n of the variance. For motor outputs, whose shares depend on wind and battery,
+    sizes are at least these flights' own; without training flights, too large to report anything.
     """
     model, modes = reduced.model, residual.shape[1]
     size = np.array(model.background_rpm or np.zeros(modes))
@@ -323,11 +322,12 @@ def flight_offsets(reduced: Reduced, residual: Floats) -> tuple[Floats, Floats]:
 
 
 def _flight_slopes(reduced: Reduced) -> tuple[Floats, Floats]:
-    """Return the changes (N, R, K), rpm in modes, by each mode's slope along each channel in a
-    flight, and by a slope that all flights share.
+    """Return the changes (N, R, K), modal, rpm, by each mode's slope along each channel in a
+    flight.
 
-    Sizes are those between the n good flights, whose mean is in the model and uncertain by 1/n of
-    the variance, as for `flight_offsets`. Without them no column.
+    Also return those by a slope that all flights share. Sizes are those between the n training
+    flights, whose mean is in the model and uncertain by 1/n of the variance, as for
+    `flight_offsets`. Without such flights no column.
     """
     good, x = reduced.model.good_flights, reduced.channels
     columns = [np.zeros((*reduced.measured_rpm.shape, 0))]
@@ -359,8 +359,7 @@ def _thermometer_columns(reduced: Reduced, tracks: Sequence[FlightTrack]) -> Flo
 
 
 def subtract_flight_means(columns: Floats, flight: NDArray[np.intp]) -> Floats:
-    """Return columns (N, R, K) less their mean over each flight, which the flight
-    offsets contain."""
+    """Subtract from columns (N, R, K) their mean over each flight, which flight offsets contain."""
     out = np.empty_like(columns)
     for f in np.unique(flight):
         out[flight == f] = columns[flight == f] - columns[flight == f].mean(axis=0)
@@ -368,8 +367,8 @@ def subtract_flight_means(columns: Floats, flight: NDArray[np.intp]) -> Floats:
 
 
 def _noise_filter(reduced: Reduced, residual: Floats, scatter: Floats, hats: Floats) -> Whitening:
-    """Estimate the noise filter from the residual that no effect and no discrepancy
-    curve explains."""
+    """Estimate the noise filter from the residual that no effect and no discrepancy curve
+    explains."""
     remaining = np.empty_like(residual)
     for mode in range(residual.shape[1]):
         known = scatter[:, mode, :]
@@ -399,7 +398,10 @@ def manoeuvre_mask(reduced: Reduced) -> Bools:
 def free_sizes(
     reduced: Reduced, groups: Sequence[str], known: GoodFlights | None, speed: float
 ) -> Floats:
-    """Return the size (R, H), rpm, of each hat of the discrepancy on a sound aircraft."""
+    """Return the standard deviation (R, H), rpm, of the discrepancy's coefficients without faults.
+
+    R modes, H basis columns; `groups` (H,) names each column's channel.
+    """
     learnt = {} if known is None else known.curve_rpm
     usual, least = USUAL_SHARE * speed, LEAST_SHARE * speed
     return np.array(

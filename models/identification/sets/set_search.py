@@ -84,8 +84,8 @@ class Search:
     def _start_values(self, one: Candidate) -> Floats:
         """Return the start values (F, K) of a candidate.
 
-        A delay starts at the median that rows show: its likelihood has several maxima, and steps
-        from zero may end at a small wrong one.
+        A delay starts at the median of the flights' readings: its likelihood has several maxima,
+        and steps from zero may end at a small wrong one.
         """
         if not one.term.effect.delays:
             return one.start
@@ -131,7 +131,7 @@ class Search:
     def add(self, further: Sequence[Candidate], members: Key) -> bool:
         """Add candidates `further` and fit each alone and together with the set `members`.
 
-        Return whether one of these sets comes within FAR of the best, so that the search should
+        Return True if one of these sets comes within FAR of the best, so that the search should
         continue.
         """
         near = {c: h for f in self.fitted.values() for c, h in f.effects.items()}
@@ -155,7 +155,7 @@ class Search:
 
         They are: unnamed causes in `key`; the steady degradation of each rotor with an unnamed
         cause in `key`, itself in `key` or not; and members of `key` that act on no rotor, are no
-        step in time and hold for later flights.
+        step in time and apply to later flights.
         """
         every = self.candidates
         uneven = {every[c].term.rotor for c in key if every[c].unnamed} - {None}
@@ -169,8 +169,10 @@ class Search:
         return members
 
     def interchangeable(self, c: int) -> list[int]:
-        """List the candidates that stand in for candidate `c`: of an unnamed cause all in the same
-        mode and on the same rotor, else itself alone."""
+        """List the candidates that may replace candidate `c`, including itself.
+
+        For an unnamed cause they are all in the same mode and on the same rotor, else only itself.
+        """
         if not self.candidates[c].unnamed:
             return [c]
         term = self.candidates[c].term
@@ -184,7 +186,7 @@ class Search:
 
     @property
     def possible_sets(self) -> list[Key]:
-        """Return the fitted sets with all main values inside their bounds."""
+        """Return the keys of the fitted sets with all main values inside their bounds."""
         return [key for key, fitted in self.fitted.items() if fitted.total > IMPOSSIBLE / 2]
 
     @property
@@ -236,8 +238,8 @@ class Search:
         )
 
     def promising_sets(self, linear: LinearisedSets) -> list[Key]:
-        """Return unfitted sets to fit next: the highest-ranked by linear score, and neighbours of
-        the best."""
+        """Return unfitted sets to fit next: the highest-ranked by linear score, and neighbours
+        of the best."""
         scores: dict[Key, float] = {}
         best = self.fitted[linear.about.key]
 
@@ -357,10 +359,10 @@ class Search:
     def _normal_equations(
         self, columns: FilteredColumns, trials: Sequence[TrialEffect], residual: Floats
     ) -> tuple[Floats, float]:
-        """Return the Gram matrix (P + 1, P + 1) of the columns and `residual`, and the cost at the
-        values of `trials`.
+        """Return the Gram matrix (P + 1, P + 1) of the columns and `residual`, and the cost.
 
-        The cost is the sum of squares, nuisances marginalised, plus that of the prior.
+        The cost, at the values of `trials`, is the sum of squares, nuisances marginalised, plus
+        that of the prior.
         """
         gram, prior = columns.gram(residual), prior_of(trials)
         away = prior.values - prior.centre
@@ -374,7 +376,7 @@ class Search:
         return EffectSet(key=key, trials=tuple(trials), set_score=scored, residual=residual)
 
     def final_step_change(self, best: EffectSet) -> Floats:
-        """Return the change in prediction (N, R), rpm in modes, by a set's linear step to its
+        """Return the change in prediction (N, R), modal, rpm, by a set's linear step to its
         optimum."""
         moved, first = np.zeros_like(best.residual), 0
         step = best.set_score.step

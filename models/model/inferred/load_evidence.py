@@ -114,7 +114,7 @@ class LoadFit(NamedTuple):
 
     @property
     def falls(self) -> bool:
-        """Return whether the load falls by more than SLOWEST kg/s."""
+        """Return True if the load falls by more than SLOWEST kg/s."""
         return bool(self.values[-1] > SLOWEST)
 
 
@@ -130,7 +130,11 @@ def load_fit(shown: LoadEvidence, airframe: Airframe) -> LoadFit | None:
 
 @lru_cache(maxsize=256)  # a listener calls it with every row, but the means change every 10 s
 def _cached_fit(shown: bytes, spraying: frozenset[float], airframe: Airframe) -> LoadFit | None:
-    """Fit the load to means, the bytes of (n, 7), given the reported states of the pump."""
+    """Fit the load to means, given as the bytes of an (n, 7) array; results are cached.
+
+    `spraying` are the distinct states of the pump that the track reports. None if no fit has a
+    credible lift gain.
+    """
     means = Means(*np.frombuffer(shown).reshape(-1, 7).T)
     by_spraying = 1.0 in spraying
     seconds = means.sprayed if by_spraying else means.flown
@@ -159,9 +163,9 @@ def _cached_fit(shown: bytes, spraying: frozenset[float], airframe: Airframe) ->
 def _least_squares(
     means: Means, seconds: Floats, usual: float, fastest: float, airframe: Airframe
 ) -> LoadFit:
-    """Solve for load, fall and lift gain, with the load falling over `seconds` (n,).
+    """Solve for load, rate of fall and lift gain; the load falls in proportion to `seconds` (n,).
 
-    `usual` and `fastest`, kg/s, set the prior of the fall.
+    `usual` and `fastest`, kg/s, set the prior of the rate.
     """
     legs = tuple(int(leg) for leg in np.unique(means.leg))
     rows = np.column_stack(
@@ -198,10 +202,10 @@ def _least_squares(
 def load_at(
     fit: LoadFit, leg: Floats, seconds: Floats, airframe: Airframe
 ) -> tuple[Floats, Floats]:
-    """Return the load (T,) kg of rows in legs `leg` (T,) at S `seconds` (T,), and its standard
-    error.
+    """Return the load (T,), kg, and its standard error (T,), kg, of rows in legs number `leg` (T,).
 
-    NaN in legs without evidence. The error excludes what `shared_error` adds.
+    `seconds` (T,) is the time by which the load falls: flown, or sprayed. NaN in legs without
+    evidence. The error excludes the part that `shared_error` adds.
     """
     fallen = np.clip(seconds, *fit.span) - fit.span[0]
     rows = np.column_stack([*(leg == one for one in fit.legs), -fallen]).astype(np.float64)
@@ -216,10 +220,10 @@ def load_at(
 def whole_flight_evidence(
     track: FlightTrack, airframe: Airframe
 ) -> tuple[LoadEvidence, Floats, Floats]:
-    """Collect the evidence of a whole flight, in the legs that the Bayesian criterion prefers.
+    """Collect the evidence of load in a whole flight.
 
-    A leg begins either after each stay on the ground, or only after long ones. Returns as
-    `collect_evidence`.
+    A leg (a stretch with one load at its start) begins after each stay on the ground, or only after
+    long ones, whichever the Bayesian criterion prefers. Returns as `collect_evidence`.
     """
     long = collect_evidence(track, airframe, LoadEvidence())
     each = collect_evidence(track, airframe, LoadEvidence(), BRIEFLY)
@@ -286,11 +290,12 @@ def collect_evidence(
 
 
 def accept_newest(shown: LoadEvidence, airframe: Airframe) -> LoadEvidence:
-    """Compare the newest rows with the earlier evidence and accept them, or set them aside.
+    """Add the newest rows to the sums of `shown`, or set them aside if their load disagrees.
 
-    Rows more than JUMP standard errors away are set aside. If the next ones are as far away on the
-    same side, a load was dropped or taken up, and both begin a new leg, whose load is not known
-    yet.
+    Rows whose load is more than JUMP standard errors from the earlier fit's are set aside. If the
+    next rows disagree as much in the same direction, a load was dropped or taken up, and both sets
+    of rows begin a new leg with its own load. Fewer than LEAST_BLOCK rows are only compared with
+    rows set aside before them.
     """
     rows = sum(shown.newest.values(), np.zeros(6))
     if not shown.newest or (rows[0] < LEAST_BLOCK and not shown.parted):
@@ -316,8 +321,10 @@ def accept_newest(shown: LoadEvidence, airframe: Airframe) -> LoadEvidence:
 
 
 def _standard_errors_off(fit: LoadFit | None, leg: int, sums: Floats, airframe: Airframe) -> float:
-    """Return by how many standard errors the mean of rows, from their `sums` (6,), exceeds a
-    fit; 0 without its leg."""
+    """Return by how many standard errors the rows with sums `sums` (6,) show more load than `fit`.
+
+    Return 0 if the fit is missing or does not contain `leg`.
+    """
     if fit is None or leg not in fit.legs:
         return 0.0
     mass, lift, sprayed, flown, _ = sums[1:] / sums[0]

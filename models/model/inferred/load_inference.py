@@ -68,13 +68,15 @@ class ShownLoad:
         return float(np.median(self.error[self.flying]))
 
     def note(self, lacks: str) -> Statement:
-        """Return that the load is not used, with the kind of the reason."""
+        """Return a statement that the inferred load, kg, is not used; `lacks` names the reason."""
         within = NINETY * self.usual_error
         return state("load by thrust", lacks, "state load", load=self.usual, within=within)
 
     def beyond(self, tank_kg: Floats) -> float:
-        """Return by how many standard errors the load exceeds a tank level (T,) kg; NaN without
-        a level."""
+        """Return the median excess in flight of the load over `tank_kg` (T,), in standard errors.
+
+        NaN if no tank level is known in flight.
+        """
         apart = (self.load - tank_kg)[self.flying]
         known = np.isfinite(apart)
         return float(np.median(apart[known])) / self.usual_error if known.any() else np.nan
@@ -83,12 +85,13 @@ class ShownLoad:
 def with_load(
     track: FlightTrack, airframe: Airframe, outputs: OutputEvidence | None = None
 ) -> FlightTrack:
-    """Fill in the load by hover thrust where most of the flight has none.
+    """Fill in the load (`tank_kg`), inferred from hover thrust, if most of the flight has none.
 
-    A reported or stated load is kept; the source of a stated one mentions a contradiction by
-    thrust. The inferred load is used if its standard error is at most GOOD_ENOUGH of the aircraft's
-    mass and its interval includes a possible load; else a note gives the reason. Where motor
-    `outputs` show more thrust than the rotor speeds, its error reaches to their load.
+    A load that a gauge reports or the user states stays; if thrust contradicts a stated one, a
+    remark is added to its source. The inferred load is used if its standard error is at most
+    GOOD_ENOUGH of the aircraft's mass and its interval includes a possible load; else the track
+    stays and a note states the reason. Where motor `outputs` show more thrust than the rotor
+    speeds, the error of the inferred load includes the load by outputs.
     """
     source = track.source("tank_kg")
     stated = source.kind is SourceKind.STATED
@@ -164,7 +167,7 @@ def with_load_for_verdict(
 def _shown_load(
     track: FlightTrack, airframe: Airframe, outputs: OutputEvidence | None = None
 ) -> ShownLoad | None:
-    """Return the load by thrust; None without level flight with every rotor's speed."""
+    """Infer the load from hover thrust; None without level flight with every rotor's speed."""
     shown, legs, seconds = whole_flight_evidence(track, airframe)
     fit = load_fit(shown, airframe)
     if fit is None:
@@ -185,10 +188,9 @@ def _shown_load(
 def with_load_so_far(
     track: FlightTrack, airframe: Airframe, so_far: LoadEvidence
 ) -> tuple[FlightTrack, LoadEvidence]:
-    """Fill in the load for the next rows of a flight in progress, each from earlier spans of time
-    only.
+    """Fill in the load for the next rows of a flight in progress, from earlier time spans only.
 
-    Also return the evidence so far. Where the rows show a sudden change of load, it is NaN until
+    Also return the evidence including these rows. After a sudden change of load it is NaN until
     enough rows show the new one.
     """
     # A rejected gauge counts as not reported.
@@ -234,7 +236,8 @@ def shared_error(track: FlightTrack, airframe: Airframe, load: Floats) -> Floats
 
 
 def _has_load(track: FlightTrack, airframe: Airframe) -> bool:
-    """Return whether there is a tank, and rotors whose thrust shows its content."""
+    """Return True if the airframe has a tank, and the track has all its rotors and at least one
+    row."""
     rotors = track.rotor_count == airframe.rotor_count and track.time_s.size > 0
     return rotors and airframe.tank_volume_l > 0.0
 
@@ -253,7 +256,7 @@ def _with_load(track: FlightTrack, load: Floats, error: Floats, source: Provenan
 
 
 def _with_note(track: FlightTrack, note: Statement) -> FlightTrack:
-    """Add that the load is unknown, and why."""
+    """Return the track with `note`, why its load is unknown, added to its statements."""
     return replace(track, statements=(*track.statements, note))
 
 

@@ -76,7 +76,7 @@ class OutputCalibration:
 
     @property
     def in_use(self) -> bool:
-        """Return whether all rotor speeds so far were made from outputs."""
+        """Return True if all rotor speeds so far were inferred from outputs, and some were."""
         return bool(self.bins) and not self.heard.rotors
 
     def seconds(self, kind: int) -> float:
@@ -84,8 +84,8 @@ class OutputCalibration:
         return float(sum(sums[kind, 0] for sums in self.bins.values()))
 
     def fit(self, airframe: Airframe, curve: OutputCurve) -> tuple[Floats, Floats]:
-        """Fit a, s, n and the factor of power (4,), and their covariance (4, 4), from priors and
-        evidence."""
+        """Fit a, s, n and the power factor (4,) from priors and evidence; also return their
+        covariance."""
         full = np.log(airframe.max_rotor_speed_rpm**2)
         before = np.array([full + np.log(HOVER_SHARE), 1.0, 1.0, 0.0])
         spread = np.array([CEILING_ERROR, curve.steepness_error, VOLTAGE_ERROR, 100.0])
@@ -104,10 +104,10 @@ class OutputCalibration:
         return np.asarray(covariance @ pull), np.asarray(covariance, dtype=np.float64)
 
     def common_variance(self, airframe: Airframe) -> float:
-        """Return the variance of ln N² that more flight does not reduce: lift, a guessed mass or
-        curve.
+        """Return the part of the variance of ln N² that more flight does not reduce.
 
-        0 without evidence by weight, or with rotors whose speed is measured.
+        It comes from lift, and from a guessed mass or thrust curve. 0 without evidence by weight,
+        or if any rotor's speed is measured.
         """
         sums = np.sum([bin_[_WEIGHT] for bin_ in self.bins.values()], axis=0)
         if not self.bins or sums[0] <= 0.0 or self.seconds(_ROTORS) > 0.0:
@@ -122,9 +122,9 @@ def filled_speeds(
     parameters: Mapping[str, float],
     so_far: OutputCalibration | None = None,
 ) -> tuple[FlightTrack, OutputCalibration]:
-    """Fill in equivalent rotor speeds where a rotor reports an output and no speed.
+    """Fill in rotor speeds, estimated from the motor output, where a rotor reports no speed.
 
-    `parameters` are the autopilot's, by name. Measured speeds are kept; the standard errors and the
+    `parameters` are the autopilot's, by name. Measured speeds stay; the standard errors and the
     source of the speeds are set in the track. With `so_far` the track continues a flight, and each
     row depends only on 10 s bins completed before it. Also return the calibration including these
     rows.
@@ -254,8 +254,11 @@ def _speed_source(
     curve: OutputCurve,
     calibration: OutputCalibration,
 ) -> Provenance:
-    """Return the source of the speeds filled in at `put` (T, R), with remarks on how they are
-    calibrated."""
+    """Return the provenance of rotor speeds inferred from motor outputs, flagged in `put` (T, R).
+
+    Its remarks say how they are calibrated. `lost_s` (n,) are the times, s, without a measured
+    speed of any rotor.
+    """
     outputs = track.source("throttle")
     by_weight, by_rotors = calibration.seconds(_WEIGHT), calibration.seconds(_ROTORS)
     if by_rotors:
@@ -292,12 +295,13 @@ def _speed_source(
 def full_output_speed(
     flights: Sequence[tuple[FlightTrack, Mapping[str, float]]], airframe: Airframe
 ) -> tuple[Estimate, float]:
-    """Estimate the rotor speed, rpm, at full output, and the battery voltage, V, that it refers to.
+    """Estimate the rotor speed, rpm, at full output, and the battery voltage, V, at which it is
+    reached.
 
     Each flight comes with its autopilot's parameters. The estimate is by measured speeds if there
     are any, else by weight; the curve extrapolates from the outputs flown, which widens the
     interval. The airframe's own ceiling is the prior. Raises DataError when no flight has evidence,
-    or what looks like hover is none.
+    or the rows found as hover need very different thrust.
     """
     curve, bins, volts = None, {}, []
     for number, (track, parameters) in enumerate(flights):
@@ -339,12 +343,11 @@ def full_output_speed(
 def reached_full_output(
     flights: Sequence[tuple[FlightTrack, Mapping[str, float]]], airframe: Airframe
 ) -> tuple[Estimate, float] | None:
-    """Estimate the rotor speed, rpm, at full output from flights that came near it, and the
-    voltage, V.
+    """Estimate the rotor speed, rpm, at full output and its voltage, V, from climbs near full
+    throttle.
 
-    From climbs at full throttle with measured rotor speeds: the mean N² of all rotors over their
-    mean share of full thrust, in rows at NEAR_FULL or more for longer than HELD. None where no
-    flight has them.
+    With measured speeds: the mean N² of all rotors over their mean share of full thrust, in rows
+    where the share is NEAR_FULL or more for longer than HELD s. None where no flight has any.
     """
     squares, shares, volts, steepness = [], [], [], 0.0
     for track, parameters in flights:

@@ -31,11 +31,9 @@ def fill_channels(
     airframe: Airframe | None,
     parameters: Mapping[str, float],
 ) -> FlightTrack:
-    """Fill in the rotor speeds and the load of a whole flight that can be inferred from other
-    channels.
+    """Fill in the rotor speeds and the load that other channels of a whole flight imply.
 
-    `airframe` is None if unknown: the flight is then unchanged. `parameters` are the autopilot's,
-    by name.
+    Return the track unchanged if `airframe` is None. `parameters` are the autopilot's, by name.
     """
     if airframe is None:
         return track
@@ -50,11 +48,11 @@ def fill_channels_so_far(
     parameters: Mapping[str, float],
     so_far: Inferred,
 ) -> tuple[FlightTrack, Inferred]:
-    """Fill in the channels of the next rows of a live flight, as `fill_channels` does for a whole
-    flight.
+    """Fill in rotor speeds and load of the next rows of a live flight; also return the evidence so
+    far.
 
-    No row depends on later ones, so the load differs from the one for the whole flight. Also return
-    the evidence including these rows.
+    No row depends on later ones, so the load differs from that of `fill_channels` for the whole
+    flight. Return the arguments unchanged if `airframe` is None.
     """
     if airframe is None:
         return track, so_far

@@ -15,7 +15,7 @@ import numpy as np
 
 from thrustmargin.models.flight import Bools, FlightTrack
 
-LOST = 3.0  # s without the speed of any rotor, and within which several fall silent together
+LOST = 3.0  # s without the speed of any rotor, and within which several stop reporting together
 
 
 class SpeedBasis(StrEnum):
@@ -29,8 +29,7 @@ class SpeedBasis(StrEnum):
 
 
 def speed_basis(track: FlightTrack) -> SpeedBasis:
-    """Return whether the rotor speeds of a flight are measured, from motor outputs, or some of
-    each."""
+    """Classify the rotor speeds of a flight as measured, from motor outputs, or some of each."""
     known = np.isfinite(track.rotor_speed_rpm)
     error = track.standard_errors.get("rotor_speed_rpm", np.zeros_like(known))
     inferred = known & (error > 0.0)
@@ -42,7 +41,7 @@ def speed_basis(track: FlightTrack) -> SpeedBasis:
 
 
 def measured_only(track: FlightTrack) -> FlightTrack:
-    """Drop rotor speeds made from outputs during lost telemetry, if all rotors have measured ones.
+    """Drop rotor speeds inferred from motor outputs, if each rotor has measured ones as well.
 
     Return other flights unchanged.
     """
@@ -72,7 +71,7 @@ class HeardSpeeds:
         return frozenset(self.last_s)
 
     def readings(self, track: FlightTrack) -> Bools:
-        """Flag the known speeds (T, R), except those made from outputs for a rotor that once
+        """Flag the known speeds (T, R), except those inferred from outputs for a rotor that once
         reported."""
         error = track.standard_errors.get("rotor_speed_rpm")
         made = False if error is None else (error > 0.0) & self.mask(track.rotor_count)
@@ -86,10 +85,11 @@ class HeardSpeeds:
 def heard_speeds(
     track: FlightTrack, before: HeardSpeeds | None
 ) -> tuple[Bools, Bools, HeardSpeeds]:
-    """Flag the rotors (T, R) that get no speed from outputs, and those (T, R) with lost telemetry.
+    """Flag rotors (T, R) with current speed reports, and those (T, R) in which telemetry was lost.
 
-    Also return the readings up to the last row. With the readings `before` the track, no row
-    depends on later ones.
+    Only rotors of the first mask get no speed from outputs. Telemetry is lost if several rotors
+    stop reporting together, in flight, for more than LOST s. Also return the last report of each
+    rotor, for the next call. With `before`, the one of the last call, no row depends on later ones.
     """
     # Zero is no reading: on the ground an ESC that measures and one that does not both report 0.
     known = np.abs(track.rotor_speed_rpm) > 0.0

@@ -53,10 +53,10 @@ def guessed_variance(airframe: Airframe, *names: str) -> float:
 
 
 def from_data_sheet(airframe: Airframe) -> bool:
-    """Return whether the largest thrust a N_max² is the one that the maker states.
+    """Return True if the largest thrust, coefficient times N_max², is that of the data sheet.
 
-    The largest rotor speed is then a guess that follows from it and from a guessed curve: errors of
-    the two cancel in the largest thrust, and only that of the data sheet stays.
+    The airframe file then guesses the thrust coefficient, and the largest rotor speed was computed
+    from it: both errors cancel in the largest thrust, and only the data sheet's remains.
     """
     quantities = airframe.quantities
     reached = airframe.thrust_coefficient * airframe.max_rotor_speed_rpm**2
@@ -91,8 +91,8 @@ def _voltage_variance(airframe: Airframe, voltage: Floats) -> Floats:
 
 
 def load_error(track: FlightTrack, airframe: Airframe) -> Floats:
-    """Return the standard error (T,) of ln(weight over largest thrust), for redundancy and
-    prediction."""
+    """Return the standard error (T,) of ln(weight over largest thrust); redundancy and
+    prediction use it."""
     guesses = guessed_variance(airframe, "empty_mass") + largest_thrust_variance(airframe)
     guesses += _voltage_variance(airframe, track.voltage)
     if "tank_kg" not in track.standard_errors:
@@ -110,11 +110,10 @@ def load_error(track: FlightTrack, airframe: Airframe) -> Floats:
 
 
 def beyond_load(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence | None) -> float:
-    """Return, as a standard error, the share of thrust that motor outputs show beyond the reported
-    load.
+    """Return the thrust that motor outputs show beyond the load, as a standard error of ln thrust.
 
-    0 if they show none. A load by hover thrust includes it in its own error, except for a ceiling
-    that is too high.
+    0 without outputs or surplus. The error of a load inferred from hover thrust includes the
+    surplus already; then only the part by a largest thrust assumed too high is returned.
     """
     if outputs is None:
         return 0.0
@@ -148,11 +147,11 @@ def utilisation_error(
     utilisation_predicted: Floats,
     outputs: OutputEvidence | None = None,
 ) -> tuple[Floats, Floats]:
-    """Return the standard error (T, R) of the known utilisation to the high side, and its one-sided
-    part.
+    """Return the upward standard error (T, R) of the utilisation, and its one-sided part (T, R).
 
-    The low side has the error without the one-sided part (T, R). Rows with any rotor speed use the
-    error by speed, other rows the error by prediction; NaN where the utilisation is unknown.
+    The one-sided part is the thrust that motor outputs show beyond load or speeds; the downward
+    standard error is the difference of both. Rows with any rotor speed have the error of the
+    speeds, other rows that of the prediction; NaN where the utilisation is unknown.
     """
     speed = track.rotor_speed_rpm
     error = track.standard_errors.get("rotor_speed_rpm", np.zeros_like(speed))
