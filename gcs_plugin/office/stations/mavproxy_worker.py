@@ -317,12 +317,12 @@ def _lines(now: NewestFigures, max_utilisation: float, age: float) -> list[str]:
         said = () if now.answer is None else (now.answer.line, *now.answer.contact_lines)
         return [words, *(f"  {line}" for line in said), *(f"  ALARM {text}" for text in now.alarms)]
     lines = [
-        f"vehicle {now.vehicle}, {state}{old}: thrust margin {share(now.margin)}{within}{rotor}"
+        f"vehicle {now.vehicle}, {state}{old}: thrust left {share(now.margin)}{within}{rotor}"
         f"{basis}, "
         f"predicted {share(now.margin_predicted)}, limit {share(1.0 - max_utilisation)}",
         f"  {ONE_LOST}, {SPINS}: {number(now.redundancy, '.2f')} of the weight",
         f"  tank {number(now.tank_kg, '.1f')} kg{source}, empty after "
-        f"{number(now.seconds_to_empty, '.0f')} s of spraying, margin when refilled "
+        f"{number(now.seconds_to_empty, '.0f')} s of spraying, thrust left when refilled "
         f"{share(now.margin_full)}",
     ]
     answer = "" if now.answer is None else now.answer.line

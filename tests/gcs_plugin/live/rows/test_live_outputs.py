@@ -68,7 +68,7 @@ def test_it_is_marked_and_no_rotor_is_accused():
     assert {e.alarm.name for e in events if e.raised} <= {"margin"}
     texts = {e.alarm.text for e in events if e.raised and e.alarm.name == "margin"}
     assert texts
-    assert all(re.search(r"thrust left \d+% \(\d+-\d+\)", t) and len(t) <= 50 for t in texts)
+    assert all(re.search(r"[Tt]hrust left \d+% \(\d+-\d+\)", t) and len(t) <= 50 for t in texts)
     assert not np.isfinite(rows(updates, "residual_rpm")).all()
 
 

@@ -229,7 +229,7 @@ class TestInMavproxy:
     ):
         mavproxy.ask("margin", "margin: no vehicle heard yet")
         first, second, *_ = summary(watched(flight, 40.0, 70.0, model), 0.5, 0.0)
-        assert "flying: thrust margin" in first
+        assert "flying: thrust left" in first
         play(flight, mavproxy.port, 40.0, 70.0, 4.0)
         vehicle, numbers = first.split(": ", 1)
         shown = rf"^{vehicle}, OLD: \d+ s ago: {nearly(numbers)}$"
@@ -263,7 +263,7 @@ class TestInMavproxy:
             assert not [line for line in mavproxy.printed if line.startswith("Thrust left")]
             mavproxy.ask(f"{name} 0.4", f"{name} 40%")
             mavproxy.wait(r"Thrust left [345]\d% below 60%(, rotor [1-4])?: fly gently")
-            mavproxy.ask("margin", "ALARM Thrust margin")
+            mavproxy.ask("margin", "ALARM Thrust left")
             mavproxy.wait_for_field("Margin", {"red"})
             mavproxy.wait_for_field("OneOut", {"orange"}, r"^OneOut 0\.9\d$")
             mavproxy.wait_for_field("Tank", {"black"}, r"^Tank 1[2-6]\.\d kg$")
@@ -282,7 +282,7 @@ class TestInMavproxy:
             running.ask("margin tank none", "margin tank none")
             running.ask("margin tank", "margin tank none")
             with playing(flight, running.port, 46.0, 140.0, 1.0):
-                margin = r"vehicle 1, flying: thrust margin [34]\d %"
+                margin = r"vehicle 1, flying: thrust left [34]\d %"
                 running.ask_until("margin", margin, "^margin: no|^vehicle 1")
                 running.ask_until("margin", "inferred from hover", "^  tank")
                 running.wait("airframe topxgun-f16-sitl, given")
@@ -296,7 +296,7 @@ class TestInMavproxy:
     def test_what_is_old_is_grey_and_said_to_be_old(self, mavproxy: MavProxy, flight):
         play(flight, mavproxy.port, 50.0, 58.0, 4.0)
         mavproxy.wait("Telemetry lost in flight: fly by sight")
-        old = r"vehicle 1, flying, OLD: \d+ s ago: thrust margin [34]\d %"
+        old = r"vehicle 1, flying, OLD: \d+ s ago: thrust left [34]\d %"
         mavproxy.ask_until("margin", old, "^margin: no|^vehicle 1")
         mavproxy.wait_for_field("Margin", {"grey"}, "^Margin --$")
         with playing(flight, mavproxy.port, 58.0, 140.0, 1.0):
@@ -310,7 +310,7 @@ class TestInMavproxy:
             for n, (t, data) in enumerate(flight)
         ]
         play(torn, mavproxy.port, 40.0, 60.0, 4.0)
-        margin = r"vehicle 1, flying.*: thrust margin [34]\d %"
+        margin = r"vehicle 1, flying.*: thrust left [34]\d %"
         mavproxy.ask_until("margin", margin, "^margin: no|^vehicle 1")
 
     def test_it_can_be_unloaded_and_loaded_again(self, mavproxy: MavProxy, flight, model: Path):
@@ -457,27 +457,27 @@ def test_a_silent_esc_hides_no_margin_of_the_other_rotors():
 
 def test_the_summary_says_everything_with_its_unit():
     assert summary(NOW, 0.5, 0.1) == [
-        "vehicle 3, flying: thrust margin 42 % (rotor 2), predicted 45 %, limit 50 %",
+        "vehicle 3, flying: thrust left 42 % (rotor 2), predicted 45 %, limit 50 %",
         "  one rotor lost, without yaw control, it will spin: 0.96 of the weight",
         "  tank 12.2 kg by NAMED_VALUE_FLOAT TANK, empty after 294 s of spraying, "
-        "margin when refilled 39 %",
+        "thrust left when refilled 39 %",
     ]
 
 
 def test_a_margin_below_nothing_has_no_degrees():
     beyond = replace(NOW, margin=-0.12, margin_full=-0.3)
     lines = summary(beyond, 0.5, 0.1)
-    assert "thrust margin beyond the ceiling (rotor 2)" in lines[0]
-    assert lines[2].endswith("margin when refilled beyond the ceiling")
+    assert "thrust left beyond the ceiling (rotor 2)" in lines[0]
+    assert lines[2].endswith("thrust left when refilled beyond the ceiling")
     assert fields(beyond, 0.5, 0.0)["Margin"] == ("Margin beyond the ceiling R2", "red")
 
 
 def test_what_is_not_known_is_two_dashes():
     unknown = NewestFigures(vehicle=1, stamp=0.0)
     assert summary(unknown, 0.5, 0.0) == [
-        "vehicle 1, on the ground: thrust margin --, predicted --, limit 50 %",
+        "vehicle 1, on the ground: thrust left --, predicted --, limit 50 %",
         "  one rotor lost, without yaw control, it will spin: -- of the weight",
-        "  tank -- kg, empty after -- s of spraying, margin when refilled --",
+        "  tank -- kg, empty after -- s of spraying, thrust left when refilled --",
     ]
     assert share(float("inf")) == "--"
 
