@@ -252,7 +252,10 @@ def _shape(area: FencePolygon | FenceCircle, home: tuple[float, float, float]) -
 
 
 def _between_lines(legs: _Legs, faults: dict[PlanFault, list[int]]) -> None:
-    """Add to `faults` the legs with the pump on that lead from one spray line to the next."""
+    """Add to `faults` the mission items whose legs, pump on, join two parallel spray lines.
+
+    A leg longer than TURN times the median of these is "pump on between lines", any other "pump on
+    in turns". Add none where less than half the sprayed length is parallel."""
     on = np.array([bool(s.pump) and s.kind not in _HOMEWARD for s in legs.steps], dtype=np.bool_)
     vectors = (legs.end - legs.start)[:, :2]
     length = np.hypot(*vectors.T)

@@ -219,8 +219,11 @@ def _choose(path: Path, frames: Frames, vehicles: list[int], number: int | None)
 def _main_component(
     frames: Frames, mine: Bools, component: NDArray[np.uint8], autopilots: list[int]
 ) -> int:
-    """Return the component id of a vehicle's autopilot: among `autopilots`, else all, that which
-    sends most ATTITUDE, else most GLOBAL_POSITION_INT; without both, the first or the busiest."""
+    """Return the component id of a vehicle's autopilot: the one that sends most ATTITUDE, else most
+    GLOBAL_POSITION_INT, among `autopilots`; if these send neither, among all of `mine`.
+
+    If nobody sends either: the first of `autopilots`, else most HEARTBEAT, else most frames.
+    """
     for candidates in (mine & np.isin(component, autopilots), mine):
         for name in ("ATTITUDE", "GLOBAL_POSITION_INT"):
             sources = component[candidates & (frames.id == message_ids()[name])]

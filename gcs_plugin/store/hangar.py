@@ -217,9 +217,10 @@ class KnownAircraft:
     def clearance(self) -> Clearance:
         """Return the consequence of the last RECENT flights for the next take-off.
 
-        A flight that grounds the aircraft does so until a repair is noted or a later flight is
-        found sound; after lost control only a repair counts. With one of both, the fault is still a
-        condition; with both it is settled. The other conditions are those of the last flight.
+        A flight that grounds the aircraft does so until a repair is noted or a later flight
+        teaches; after lost control until a repair is noted. From then on its fault is a condition,
+        until both are there. A grounded aircraft has no other conditions; else those of the last
+        flight are added.
         """
         rows = self.flights[-RECENT:]
         conditions: list[Condition] = []

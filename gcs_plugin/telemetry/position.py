@@ -398,8 +398,10 @@ class PlaceOfZero:
 
 
 def position_sources(signals: Signals, zero: PlaceOfZero | None) -> tuple[Signal, ...]:
-    """Return the sources of the position, m NED, best first: geographic about `zero`, then
-    local."""
+    """Return the sources of the position, m NED, best first: geographic about `zero`, then local.
+
+    The geographic one is left out if `zero` is None; without any source the tuple is empty.
+    """
     sources = []
     fixes = best(signals, "geodetic")
     if fixes is not None and zero is not None:

@@ -300,10 +300,10 @@ def battery_past(cell: float) -> str:
 
 
 def heat_words(rotor: int, kelvin: float, limit: float, seconds: float, *, motor: bool) -> str:
-    """Return `ESC 3 at 98 °C, 105 °C in 40 s: land` for an arm, counted from 1.
+    """Return `ESC 3 at 98 °C, 105 °C in 40 s: land`; at the limit `..., limit 105 °C: land`.
 
-    `kelvin` and `limit` are temperatures, K; `seconds` until the limit, 0 beyond it. `motor`: the
-    part is the motor, not the ESC.
+    `rotor` counts from 1. `kelvin` is the temperature, `limit` its limit, K; `seconds` until the
+    limit, 0 beyond it. `motor`: the part is the motor, not the ESC.
     """
     part = say(_HEAT_OF[motor], rotor=rotor)
     degrees = {"now": f"{kelvin - 273.15:.0f}", "limit": f"{limit - 273.15:.0f}"}

@@ -96,9 +96,10 @@ LEAST_SHARE = 0.005  # of utilisation, worth a word
 
 
 def verdict(made: PlanForecast) -> str:
-    """Return the first line: if the aircraft may take off with this fill, and the reason.
+    """Return the first line: may the aircraft take off with this fill, and after a colon why.
 
-    An open condition comes first, because the line may be read no further.
+    Open conditions (ONLY IF ...) come before the reason, for the line may be read no further; a
+    line that says DO NOT TAKE OFF names none. Of an UNKNOWN level, say why there is no verdict.
     """
     advice = made.advised.advice
     use, limit = advice.use, least_words(advice.limit)

@@ -162,7 +162,11 @@ def worst_words(peak: UtilisationPeak) -> str:
 
 
 def peak_words(peak: UtilisationPeak) -> str:
-    """Return rotor, time and movement: `rotor 1, front right, at 0:52, turning left, 9.0 kg`."""
+    """Return `rotor 1, front right, at 0:52, thrust left ..., turning left, 9.0 kg on board, ...`.
+
+    Thrust left and its basis are said only of a peak with an error, the kg are in the tank, the
+    place on the field comes last. What is unknown is left out.
+    """
     known = {"rotor": peak.rotor + 1, "clock": language.clock(peak.time_s)}
     words, place = "rotor {rotor}, {place}, at {clock}", place_words(peak.rotor_name)
     parts = [say(words if place else "rotor {rotor}, at {clock}", place=place, **known)]

@@ -130,9 +130,10 @@ def clearance(flights: Sequence[Advice]) -> Clearance:
 
 
 def _shown_sound(bad: Advice, level: FlightLevel, flights: Sequence[Advice]) -> bool:
-    """Return True if a later flight than `bad` could have shown the bad part, and shows no fault.
+    """Return True if a flight after `bad` grounds nothing and could have shown the fault of `bad`.
 
-    Always False after a loss of control. `flights` are ordered by time and contain `bad`.
+    `level` is that by which `bad` grounds; False for LOST. A flight with level UNKNOWN or a caveat
+    of BLIND (for BATTERY: VOLTAGE) could show nothing. `flights`, by time, contain `bad`.
     """
     if level is FlightLevel.LOST:
         return False

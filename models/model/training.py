@@ -310,9 +310,10 @@ def _split_score(kind: str, samples: Samples, split: Split, fitted: NetworkFit) 
 
 
 def condition_scores(samples: Samples, predicted: Floats, seed: int) -> tuple[ConditionScore, ...]:
-    """Score held-out predictions (N, R), rpm, on all rows, by condition, and on the rotors' mean.
+    """Score held-out predictions (N, R), rpm: on all rows, by condition, on the mean of rotors.
 
-    Conditions are pump on, in and outside yaw turns; one without rows is left out.
+    Conditions overlap: pump on; outside yaw turns; in yaw turns. One without rows is left out. The
+    mean of rotors is scored on all rows only.
     """
     measured, flight = samples.rotor_speed_rpm, samples.flight
     everything = np.arange(flight.size)

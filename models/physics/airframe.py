@@ -414,11 +414,10 @@ def _read(name_or_path: str, children: tuple[str, ...]) -> dict[str, Any]:
 
 
 def _extend(base: dict[str, Any], table: dict[str, Any]) -> dict[str, Any]:
-    """Return `base` with the values that `table` replaces.
+    """Return a copy of `base` with the keys of `table` replaced whole, "quantities" one by one.
 
-    Rotors depend on layout and arm: if `table` has a new layout or arm but no rotors, those of
-    `base` are dropped.
-    """
+    A new layout or an arm drops the rotors of `base` unless `table` has its own. Rotors, or a new
+    layout, in `table` drop the arm of `base`."""
     own, inherited = table.get("quantities", {}), dict(base.get("quantities", {}))
     base = dict(base)
     if "rotors" in table:

@@ -70,12 +70,12 @@ def anonymous(
 
 
 def without_name(text: str, name: str) -> str:
-    """Replace the log's name in a text."""
+    """Replace a log's `name`, and the same without its ending, by "the log" in a text."""
     return text.replace(name, "the log").replace(Path(name).stem, "the log")
 
 
 def _without_name(one: Statement, name: str) -> Statement:
-    """Replace the log's name by `name` in all values of a statement."""
+    """Replace a log's `name` by "the log" in all texts of a statement, nested ones too."""
 
     def cleaned(value: Value) -> Value:
         if isinstance(value, Statement):

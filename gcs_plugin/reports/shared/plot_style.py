@@ -220,7 +220,11 @@ def band(
     name: str = "",
     legend: bool = False,
 ) -> Trace | None:
-    """Return the filled area between two arrays (T,); None if both are known in no row."""
+    """Return the filled area between two arrays (T,) over `time_s`, s, thinned to its extremes.
+
+    Rows where either is NaN are left out, so the area bridges them; None if no row has both.
+    `legend` shows `name` in the legend.
+    """
     known = np.flatnonzero(np.isfinite(lower) & np.isfinite(upper))
     if not known.size:
         return None

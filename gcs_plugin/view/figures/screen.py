@@ -64,8 +64,10 @@ class FillAdvice:
         self._loaded_v = math.nan  # V under load
 
     def fill(self, analysis: FlightAnalysis) -> NextFill | None:
-        """Return the largest fill; None in flight, in unknown air, or without a recognised
-        airframe."""
+        """Return the largest fill for the next flight, in the air on the ground or a stated day.
+
+        After a flight with a bad part it has the reason "unsound" and no amount. None in flight,
+        without an air density, or where the analysis is withheld (no recognised airframe)."""
         model = analysis.model
         if analysis.track.flying[-1] or analysis.withheld:
             return None

@@ -427,7 +427,11 @@ def _new_name(marks: Marks) -> str:
 
 
 def card(aircraft: KnownAircraft) -> tuple[str, ...]:
-    """Describe a known aircraft in a few lines: its flights, and how well they are predicted."""
+    """Describe a known aircraft in a few lines: name, folder, count of sound flights, days.
+
+    Also say how well it is predicted: the coverage of sound flights that it was not trained on,
+    and the step from day to day (0 without flights).
+    """
     import numpy as np
 
     from thrustmargin.gcs_plugin.wording.aircraft_words import card_lines

@@ -131,10 +131,10 @@ class Posterior:
         return self.search.candidates[candidate].unnamed
 
     def _equivalent_candidates(self, candidate: int) -> set[int]:
-        """Return the candidates that count as evidence for the same effect.
+        """Return the candidates that count as evidence for the same effect as `candidate`.
 
-        For an effect on one rotor: all variants of it and all unnamed causes on that rotor. For
-        one without a rotor: its variants of single arms. Otherwise only the candidate itself.
+        If it degrades a rotor: those in `sets` that degrade that rotor, of its effect or unnamed.
+        If it has no rotor: itself and its effect's single-arm ones in `sets`. Else: only itself.
         """
         every, term = self.search.candidates, self.search.candidates[candidate].term
         if term.degraded_rotor is None:

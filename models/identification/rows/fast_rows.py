@@ -50,11 +50,10 @@ class Reading:
 
 
 def delay_reading(delay_s: Floats, good: GoodFlights | None, resolution: float) -> Reading | None:
-    """Return the flights' delays beyond those of the training flights, as a reading with errors.
+    """Return each flight's delay less that of the training flights, s, as a reading with errors.
 
-    `delay_s` (F, 2) is each flight's delay and error, s. Errors include the between-flight scatter,
-    the training flights' or these flights', whichever is larger. None if these or the training
-    flights show no delay (the laws of quick turns may be late themselves).
+    `delay_s` (F, 2) is delay and error, s; an error includes the larger scatter of both groups.
+    `resolution`, s, is an error all flights share. None without `good`, its scatter or a delay.
     """
     values, errors = delay_s.T
     shown = np.isfinite(errors)

@@ -209,9 +209,10 @@ def _change_curve(
 def _value_changes(
     sums: SeasonSums, place: int, found: _SeasonModel, curves: Floats, penalty: float
 ) -> tuple[list[SeasonEntry], Floats]:
-    """Return the significant changes of one value over the season, and its curve (F,).
+    """Return the significant changes of value `place` over the season, and its curve (F,).
 
-    A change must exceed its error and the error that FORM of other values' changes causes.
+    `curves` (F, K) are all values'. A change must exceed sqrt(`penalty`) times its error joined
+    with the error that FORM of other values' changes causes. Without changes the curve is 0.
     """
     value, error, _ = _flight_estimates(sums, place, curves)
     where = np.flatnonzero(np.isfinite(value))
@@ -331,8 +332,8 @@ def _equivalent_values(
 ) -> tuple[str, ...]:
     """Return the names of values that fit nearly as well as the one that is missing in `rest`.
 
-    `others` maps a value's index to the model with it instead; `squares` is the fit's cost with the
-    missing value. Costs up to the share FORM of the gain apart cannot be distinguished.
+    `others` maps a value's index to the model with it instead; `squares` is the cost with the
+    missing one. Nearly: above it by less than 2 NEAR, or than the share FORM of the gain if more.
     """
     gain = _joint_fit(sums, rest)[1] - squares
     most = squares + max(2.0 * NEAR, FORM * gain)

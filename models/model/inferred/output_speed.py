@@ -196,9 +196,12 @@ def _add_evidence(
     volts: Floats,
     seconds: Floats,
 ) -> dict[int, Floats]:
-    """Add the level rows of a track to the sums of `OutputCalibration`.
+    """Return a copy of `bins` with the level, finite rows of a track added.
 
-    `share` (T, R) is ln f/f_hover, `volts` (T,) ln V/V_c, `seconds` (T,) s that each row counts.
+    A bin holds SPAN seconds, its key their number: sums (3, 5) of 1, ln N^2 by the evidence, ln f,
+    ln V and squared error, by weight, by power and by measured rotors. `share` (T, R) is
+    ln f/f_hover with f the thrust share of an output, `volts` (T,) ln V/V_c, `seconds` (T,) s that
+    each row counts.
     """
     density = track_air(track).density
     density = density / airframe.reference_density
