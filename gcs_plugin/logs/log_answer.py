@@ -193,4 +193,5 @@ def first_contact_of(log: FlightLog, claim: AirframeClaim) -> FirstContact | Non
     """Return the estimates from the whole log of an unknown aircraft; None for a known one."""
     texts = [*log.earlier_texts, *(text for _, text in log.messages)]
     options = {"texts": texts, "autopilot": log.autopilot}
-    return first_contact(log.track, claim, log.parameters, log.facts, **options)
+    recorded = claim.source == shlex.quote(str(log.path))  # else heard on a link and read again
+    return first_contact(log.track, claim, log.parameters, log.facts, recorded=recorded, **options)

@@ -36,6 +36,7 @@ def first_contact(
     *,
     texts: Sequence[str] = (),
     autopilot: str = "unknown",
+    recorded: bool = True,
 ) -> FirstContact | None:
     """Return what a flight, whole or so far, reveals about an unknown aircraft.
 
@@ -83,6 +84,7 @@ def first_contact(
         autopilot=autopilot,
         asked=open_questions(reported, gauge=track.reports("tank_kg")),
         log=claim.source,
+        recorded=recorded,
     )
 
 

@@ -240,7 +240,8 @@ class FirstContact:
     airspeed: bool  # measured by a sensor
     autopilot: str
     asked: tuple[str, ...]  # keys of QUESTIONS to the owner that the log leaves open
-    log: str  # path, quoted for a shell
+    log: str  # path or link, quoted for a shell
+    recorded: bool = True  # a log in a file, which `learn` reads; False on a link
 
 
 def contact_headline(contact: FirstContact) -> str:
@@ -278,7 +279,7 @@ def contact_facts(contact: FirstContact) -> Facts:
         ("thrust", say("not known yet: only the owner can say these")),
         *option_words(contact.asked),
         (TO_COPY[0], command(contact)),
-        (TO_COPY[1], f"thrustmargin airframe new --from {contact.log}"),
+        (TO_COPY[1], _asking_command(contact)),
     )
 
 
@@ -359,9 +360,17 @@ def option_words(asked: Sequence[str]) -> list[tuple[str, str]]:
 
 
 def command(contact: FirstContact) -> str:
-    """Return the command that makes the airframe file, with capitals to replace by numbers."""
+    """Return the command that makes the aircraft known, with capitals to replace by a name and
+    numbers; on a link, which has no flights to learn, the one that makes its airframe file."""
     options = " ".join(option for option, _ in option_words(contact.asked))
-    return f"thrustmargin airframe new --from {contact.log} {options}"
+    name = "--aircraft NAME " if contact.recorded else ""
+    return f"{_asking_command(contact)} {name}{options}"
+
+
+def _asking_command(contact: FirstContact) -> str:
+    """Return the same command without options: in a terminal it asks."""
+    what = "learn" if contact.recorded else "airframe new --from"
+    return f"thrustmargin {what} {contact.log}"
 
 
 def boxes(box: str, letters: Sequence[str]) -> str:

@@ -27,7 +27,7 @@ def demo(
     """Show what thrustmargin does: write the margin report of a flight, then replay it in 3D.
 
     The flight is a simulated F16 that starts with 16 kg in the tank. The view is served to this
-    computer alone; Ctrl-C ends it. Your own aircraft begins with `thrustmargin airframe new`.
+    computer alone; Ctrl-C ends it. Your own aircraft begins with `thrustmargin learn LOG`.
 
     Example: thrustmargin demo
 

@@ -142,7 +142,7 @@ class FlightSoFar:
         )
         pilot = AUTOPILOTS.get(state.autopilot, "unknown")
         known = self.measured, self.claim, state.parameters, state.facts
-        return FlightAdvice(made.advice, first_contact(*known, autopilot=pilot))
+        return FlightAdvice(made.advice, first_contact(*known, autopilot=pilot, recorded=False))
 
     @property
     def settled(self) -> bool:

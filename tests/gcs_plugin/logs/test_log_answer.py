@@ -36,6 +36,7 @@ UNKNOWN = AirframeClaim(
 )
 #: What each option of the line to copy is replaced by, for the simulated sprayer of the log.
 TRUTH = {
+    "NAME": "mine",
     "KG": "21.1",
     "M": "1.92",
     "DIAMETERxPITCH": "41x13",
@@ -104,14 +105,17 @@ def test_a_load_that_is_stated_is_no_gauge_in_the_log_and_is_not_asked_again():
 
 def test_the_line_to_copy_works_at_once_and_answers_with_the_verdict(tmp_path, capsys):
     words = shlex.split(command(first_contact_of(LOG, UNKNOWN)))
-    assert words[:3] == ["thrustmargin", "airframe", "new"]
+    assert words[:4] == ["thrustmargin", "learn", str(PATH), "--aircraft"]
     filled = [TRUTH.get(word, word) for word in words[1:]]
-    assert run([*filled, "--out", str(tmp_path / "mine.toml")]) == 0
+    own = ["--hangar", str(tmp_path / "hangar")]
+    assert run([*filled, *own]) == 0
     said = capsys.readouterr().out
-    assert "fitted: hover of" in " ".join(said.split())
-    assert f"{PATH.name}: " in said
-    assert "what to do: " in said
-    assert "NO VERDICT" not in said
+    assert f"{PATH.name}: THRUST LEFT " in said
+    assert "mine: no flight has made its model" in said
+    # From then on its report needs no more than the name.
+    page = ["--out", str(tmp_path / "r.html")]
+    assert run(["report", str(PATH), "--aircraft", "mine", *own, *page]) == 0
+    assert "what to do: " in capsys.readouterr().out
 
 
 def test_the_report_of_an_unknown_aircraft_names_no_other_and_its_page_has_the_line(
@@ -123,7 +127,7 @@ def test_the_report_of_an_unknown_aircraft_names_no_other_and_its_page_has_the_l
     said, page = capsys.readouterr().out, out.read_text("utf-8")
     assert ": Motors at " in said
     for text in (said, page):
-        assert f"thrustmargin airframe new --from {log}" in text
+        assert f"thrustmargin learn {log}" in text
         assert "topxgun" not in text
         assert "NO VERDICT" not in text
 
@@ -143,7 +147,7 @@ def test_an_unknown_aircraft_that_lost_control_is_said_to_have_and_is_grounded(t
     assert ": LOST CONTROL AT 1:40" in said
     for text in (said, page):
         assert grounded in text
-        assert "thrustmargin airframe new --from" in text
+        assert "thrustmargin learn " in text
     view = replay_view(log, shipped_model(), given=False, port=0, paused=True)
     assert view.whole.headline.startswith("LOST CONTROL AT 1:40")
     assert grounded in view.whole.action
