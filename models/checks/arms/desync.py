@@ -129,8 +129,9 @@ def _answered(track: FlightTrack, row: int, rotor: int) -> bool:
         int(np.searchsorted(time_s, time_s[row] - 10.0)),
         int(np.searchsorted(time_s, time_s[row] - 2.0 * FALL_S)),
     )
-    with np.errstate(invalid="ignore"):
-        harder = track.throttle[:, rotor] - np.nanmedian(track.throttle, axis=1)
+    outputs, harder = track.throttle, np.full(time_s.size, np.nan)
+    known = np.isfinite(outputs).any(axis=1)
+    harder[known] = outputs[known, rotor] - np.nanmedian(outputs[known], axis=1)
     for values, both_ways in ((harder, False), (track.esc_current[:, rotor], True)):
         usual, now = values[level], values[near]
         usual, now = usual[np.isfinite(usual)], now[np.isfinite(now)]

@@ -124,7 +124,7 @@ def test_a_ground_station_behind_a_forward_sees_alarms_and_figures():
         assert (message.current_battery, message.current_consumed) == (-1, -1)
         assert message.battery_function == 4  # MAV_BATTERY_FUNCTION_PAYLOAD
         assert message.charge_state == 0
-    assert (6, "No battery: 90 is thrust margin %, 91 tank %") in texts
+    assert (6, "No battery: 90 is thrust left %, 91 tank %") in texts
     # The vehicle's own messages passed unchanged beside them.
     assert any(m.get_srcComponent() == 1 for m in messages)
 

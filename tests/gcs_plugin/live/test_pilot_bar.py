@@ -124,7 +124,7 @@ def test_the_widget_shows_the_bar_and_turns_grey_when_nothing_comes():
     with open_page(f"http://127.0.0.1:{ground.bar.port}/") as page:
         page.wait_for_selector(".low .fill")
         # A busy machine draws it late.
-        assert re.search(r"Margin 18%, rotor 3 \(\d+ s old\)", page.inner_text(".one"))
+        assert re.search(r"Thrust left 18%, rotor 3 \(\d+ s old\)", page.inner_text(".one"))
         assert page.inner_text(".action") == "fly gently"
         # In one go: the page draws itself anew four times a second.
         share = page.evaluate(

@@ -46,6 +46,12 @@ def test_an_answer_in_the_moment_of_the_fall_does_not_explain_it():
     assert found.answered.sum(axis=0).tolist() == [0, 0, 1, 0]
 
 
+def test_rows_without_any_output_do_not_matter_to_a_fall_among_others():
+    track = flown(FALL, HARDER)
+    track.throttle[-3:] = np.nan
+    assert speed_falls(track).answered[AT + 1, 2]
+
+
 def test_one_wrong_frame_is_not_answered():
     found = speed_falls(flown((0.5,)))
     assert found.fell.sum() == 1
