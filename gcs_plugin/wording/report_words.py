@@ -369,8 +369,9 @@ def command(contact: FirstContact) -> str:
 
 def _asking_command(contact: FirstContact) -> str:
     """Return the same command without options: in a terminal it asks."""
-    what = "learn" if contact.recorded else "airframe new --from"
-    return f"thrustmargin {what} {contact.log}"
+    if contact.recorded:
+        return f"thrustmargin learn {contact.log}"
+    return f"thrustmargin airframe new --from {contact.log}"
 
 
 def boxes(box: str, letters: Sequence[str]) -> str:

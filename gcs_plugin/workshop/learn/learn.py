@@ -43,7 +43,7 @@ NOTHING_STATED = OwnerStatement()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Group:
-    """The logs of one aircraft: known, with its name, or new, with its marks."""
+    """The logs of one aircraft, and the marks of each; its name where it is known or stated."""
 
     name: str | None
     marks: tuple[Marks, ...]
@@ -111,6 +111,7 @@ def learn(
         learnt, known_one = learn_logs(
             known_one, paths, inputs, hangar, unread, progress, must_keep=True
         )
+        known_one = _with_marks(known_one, group, [*trained, *learnt], hangar)
         for flight, log in sorted([*trained, *learnt], key=lambda one: one[0].row.started_unix_s):
             for line in _flight_lines(flight, log.name):
                 console.print(escape(line))
@@ -129,10 +130,13 @@ def _flight_lines(flight: LearntFlight, log_name: str) -> tuple[str, ...]:
     from thrustmargin.gcs_plugin.store.hangar import NotTaught
     from thrustmargin.gcs_plugin.wording.advice_words import headline
     from thrustmargin.gcs_plugin.wording.aircraft_words import change_words, learnt_words
+    from thrustmargin.gcs_plugin.wording.check_words import withheld_words
 
     row, first = flight.row, f"{log_name}: {headline(flight.advice)}"
     if row.not_taught is NotTaught.NO_VERDICT:
-        return (say("{flight}; nothing learnt", flight=Verbatim(first)),)
+        why = withheld_words(flight.analysis.claim)[:1]
+        words = "{flight}; nothing learnt: {why}" if why else "{flight}; nothing learnt"
+        return (say(words, flight=Verbatim(first), why=Verbatim("".join(why))),)
     changed = () if row.change is None else (f"  {change_words(row.change)}",)
     second = learnt_words(
         use=row.use_lasting,
@@ -158,7 +162,7 @@ def _groups(inputs: Inputs, hangar: Hangar, unread: list[UnusedLog]) -> list[_Gr
     def add(key: str, name: str | None, path: Path, marks: Marks) -> None:
         """Add a log to the group of an aircraft."""
         group = found.get(key, _Group(name=name, marks=(), paths=()))
-        marked = group.marks if marks in group.marks else (*group.marks, marks)
+        marked = (*group.marks, marks)
         found[key] = replace(group, marks=marked, paths=(*group.paths, path))
 
     for path in inputs.logs:
@@ -223,6 +227,7 @@ def _make(
     from thrustmargin.gcs_plugin.store.hangar import checked_name
 
     name = checked_name(group.name or _folder_name(group, hangar) or _new_name(group.marks[0]))
+    group = replace(group, marks=group.marks[:1])
     with TemporaryDirectory(prefix="thrustmargin-") as drafts:
         draft = Path(drafts) / "airframe.toml"
         inputs = replace(
@@ -255,11 +260,9 @@ def _follow(
             f"{known.name} is known from {count} flight{'s' * (count != 1)} with the airframe of "
             f"{known.airframe_file}; to make both again by these statements and logs, add --again"
         )
-    marks = [*known.marks, *group.marks]
-    hangar.keep(known.name, marks, made_unix_s=known.made_unix_s, training=known.training)
     if taught and not again:
-        return hangar.load(known.name), []
-    group = replace(group, marks=tuple(marks))
+        return known, []
+    group = replace(group, marks=known.marks)
     with TemporaryDirectory(prefix="thrustmargin-") as drafts:
         draft = known.airframe_file
         if stated:
@@ -267,6 +270,30 @@ def _follow(
             reading = _draft_airframe(draft, known.name, group, owner, inputs, console)
             inputs = replace(inputs, reading=reading)
         return _make_model(known.name, group, inputs, hangar, console, airframe=draft, seed=seed)
+
+
+def _with_marks(
+    aircraft: KnownAircraft,
+    group: _Group,
+    flights: Sequence[tuple[LearntFlight, FlightLog]],
+    hangar: Hangar,
+) -> KnownAircraft:
+    """Add to an aircraft the marks of those logs of a group whose flights have a verdict.
+
+    A log that was named as one of it, and does not fit it, is perhaps of another aircraft, whose
+    logs would be taken for it from then on.
+    """
+    from thrustmargin.gcs_plugin.store.hangar import NotTaught
+
+    fits = {log.path for one, log in flights if one.row.not_taught is not NotTaught.NO_VERDICT}
+    marks = [mark for path, mark in zip(group.paths, group.marks, strict=True) if path in fits]
+    hangar.keep(
+        aircraft.name,
+        [*aircraft.marks, *marks],
+        made_unix_s=aircraft.made_unix_s,
+        training=aircraft.training,
+    )
+    return aircraft
 
 
 def _draft_airframe(

@@ -5,9 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from tests.known_aircraft import hangar_with_north
+from tests.known_aircraft import BOARD_LOG, hangar_with_north
 from thrustmargin.gcs_plugin.cli import run
+from thrustmargin.gcs_plugin.logs.read import read_log
+from thrustmargin.gcs_plugin.store.aircraft_marks import marks_of
 from thrustmargin.gcs_plugin.store.hangar import Hangar
+from thrustmargin.models.model.model_file import save_model
+from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.physics.airframe import load_airframe
 
 LOGS = [f"sitl_logs/campaign/{name}.tlog" for name in ("v2_m10_q2.5", "v4_m10_q2.5")]
 
@@ -50,3 +55,19 @@ def test_logs_of_no_aircraft_are_listed_with_what_helps(hangar, monkeypatch, cap
     for log in LOGS:
         assert f"not learnt: {Path(log).name}: its aircraft may be that of north" in said
     assert hangar.load("north").flights == ()
+
+
+def test_a_log_that_does_not_fit_the_named_aircraft_leaves_no_mark_and_says_why(tmp_path, capsys):
+    made = Hangar(tmp_path / "hangar")
+    folder = made.aircraft_folder("small")
+    folder.mkdir(parents=True)
+    save_model(physics_model(load_airframe("crazyflie-rpm")), folder / "model.safetensors")
+    (folder / "airframe.toml").write_text('extends = "crazyflie-rpm"\n', "utf-8")
+    own = marks_of(read_log(BOARD_LOG))
+    made.keep("small", [own], made_unix_s=0.0, training=[])
+    named = ["--aircraft", "small", "--hangar", str(made.folder)]
+    assert run(["learn", LOGS[0], *named]) == 0
+    said = capsys.readouterr().out
+    assert f"{Path(LOGS[0]).name}: NO VERDICT; nothing learnt: " in said
+    assert made.load("small").marks == (own,)
+    assert made.load("small").flights == ()
