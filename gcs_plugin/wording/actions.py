@@ -327,6 +327,12 @@ def answer_to(trouble: Trouble, phase: Phase = Phase.RECORDED) -> TroubleAnswer:
     return TroubleAnswer(row.in_flight, action, row.proof)
 
 
+def shown_level(level: FlightLevel, *, left_open: object) -> FlightLevel:
+    """Return the level whose colour an answer has: NEAR in place of UNDER where `left_open` is
+    true, because a condition is not a clearance."""
+    return FlightLevel.NEAR if level is FlightLevel.UNDER and left_open else level
+
+
 def urgency_of(level: FlightLevel, *, left_open: bool = False) -> Urgency | None:
     """Return how urgent the action after a flight is, by the flight's level; `left_open` (a
     question is unanswered) raises "nothing" to "before the next flight". None for an unknown

@@ -11,6 +11,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.reports.shared import page_shell
 from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, software_version
 from thrustmargin.gcs_plugin.wording import report_words as words
+from thrustmargin.gcs_plugin.wording.actions import shown_level
 from thrustmargin.gcs_plugin.wording.clearance_words import (
     first_steps,
     no_fill_words,
@@ -85,8 +86,7 @@ class FillTable:
     def level(self) -> FlightLevel:
         """Return the flight level whose colour the recommendation has."""
         level = FLIGHT_LEVELS[self.fill.level]
-        left_open = level is FlightLevel.UNDER and self.clearance.conditions
-        return FlightLevel.NEAR if left_open else level
+        return shown_level(level, left_open=self.clearance.conditions)
 
     @property
     def has_table(self) -> bool:

@@ -17,8 +17,9 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.logs.log_answer import LogAnswer
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+from thrustmargin.gcs_plugin.wording.actions import shown_level
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
-from thrustmargin.models.model.advice import Advice
+from thrustmargin.models.model.advice import Advice, FlightLevel
 from thrustmargin.models.model.utilisation_peaks import UtilisationPeak
 
 SCHEMA = "thrustmargin.report/3"
@@ -52,6 +53,12 @@ class ReportedFlight:
     def advice(self) -> Advice:
         """Return the answer of the flight."""
         return self.answer.made.advice
+
+    @property
+    def shown_level(self) -> FlightLevel:
+        """Return the level whose colour the flight has: not that of a clearance while something is
+        to be looked at."""
+        return shown_level(self.advice.level, left_open=self.advice.caveats)
 
     @property
     def worst(self) -> UtilisationPeak | None:

@@ -19,6 +19,7 @@ from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text
 from thrustmargin.gcs_plugin.reports.shared.plot_style import Figure
 from thrustmargin.gcs_plugin.wording import alarm_words as faults
 from thrustmargin.gcs_plugin.wording import palette
+from thrustmargin.gcs_plugin.wording.actions import shown_level
 from thrustmargin.gcs_plugin.wording.advice_words import SEVERAL
 from thrustmargin.gcs_plugin.wording.fill_words import amount
 from thrustmargin.gcs_plugin.wording.flight_words import doing_words
@@ -179,6 +180,9 @@ def _page(report: Report, written: Written | None, drawn: Mapping[str, Markup]) 
     context = {
         "report": report,
         "order": worst_first(report.flights),
+        "overall_level": shown_level(
+            report.overview["level"], left_open=any(one.advice.caveats for one in report.flights)
+        ),
         "schema": SCHEMA,
         "figures": drawn,
         "files": {"json": written.json.name, "csv": written.csv.name} if written else None,

@@ -488,3 +488,15 @@ def test_a_part_of_the_way_is_said_to_be_one_on_page_and_paper():
     unknown = html_text(build_report([without("velocity_ned")], max_utilisation=0.5), files)
     assert "at least unknown" not in unknown
     assert "the speed over ground is not known" not in unknown
+
+
+@pytest.mark.parametrize("taught", [True, False])
+def test_a_condition_that_is_open_is_no_clearance_in_colour_either(taught):
+    """A fill page and a forecast are amber then; the report of the flight is too."""
+    files = Written(html=Path("r.html"), json=Path("r.json"), csv=Path("r.csv"))
+    for logs in (1, 2):
+        made = build_report([flight(taught=taught)] * logs, max_utilisation=0.5)
+        page = html_text(made, files)
+        assert {one.advice.level for one in made.flights} == {"under"}
+        assert ('class="verdict near"' in page) is not taught
+        assert ('class="verdict under"' in page) is taught
