@@ -78,6 +78,7 @@ def test_current_answers_as_an_output_does():
     [
         ((0.95, 0.92, 0.95), {}),  # less than an eighth
         (FALL, {"outputs": (0.6, 0.5, 0.6, 0.8)}),  # asked for
+        ((0.56, 0.56, 0.9), {"outputs": (0.7, 0.7, 0.9)}),  # steeper than its output, as a load is
         (FALL, {"others": 0.6}),  # of all rotors
         (FALL, {"flying": False}),
         ((0.6,) * 250, {}),  # it stays slow
