@@ -64,7 +64,7 @@ __all__ = [
 ]
 
 LARGEST_FILE = 32 * 2**20
-#: More of them than the most items have, with patterns and a fence beside them.
+#: More of them than the most items have, with patterns and a fence.
 MOST_COMMAS = 32 * MOST_ITEMS
 _WPL = "QGC WPL"
 _WPL_VERSION = "110"

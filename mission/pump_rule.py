@@ -2,7 +2,7 @@
 
 Many spray planners export places only: the sprayer's own switch, or the pilot, turns the pump on.
 The owner names one of two rules. "always": on from the first place of the mission to the last.
-"lines": on along the spray lines, which are parallel legs that lie beside each other, at the speed
+"lines": on along the spray lines, which are adjacent parallel legs, at the speed
 of most of them.
 """
 

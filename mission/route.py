@@ -32,7 +32,7 @@ from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan
 from thrustmargin.mission.steps import plan_steps, pump_output
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import Floats, Origin
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse, thrust_use
 from thrustmargin.models.model.fill_limits import steady_flight
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -143,7 +143,7 @@ SLOWEST = 0.2
 #: s of the rest that are flown: about as long as a battery lasts.
 LONGEST_S = 900.0
 #: A planned route is no flight: it has no measurement that could contradict the airframe.
-AHEAD = AirframeClaim()
+PLANNED = AirframeMatch()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -173,7 +173,7 @@ class Forecast:
         return 1.0 - thrust_use(self.analysis, 0.5).lasting_most
 
 
-def route_ahead(
+def remaining_route(
     plan: MissionPlan,
     item: int,
     position_ned: Floats,
@@ -230,7 +230,9 @@ def forecast(
 
     flight = with_slower_yaw(fly(course(legs, limits)), model, partial(course, legs), fly)
     volts = np.full(flight.track.time_s.size, given.battery.voltage)
-    analysis = analyse(replace(flight.track, voltage=volts), model, flight.density, claim=AHEAD)
+    analysis = analyse(
+        replace(flight.track, voltage=volts), model, flight.density, airframe_match=PLANNED
+    )
     items = np.array([leg.item for leg in legs], dtype=np.intp)
     return Forecast(item=items[flight.course.active], analysis=analysis)
 

@@ -1,6 +1,6 @@
 """Read and write files as a whole.
 
-Output goes to a draft beside the file, which replaces the file when it is complete.
+Output goes to a draft in the same folder, which replaces the file when it is complete.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def _runs(process: int) -> bool:
 def whole_file(path: Path, *, drafts: Path | None = None) -> Iterator[Path]:
     """Yield the path of a draft to write; it replaces `path` only when the block ends well.
 
-    The draft is beside it, or in the folder `drafts` of the same disk.
+    The draft is in its folder, or in the folder `drafts` of the same disk.
 
     On any error, Ctrl-C included, the draft is removed and the file at `path` stays unchanged. The
     draft of a killed program of this computer is removed by the next that writes here. Raises

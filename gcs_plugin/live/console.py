@@ -40,7 +40,7 @@ COLUMNS = {
     "tank": False,
     words.BY_THRUST: True,
     words.EMPTY_IN: False,
-    words.ROUTE_AHEAD: False,
+    words.REMAINING_ROUTE: False,
     words.IF_FULL: True,
     "age": False,
 }
@@ -160,7 +160,7 @@ def numbers(update: Update, limit: float) -> tuple[Text, *tuple[str, ...]]:
     inferred = math.isfinite(tank) and math.isnan(analysis.track.measured("tank_kg")[-1])
     return (
         Text(words.NO_VERDICT)
-        if analysis.withheld
+        if analysis.no_verdict
         else _margin_cell(
             1.0 - analysis.known_utilisation[-1],
             low,

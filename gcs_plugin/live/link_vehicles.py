@@ -35,7 +35,8 @@ class Fleet:
     """All senders on the links; `vehicles` lists those that proved to be vehicles.
 
     `heard_us` is the listener's: system id -> ground's clock, µs, of its last message, which may be
-    ahead of the frames taken so far; `later` runs the report of an ended flight in the background.
+    later than the frames taken so far; `later` runs the report of an ended flight in the
+    background.
     """
 
     def __init__(

@@ -68,7 +68,9 @@ class MonitorSettings:
     urls: tuple[str, ...] = ("udpin:127.0.0.1:14550",)
     forwards: tuple[str, ...] = ()
     record: Path | None = None
-    beside: Mapping[str, bytes] = field(default_factory=dict)  # files of the recording, by name
+    extra_files: Mapping[str, bytes] = field(
+        default_factory=dict
+    )  # files of the recording, by name
     watch: WatchSettings = field(default_factory=WatchSettings)
 
 
@@ -155,15 +157,15 @@ class LiveMonitor:
         watch = settings.watch
         if settings.record is not None:
             try:
-                self.recorder = Recorder(settings.record, beside=settings.beside)
+                self.recorder = Recorder(settings.record, extra_files=settings.extra_files)
             except BaseException:
                 self.listener.close()
                 raise
             if self.live:  # the link itself is taken as long as this runs
                 watch = replace(watch, link=str(self.recorder.telemetry))
-        self._beside = ThreadPoolExecutor(1, thread_name_prefix="landed")
+        self._after_landing = ThreadPoolExecutor(1, thread_name_prefix="landed")
         if self.live:
-            later = in_background(self._beside, self._not_read_again)
+            later = in_background(self._after_landing, self._not_read_again)
             self.fleet = Fleet(model, watch, heard_us=self.listener.heard_us, later=later)
         else:  # all may have been read before any is analysed, and it waits
             self.fleet = Fleet(model, watch)
@@ -216,7 +218,7 @@ class LiveMonitor:
         if self._thread.is_alive():
             self._thread.join(patience)
         self._cut_off = self._thread.is_alive()
-        self._beside.shutdown(wait=False, cancel_futures=True)
+        self._after_landing.shutdown(wait=False, cancel_futures=True)
         self._each(lambda output: output.close())
         self._closed = True
 

@@ -21,8 +21,8 @@ from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.wording.language import Sentence
 from thrustmargin.gcs_plugin.wording.plan_words import (
-    NOT_BESIDE,
-    beside_words,
+    NO_COMPARISON,
+    comparison_words,
     stretch_words,
 )
 from thrustmargin.mission.forecast.plan_flight import PlanConditions
@@ -144,7 +144,7 @@ class PlanWatch(Output):
                 except PlanError as error:
                     self._say(number, str(error))
                 except Exception:  # of any kind: the watch of the aircraft goes on
-                    _log.exception(NOT_BESIDE)
+                    _log.exception(NO_COMPARISON)
             if last:
                 return
 
@@ -177,7 +177,7 @@ class PlanWatch(Output):
             self._say(number, Sentence.of(partial(stretch_words, stretch)))
         off = which_was_off(lambda changed: to_fly.compare(changed, way, over_s=over_s), given, day)
         left = made.left_at if ended else None
-        text = Sentence.of(lambda: beside_words(off, made.stretches, left_at=left))
+        text = Sentence.of(lambda: comparison_words(off, made.stretches, left_at=left))
         # That a wind is 5.8 m/s now, and was 5.6, is no news; how it all was is said at the end.
         causes = [left, *((o.what, o.mattered) for o in off)]
         if causes != flight.causes or (ended and text != flight.so_far):
@@ -200,7 +200,7 @@ def _rows(update: Update, home: tuple[float, float, float]) -> Floats:
             track.voltage[new],
             track.wind_ned[new],
             np.where(known_air, analysis.density[new], np.nan),
-            np.where(bool(analysis.withheld), np.nan, analysis.known_utilisation[new]),
+            np.where(bool(analysis.no_verdict), np.nan, analysis.known_utilisation[new]),
         ]
     )
 

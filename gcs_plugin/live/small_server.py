@@ -1,4 +1,5 @@
-"""A small HTTP server beside the monitor, with few requests at once and a time limit for each.
+"""A small HTTP server in the monitor's process, with few requests at once and a time limit for
+each.
 
 Threads and files are those that the monitor needs, so a client must not be able to take them all,
 nor to keep others out: where all places are taken, the next request replaces the oldest one of the

@@ -79,7 +79,8 @@ from thrustmargin.models.units import UNITS, Scale
 from thrustmargin.models.whole_file import regular
 
 FILE = "columns.toml"
-#: Share of the numbers of a column, zeros aside, out of range, beyond which it has another unit.
+#: Share of the numbers of a column, zeros not counted, out of range, beyond which it has another
+#: unit.
 _OTHER_UNIT = 0.2
 QUATERNION = tuple(f"quaternion_{part}" for part in "wxyz")
 

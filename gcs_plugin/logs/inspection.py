@@ -21,12 +21,12 @@ from thrustmargin.gcs_plugin.logs.findings import (
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.recording import channel_source, channel_values
 from thrustmargin.gcs_plugin.wording.check_words import (
+    no_verdict_words,
     note_words,
     remedy_words,
     source_words,
     statement_words,
     value_words,
-    withheld_words,
 )
 from thrustmargin.gcs_plugin.wording.flight_words import LEFT_OUT, TOO_SELDOM
 from thrustmargin.gcs_plugin.wording.language import say
@@ -44,7 +44,7 @@ from thrustmargin.models.checks.speed_readings import (
 )
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.json_values import to_json_values
-from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
+from thrustmargin.models.model.airframe_match import AirframeMatch, match_airframe
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0, pressure_altitude
 from thrustmargin.models.provenance import Meaning
@@ -102,7 +102,7 @@ class Inspection:
 
     log: FlightLog
     airframe: Airframe | None  # None: not known
-    claim: AirframeClaim
+    airframe_match: AirframeMatch
     findings: tuple[Finding, ...]
     motor_order: MotorOrder | None
     speed_scale: SpeedScale | None
@@ -113,12 +113,12 @@ class Inspection:
 
 
 def inspect_log(
-    log: FlightLog, airframe: Airframe, claim: AirframeClaim | None = None
+    log: FlightLog, airframe: Airframe, airframe_match: AirframeMatch | None = None
 ) -> Inspection:
     """Check a log's quality, its fit to the airframe, motor order and rotor speed scale.
 
-    `claim` is the decision if the flight is of the airframe; None: the user stated the airframe. A
-    flight of an unknown airframe is not compared with one.
+    `airframe_match` is the decision if the flight is of the airframe; None: the user stated the
+    airframe. A flight of an unknown airframe is not compared with one.
     """
     findings = [*loss_findings(log), *event_findings(log.events)]
     units = map(statement_words, log.other_units)
@@ -126,18 +126,18 @@ def inspect_log(
     findings += [*_vehicles(log), _whole(log.quality), _continuous(log)]
     order = scale = None
     compared = comparisons(log.track, airframe, log.facts, log.parameters)
-    if claim is None:
-        claim = airframe_claim(log.track, airframe, log.facts, log.parameters, given=True)
-    # Of a flight without a claim a report has an airframe of which nothing is known.
-    unknown = claim.basis == "not known" or not math.isfinite(airframe.empty_mass)
+    if airframe_match is None:
+        airframe_match = match_airframe(log.track, airframe, log.facts, log.parameters, given=True)
+    # Of a flight without a matching airframe, a report has an airframe of which nothing is known.
+    unknown = airframe_match.basis == "not known" or not math.isfinite(airframe.empty_mass)
     known = None if unknown else airframe
     findings += takeoff_findings(log.track, known)
     if known is None:
         if log.facts.rotor_conflict:
             words = statement_words(log.facts.statement)
             findings.append(Finding("motors", Severity.WARNING, words))
-        unlike = [] if claim.unlike is None else [statement_words(claim.unlike)]
-        for reason in (*withheld_words(claim), *unlike, remedy_words(claim)):
+        unlike = [] if airframe_match.unlike is None else [statement_words(airframe_match.unlike)]
+        for reason in (*no_verdict_words(airframe_match), *unlike, remedy_words(airframe_match)):
             findings.append(Finding("airframe", Severity.UNKNOWN, reason))
         findings += [_compared(c) for c in compared if c.check in OF_ANY_AIRFRAME]
     else:
@@ -160,7 +160,7 @@ def inspect_log(
     return Inspection(
         log=log,
         airframe=known,
-        claim=claim,
+        airframe_match=airframe_match,
         findings=gravest_first(
             replace(f, spoils=_SPOILS.get(f.check, f.spoils)) if f.level in _WRONG else f
             for f in findings
@@ -417,8 +417,8 @@ def as_json(inspection: Inspection) -> dict[str, Any]:
         "vehicle_kind_by": value_words(log.facts.evidence),
         "rotor_count_by": value_words(log.facts.rotor_evidence),
         "airframe": None if inspection.airframe is None else inspection.airframe.name,
-        "airframe_basis": inspection.claim.basis,
-        "withheld": withheld_words(inspection.claim),
+        "airframe_basis": inspection.airframe_match.basis,
+        "no_verdict": no_verdict_words(inspection.airframe_match),
         "rows": int(log.track.time_s.size),
         "duration_s": log.track.duration,
         "flying_s": log.track.flying_s,

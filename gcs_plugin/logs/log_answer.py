@@ -30,11 +30,11 @@ from thrustmargin.gcs_plugin.wording.advice_words import (
 from thrustmargin.gcs_plugin.wording.arm_words import arm_sentences
 from thrustmargin.gcs_plugin.wording.flight_words import loss_words
 from thrustmargin.gcs_plugin.wording.report_words import FirstContact
-from thrustmargin.gcs_plugin.wording.vehicle_words import beside_words
+from thrustmargin.gcs_plugin.wording.vehicle_words import corroboration_words
 from thrustmargin.models.checks.instruments import without_frozen
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.model.advice import Advice, Advised, advise
-from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
+from thrustmargin.models.model.airframe_match import AirframeMatch, match_airframe
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.inferred.prepared import fill_channels
 from thrustmargin.models.model.model_misfit import Caveat
@@ -53,7 +53,7 @@ class LogAnswer:
 
 def claimed_flights(
     path: Path, model: RotorModel, *, given: bool, **options: Any
-) -> list[tuple[FlightLog, AirframeClaim]]:
+) -> list[tuple[FlightLog, AirframeMatch]]:
     """Return every sortie of a log, with inferred channels, and the decision if it is the
     airframe's.
 
@@ -62,11 +62,13 @@ def claimed_flights(
     """
     craft = identified_airframe(model)
 
-    def claims_of(logs: Iterable[FlightLog]) -> list[AirframeClaim]:
-        claims = (
-            airframe_claim(log.track, craft, log.facts, log.parameters, given=given) for log in logs
+    def airframe_matches(logs: Iterable[FlightLog]) -> list[AirframeMatch]:
+        matches = (
+            match_airframe(log.track, craft, log.facts, log.parameters, given=given) for log in logs
         )
-        return [replace(claim, source=shlex.quote(str(path))) for claim in claims]
+        return [
+            replace(airframe_match, source=shlex.quote(str(path))) for airframe_match in matches
+        ]
 
     def read(**airframe: Any) -> list[FlightLog]:
         logs = read_sorties(path, sought=given, **airframe, **options)
@@ -76,24 +78,24 @@ def claimed_flights(
 
     try:
         logs, fits = read(airframe=model.airframe), True
-    except AirframeError:  # another number of rotors, which the claim will say
+    except AirframeError:  # another number of rotors, which the match reports
         logs, fits = read(), False
-    claims = claims_of(logs)
-    if fits and any(claim.basis == "not known" for claim in claims):
+    matches = airframe_matches(logs)
+    if fits and any(airframe_match.basis == "not known" for airframe_match in matches):
         bare = read()
         if len(bare) == len(logs):
-            unclaimed = [claim.basis == "not known" for claim in claims]
-            logs = [b if none else log for log, b, none in zip(logs, bare, unclaimed, strict=True)]
+            unmatched = [airframe_match.basis == "not known" for airframe_match in matches]
+            logs = [b if none else log for log, b, none in zip(logs, bare, unmatched, strict=True)]
         else:  # the airframe's tank or speeds divided them otherwise
-            logs, claims = bare, claims_of(bare)
+            logs, matches = bare, airframe_matches(bare)
     return [
         (
             log
-            if claim.basis == "not known" or claim.withheld
+            if airframe_match.basis == "not known" or airframe_match.no_verdict
             else with_track(log, fill_channels(log.track, craft, log.parameters)),
-            claim,
+            airframe_match,
         )
-        for log, claim in zip(logs, claims, strict=True)
+        for log, airframe_match in zip(logs, matches, strict=True)
     ]
 
 
@@ -102,25 +104,25 @@ def answer_log(log: FlightLog, analysis: FlightAnalysis, limit: float) -> LogAns
 
     `limit` is the share of a rotor's largest thrust that may last.
     """
-    inspection = inspect_log(log, analysis.model.airframe, analysis.claim)
+    inspection = inspect_log(log, analysis.model.airframe, analysis.airframe_match)
     findings, order = inspection.findings, inspection.motor_order
-    claim = replace(
-        analysis.claim,
+    airframe_match = replace(
+        analysis.airframe_match,
         other_order=bool(names_wrong(findings)),
         open_pairs=() if order is None else order.open_pairs,
     )
-    made = advise(replace(analysis, claim=claim), limit=limit)
+    made = advise(replace(analysis, airframe_match=airframe_match), limit=limit)
     said = vehicle_statements(
         log.events,
         log.track,
         faults=made.advice.faults,
         losses=made.advice.losses,
-        yaw_reserve=None if analysis.withheld else analysis.yaw_reserve,
+        yaw_reserve=None if analysis.no_verdict else analysis.yaw_reserve,
     )
     return LogAnswer(
         findings=with_statements(findings, said, made.advice),
         made=made,
-        contact=first_contact_of(log, analysis.claim),
+        contact=first_contact_of(log, analysis.airframe_match),
         statements=said,
     )
 
@@ -132,13 +134,15 @@ def with_statements(
 
     `advice` is None where no verdict is given.
     """
-    beside = {
+    log_shows = {
         (one.kind, one.subject): words
         for one in statements
         if (words := statement_words(one, advice))
     }
     return tuple(
-        replace(one, words=f"{one.words}: {beside[one.event]}") if one.event in beside else one
+        replace(one, words=f"{one.words}: {log_shows[one.event]}")
+        if one.event in log_shows
+        else one
         for one in findings
     )
 
@@ -146,13 +150,13 @@ def with_statements(
 def statement_words(one: VehicleStatement, advice: Advice | None) -> str:
     """Return in words if the log confirms a report of the vehicle; empty if it shows nothing of
     it."""
-    return beside_words(
-        one.beside,
+    return corroboration_words(
+        one.corroboration,
         named=one.named,
         found=one.found,
         value=one.value,
         losses="" if advice is None else loss_words(advice.losses),
-        places=() if advice is None or advice.withheld else advice.rotor_names,
+        places=() if advice is None or advice.no_verdict else advice.rotor_names,
     )
 
 
@@ -181,7 +185,7 @@ def verdict_findings(advice: Advice) -> tuple[Finding, ...]:
     urgency = urgency_of(advice.level, left_open=bool(advice.caveats))
     if urgency is Urgency.NOTHING and not findings:
         return (Finding("rotors", Severity.OK, headline(advice)),)
-    if urgency is None or advice.withheld:
+    if urgency is None or advice.no_verdict:
         return tuple(findings)
     severity = _SEVERITIES[urgency]
     if not advice.faults:
@@ -189,9 +193,13 @@ def verdict_findings(advice: Advice) -> tuple[Finding, ...]:
     return (*findings, Finding("what to do", severity, action(advice)))
 
 
-def first_contact_of(log: FlightLog, claim: AirframeClaim) -> FirstContact | None:
+def first_contact_of(log: FlightLog, airframe_match: AirframeMatch) -> FirstContact | None:
     """Return the estimates from the whole log of an unknown aircraft; None for a known one."""
     texts = [*log.earlier_texts, *(text for _, text in log.messages)]
     options = {"texts": texts, "autopilot": log.autopilot}
-    recorded = claim.source == shlex.quote(str(log.path))  # else heard on a link and read again
-    return first_contact(log.track, claim, log.parameters, log.facts, recorded=recorded, **options)
+    recorded = airframe_match.source == shlex.quote(
+        str(log.path)
+    )  # else heard on a link and read again
+    return first_contact(
+        log.track, airframe_match, log.parameters, log.facts, recorded=recorded, **options
+    )

@@ -5,7 +5,7 @@
     2026-05-04T09:12:30Z,swapped the battery
 
 A time is in s or as m:ss from the first row of the log, or a date and time with its zone, which is
-Z for UTC. The file is `notes.csv` beside the log, or any that the user names.
+Z for UTC. The file is `notes.csv` in the log's folder, or any that the user names.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.recording import EngineerNote, FlightLog
 from thrustmargin.models.errors import LogError
 
-BESIDE = "notes.csv"  # name of the notes file in a log's folder
+NOTES_NAME = "notes.csv"  # name of the notes file in a log's folder
 #: Letters of a text and lines of a file that are read: notes of a day are far fewer.
 MOST_LETTERS, MOST_LINES = 300, 5000
 #: s before the first and after the last row that still belong to a flight.
@@ -39,9 +39,9 @@ class _Line:
     text: str
 
 
-def notes_beside(log: Path) -> Path | None:
+def notes_file_of(log: Path) -> Path | None:
     """Return the notes.csv in the folder of a log; None without one."""
-    path = log.parent / BESIDE
+    path = log.parent / NOTES_NAME
     return path if path.is_file() and path != log else None
 
 

@@ -1,4 +1,4 @@
-"""Set what a vehicle reported of itself beside what its log shows: thrust, motors, ESCs, control.
+"""Compare what a vehicle reported of itself with what its log shows: thrust, motors, ESCs, control.
 
 A report is evidence, not the truth: ArduPilot names the motor with the highest output, and a crash
 check may trip on the ground. Reports of one kind and one motor are one statement, with their times.
@@ -62,7 +62,7 @@ class VehicleStatement:
     text: str  # as it was sent
     times_s: tuple[float, ...]  # s from the first row, in order
     named: tuple[int, ...]  # motors that it names
-    beside: Corroboration
+    corroboration: Corroboration
     found: tuple[int, ...] = ()  # motors that the log shows
     value: float = math.nan  # output of the named motor, or share of the yaw authority
 
@@ -116,20 +116,20 @@ def _statement(
     if first.kind in _OF_MOTORS and first.subject.isdigit():
         motor = int(first.subject) - 1
         named = (motor,) if 0 <= motor < track.rotor_count else ()
-    beside, found, value = Corroboration.NOTHING, (), math.nan
+    corroboration, found, value = Corroboration.NOTHING, (), math.nan
     if first.kind in _OF_MOTORS or first.kind is EventKind.IMBALANCE:
-        beside, found, value = _of_motors(first.time_s, named, track, faults)
+        corroboration, found, value = _of_motors(first.time_s, named, track, faults)
     elif first.kind in _OF_CONTROL:
-        beside = Corroboration.CONTROL_LOST if losses else Corroboration.CONTROL_KEPT
+        corroboration = Corroboration.CONTROL_LOST if losses else Corroboration.CONTROL_KEPT
     elif first.kind is EventKind.YAW_IMBALANCE:
-        beside, value = _of_yaw(first.time_s, track, yaw_reserve)
+        corroboration, value = _of_yaw(first.time_s, track, yaw_reserve)
     return VehicleStatement(
         kind=first.kind,
         subject=first.subject,
         text=first.text,
         times_s=tuple(event.time_s for event in same),
         named=named,
-        beside=beside,
+        corroboration=corroboration,
         found=found,
         value=value,
     )

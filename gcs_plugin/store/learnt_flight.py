@@ -16,7 +16,7 @@ from thrustmargin.models.model.aircraft_change import (
     ChangeKind,
     aircraft_change,
 )
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse, analysis_for_verdict
 from thrustmargin.models.model.flight_arms import flight_arm_figures
 from thrustmargin.models.model.flight_lessons import flight_offsets, power_coefficient
@@ -42,7 +42,7 @@ class LearntFlight:
 
 def learnt_flight(
     log: FlightLog,
-    claim: AirframeClaim,
+    airframe_match: AirframeMatch,
     model: RotorModel,
     aircraft: KnownAircraft,
     *,
@@ -59,7 +59,7 @@ def learnt_flight(
     start_unix_s = NAN if track.start_unix_s is None else track.start_unix_s
     longitude_deg = track.origin.longitude_deg if track.origin else NAN
     latitude_deg = track.origin.latitude_deg if track.origin else NAN
-    if model.interval is not None and not claim.withheld:
+    if model.interval is not None and not airframe_match.no_verdict:
         earlier = tuple(one for one in aircraft.flights if one.flight != flight)
         state = replace(aircraft, flights=earlier).state_before(
             start_unix_s if np.isfinite(start_unix_s) else _after_last(aircraft),
@@ -70,7 +70,7 @@ def learnt_flight(
     others = tuple(one for one in aircraft.flights if one.flight != flight)
     start = start_unix_s if np.isfinite(start_unix_s) else _after_last(aircraft)
     model = replace(model, arms=replace(aircraft, flights=others).arms_before(start) or model.arms)
-    analysis = analysis_for_verdict(analyse(track, model, claim=claim))
+    analysis = analysis_for_verdict(analyse(track, model, airframe_match=airframe_match))
     advice = advise(analysis, limit=limit).advice
     offsets = None
     if np.isfinite(start_unix_s):
@@ -213,7 +213,7 @@ def not_taught(advice: Advice, offsets: FlightOffsets | None) -> NotTaught | Non
         return NotTaught.FAULT
     if advice.losses or FlightLevel.LOST in advice.levels:
         return NotTaught.LOST
-    if advice.withheld or advice.level is FlightLevel.UNKNOWN:
+    if advice.no_verdict or advice.level is FlightLevel.UNKNOWN:
         return NotTaught.NO_VERDICT
     if FlightLevel.ORDER in advice.levels:
         return NotTaught.ORDER

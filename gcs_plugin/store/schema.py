@@ -223,7 +223,7 @@ rest_voltage | number | V | before take-off
 mean_power | number | W | in flight
 power_coefficient | number | W/rpm³ | of electric power, in air of the model's reference density
 charge_used_ah | number | Ah | in flight
-mission | text | | JSON of its mission beside its forecast
+mission | text | | JSON of its mission against its forecast
 coverage | number | 1 | of rotor speeds inside the interval of the state before the flight
 bias | number | 1 | mean of ln measured over predicted speed
 change | text | | JSON of how it differs from the flights before it, rotors from 0

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 FLIGHTS, SUMS = "flights.parquet", "sums.parquet"
-#: Errors that zipfile and text decoders raise for damaged data, beside those of pyarrow.
+#: Errors that zipfile and text decoders raise for damaged data, in addition to pyarrow's.
 DAMAGED = (
     *(zipfile.BadZipFile, zlib.error, struct.error, EOFError, UnicodeDecodeError),
     *(NotImplementedError, RuntimeError),

@@ -38,7 +38,7 @@ REFERENCES = (
 WINDOW = 9  # clocked messages whose median offset counts
 TRUST = 2.0  # s; an own clock further than this from the estimate counts something else
 COAST = 1.0  # s without a clocked message after which, on arrival, the stamps extrapolate the clock
-AHEAD = 0.1  # s by which a message may be taken to be later than the newest clock
+LEAD = 0.1  # s by which a message may be taken to be later than the newest clock
 RESTART_AFTER = 3  # clocked messages running that must agree on a restart
 _LONG_AGO = -(2**62)  # ns
 JUMP = 30.0  # s forward between two messages that is reported as a jump
@@ -247,7 +247,7 @@ class ArrivalClock:
 
         Return the new clock and a note, None if there is none. A time behind the newest by more
         than BACKWARD s counts as late, until RESTART_AFTER in a row agree: a restart. Restarts and
-        jumps ahead by more than JUMP s are noted.
+        jumps forward by more than JUMP s are noted.
         """
         if not self.known:
             return replace(self, offsets=(stamp - own,), newest=own, stamp=stamp), None
@@ -277,7 +277,7 @@ def _held_back(known: NDArray[np.int64], stamps: NDArray[np.int64]) -> NDArray[n
     """
     newest, stamp, median = known
     since = np.maximum(stamps - stamp, 0)
-    most = np.minimum(since, int(1e9 * AHEAD)) + np.maximum(since - int(1e9 * COAST), 0)
+    most = np.minimum(since, int(1e9 * LEAD)) + np.maximum(since - int(1e9 * COAST), 0)
     return newest + np.clip(stamps - median - newest, 0, most)
 
 

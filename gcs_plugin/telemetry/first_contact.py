@@ -19,7 +19,7 @@ from thrustmargin.gcs_plugin.wording.report_words import FirstContact
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.advice import LEAST_FLIGHT_S
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.physics.flight_phases import hover_rows
 from thrustmargin.models.provenance import Meaning, SourceKind
 from thrustmargin.models.vehicle_facts import VehicleFacts
@@ -30,7 +30,7 @@ NO_GAUGE = (SourceKind.STATED, SourceKind.AIRFRAME, SourceKind.INFERRED)
 
 def first_contact(
     track: FlightTrack,
-    claim: AirframeClaim,
+    airframe_match: AirframeMatch,
     parameters: Mapping[str, float],
     facts: VehicleFacts,
     *,
@@ -43,7 +43,7 @@ def first_contact(
     None if the aircraft is known, if less than LEAST_FLIGHT_S is in flight, or if neither outputs
     nor speeds are reported.
     """
-    if claim.basis != "not known" or track.flying_s < LEAST_FLIGHT_S:
+    if airframe_match.basis != "not known" or track.flying_s < LEAST_FLIGHT_S:
         return None
     values = track.throttle if track.reports("throttle") else track.measured("rotor_speed_rpm")
     values = np.where(track.flying[:, None], values, np.nan)
@@ -83,7 +83,7 @@ def first_contact(
         and track.source("airspeed").meaning is not Meaning.GROUND_SPEED,
         autopilot=autopilot,
         asked=open_questions(reported, gauge=track.reports("tank_kg")),
-        log=claim.source,
+        log=airframe_match.source,
         recorded=recorded,
     )
 

@@ -164,7 +164,8 @@ def _airborne(
     thrust, by = output, FlyingBy.MOTOR_OUTPUTS
     if measured:
         thrust, by = squares, FlyingBy.ROTOR_SPEEDS
-        # Beside outputs a wrong unit of the speeds would do the same: then a height must deny it.
+        # Where outputs are known a wrong unit of the speeds would do the same: then a height must
+        # deny it.
         sure = not driven.any() or (height is not None and bool(np.isfinite(height).any()))
         if sure and _too_slow(thrust[on], speeds.shape[1], height, airframe):
             return _grounded(clock_s, FlyingBy.SLOW_ROTORS)

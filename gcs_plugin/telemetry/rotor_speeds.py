@@ -25,7 +25,7 @@ from thrustmargin.models.statement import Statement, state
 
 IDLE = 0.12  # of the motor output; ArduPilot's motors turn when armed at 0.1
 SPIN_UP = 1.0  # s for which the output must be above idle before a stopped rotor is a surprise
-FEW_BESIDE = 0.1  # of the readings of another rotor: with fewer they are dropped
+FEW_READINGS = 0.1  # of the readings of another rotor: with fewer they are dropped
 SILENT = 0.05  # of the rows with a speed: from here on a rotor without one is reported
 FRESH = 2.0  # s for which a motor output is believed without being repeated
 _TAIL = TRACK_CHANNELS["rotor_speed_rpm"].max_age  # s of readings that later rows may still use
@@ -168,7 +168,7 @@ def rejected_readings(
         rows_by_rotor[ZERO][rotor] = rows_by_rotor[ZERO].get(rotor, 0) + int(hidden[:, rotor].sum())
     found = []
     for why, counts in rows_by_rotor.items():
-        counts = {r: n for r, n in counts.items() if n >= FEW_BESIDE * max(counts.values())}
+        counts = {r: n for r, n in counts.items() if n >= FEW_READINGS * max(counts.values())}
         whole = {-1: sum(counts.values())} if len(counts) == hidden.shape[1] > 1 else counts
         for rotor, count in sorted(whole.items()):
             many = ("readings counted",) if counted else ()

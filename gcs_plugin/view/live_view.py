@@ -410,11 +410,11 @@ class LiveView(ViewPage, Output):
         one = next((s for s in self._heard.summaries if s.number == number and not s.gone), None)
         history = self._heard.history.get(number)
         speeds = None if history is None else history.speeds
-        if one is None or one.row is None or speeds is None or one.row.analysis.withheld:
+        if one is None or one.row is None or speeds is None or one.row.analysis.no_verdict:
             return {"charts": []}
         newest_s = float(speeds.time_s[-1])
         end_s = max(newest_s - back_s, float(speeds.time_s[0]))
-        shown = {"window_s": LIVE_WINDOW_S, "ahead": 0.0}
+        shown = {"window_s": LIVE_WINDOW_S, "future_share": 0.0}
         made = chart_images(one.row.analysis.places, speeds, end_s, **shown)
         return {
             "charts": made,

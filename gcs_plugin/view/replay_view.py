@@ -42,7 +42,7 @@ from thrustmargin.gcs_plugin.view.scene.surroundings import Camera
 from thrustmargin.gcs_plugin.wording import live_words as words
 from thrustmargin.gcs_plugin.wording import thrust_left
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
-from thrustmargin.gcs_plugin.wording.check_words import withheld_words
+from thrustmargin.gcs_plugin.wording.check_words import no_verdict_words
 from thrustmargin.gcs_plugin.wording.forecast_words import fill_words, verdict
 from thrustmargin.gcs_plugin.wording.glance_words import alarm_then
 from thrustmargin.gcs_plugin.wording.language import say, spoken
@@ -138,7 +138,9 @@ class ReplayView(ViewPage):
         self._low = thrust_left.too_little(lower_ends(analysis), self._least)
         self._airframe = analysis.model.airframe
         self._speeds = charts.Speeds.of(analysis)
-        shown = (speed_overlay(track),) if analysis.withheld else overlays_of(analysis, self._least)
+        shown = (
+            (speed_overlay(track),) if analysis.no_verdict else overlays_of(analysis, self._least)
+        )
         self._overlays = tuple(overlays) if planned else (*shown, *overlays)
         self._waypoints = waypoints
         self._messages = sorted(messages)
@@ -340,7 +342,7 @@ class ReplayView(ViewPage):
 
     def _drawn_charts(self, _number: int, _back_s: float, tab: str) -> dict[str, Any]:
         now_s = self._start_s + self._tabs.of(tab).clock.now()
-        shown = {"window_s": charts.WINDOW_S, "ahead": charts.AHEAD}
+        shown = {"window_s": charts.WINDOW_S, "future_share": charts.FUTURE_SHARE}
         return {"charts": charts.chart_images(self._analysis.places, self._speeds, now_s, **shown)}
 
     def _clicked(self, event: SceneClickEvent) -> None:
@@ -385,7 +387,7 @@ class ReplayView(ViewPage):
             recorded=True,
             row=row,
             seconds_to_empty=recorded_seconds_to_empty(row.track, row.row),
-            problem="; ".join(withheld_words(self._analysis.claim)),
+            problem="; ".join(no_verdict_words(self._analysis.airframe_match)),
             pending=say(self._alarms_pending),
             message=self._message_at(time_s),
             alarms=tuple(

@@ -327,7 +327,7 @@ def action_steps(advice: Advice) -> list[tuple[ActionKind, str]]:
     if land or FlightLevel.LOST in advice.levels:
         return first
     if advice.level is FlightLevel.UNKNOWN:
-        return [*first, *([] if advice.withheld else _open_steps(advice))]
+        return [*first, *([] if advice.no_verdict else _open_steps(advice))]
     if FlightLevel.DAMAGED not in advice.levels and not advice.rotor_names:
         first.append((ActionKind.FIND_MOTORS, _answer(Trouble.ORDER).action.text))
     within = FlightLevel.UNDER in advice.levels

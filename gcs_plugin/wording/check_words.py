@@ -26,7 +26,7 @@ from thrustmargin.models.statement import Statement, Value
 
 if TYPE_CHECKING:
     from thrustmargin.models.flight import FlightTrack
-    from thrustmargin.models.model.airframe_claim import AirframeClaim, KnownFrom
+    from thrustmargin.models.model.airframe_match import AirframeMatch, KnownFrom
 
 #: What a rotor speed of another unit, or wrong readings of an instrument, lead to.
 _REACH = "margin and fill reach to that: check voltmeter, gauge and empty mass, and the airframe's"
@@ -399,16 +399,16 @@ def _filled(value: Value, name: str = "") -> object:
     return Verbatim(say(value)) if isinstance(value, str) else value
 
 
-def claim_words(claim: AirframeClaim) -> str:
+def airframe_match_words(airframe_match: AirframeMatch) -> str:
     """Return which airframe a flight is analysed with, and why: `airframe x, given`.
 
     `a plan` if the airframe was given without a name.
     """
-    if claim.known_from is not None:
-        return known_words(claim.known_from)
-    if not claim.airframe and claim.basis == "given":
+    if airframe_match.known_from is not None:
+        return known_words(airframe_match.known_from)
+    if not airframe_match.airframe and airframe_match.basis == "given":
         return say("a plan")
-    return say("airframe {grounds}", grounds=Verbatim(grounds_words(claim)))
+    return say("airframe {grounds}", grounds=Verbatim(grounds_words(airframe_match)))
 
 
 def known_words(known: KnownFrom) -> str:
@@ -424,53 +424,58 @@ def known_words(known: KnownFrom) -> str:
     return say("aircraft {name}, known from {flights} flights on {days} days", **own)
 
 
-def grounds_words(claim: AirframeClaim) -> str:
+def grounds_words(airframe_match: AirframeMatch) -> str:
     """Return, to follow the word airframe, its name and how it was chosen: `x, given`."""
-    if claim.known_from is not None:
-        return known_words(claim.known_from)
-    if claim.basis == "not known":
+    if airframe_match.known_from is not None:
+        return known_words(airframe_match.known_from)
+    if airframe_match.basis == "not known":
         return say("not known")
-    names = ", ".join(say(_RESTS_ON[name]) for name in claim.guessed)
+    names = ", ".join(say(_RESTS_ON[name]) for name in airframe_match.guessed)
     guessed = say("; guessed in it: {names}", names=Verbatim(names)) if names else ""
-    own = {"airframe": Verbatim(claim.airframe), "guessed": guessed}
-    if claim.basis == "given":
+    own = {"airframe": Verbatim(airframe_match.airframe), "guessed": guessed}
+    if airframe_match.basis == "given":
         return say("{airframe}, given{guessed}", **own)
-    by = _Listed([statement_words(one) for one in claim.recognised_by])
+    by = _Listed([statement_words(one) for one in airframe_match.recognised_by])
     return say("{airframe}: nobody named it, and the flight fits it ({by}){guessed}", by=by, **own)
 
 
-def withheld_words(claim: AirframeClaim) -> list[str]:
+def no_verdict_words(airframe_match: AirframeMatch) -> list[str]:
     """Return the reasons why no margin is claimed, one sentence each."""
-    return [statement_words(one) for one in claim.withheld]
+    return [statement_words(one) for one in airframe_match.no_verdict]
 
 
-def described_words(claim: AirframeClaim) -> str:
+def described_words(airframe_match: AirframeMatch) -> str:
     """Return how the airframe was chosen, or the reasons why there is no verdict."""
-    if claim.withheld:
-        why = Verbatim("; ".join(withheld_words(claim)))
+    if airframe_match.no_verdict:
+        why = Verbatim("; ".join(no_verdict_words(airframe_match)))
         return say("NO VERDICT: {why}", why=why)
-    misfits = (Verbatim(statement_words(one)) for one in claim.misfit)
-    return "; ".join([claim_words(claim), *(say("no longer fits: {why}", why=w) for w in misfits)])
+    misfits = (Verbatim(statement_words(one)) for one in airframe_match.misfit)
+    return "; ".join(
+        [
+            airframe_match_words(airframe_match),
+            *(say("no longer fits: {why}", why=w) for w in misfits),
+        ]
+    )
 
 
-def remedy_words(claim: AirframeClaim) -> str:
+def remedy_words(airframe_match: AirframeMatch) -> str:
     """Return what the pilot can do where the airframe is unknown or contradicted, so that no
     margin is given."""
-    source = Verbatim(claim.source)
-    if claim.odd_voltage:
+    source = Verbatim(airframe_match.source)
+    if airframe_match.odd_voltage:
         return say(
             "set the voltmeter's scale right if it reads wrong (BATT_VOLT_MULT, BAT1_V_DIV); of "
             "another battery state its cells: `thrustmargin airframe new --from {source} --cells "
             "COUNT`, or name another with --airframe",
             source=source,
         )
-    if claim.known_from is not None:
+    if airframe_match.known_from is not None:
         return say(
             "set right what reads wrong; if nothing does, make the aircraft again, with its mass, "
             "size and motors: `thrustmargin learn LOGS --aircraft {name} --again`",
-            name=Verbatim(claim.known_from.aircraft),
+            name=Verbatim(airframe_match.known_from.aircraft),
         )
-    if claim.basis == "given":
+    if airframe_match.basis == "given":
         return say(
             "set right what reads wrong; if nothing does, make the aircraft's own airframe with "
             "`thrustmargin airframe new --from {source}`, or name another with --airframe",

@@ -157,9 +157,9 @@ def _no_verdict(made: PlanForecast) -> str:
     before = made.clearance.flight
     if made.clearance.level is not FlightLevel.UNKNOWN or before is None:
         return NO_VERDICT
-    if before.withheld and before.airborne_s < LEAST_FLIGHT_S:
+    if before.no_verdict and before.airborne_s < LEAST_FLIGHT_S:
         return NO_FLIGHT_SEEN
-    if before.withheld:
+    if before.no_verdict:
         return NOT_RECOGNISED if made.clearance.unrecognised else UNLIKE
     return CONTRADICTED
 
@@ -202,13 +202,13 @@ def weakest_words(weakest: Weakest | None) -> str:
     return f"{words}{beyond}{why}."
 
 
-#: Places where thrust is short; amount and beside as in `ThrustPlace`.
+#: Places where thrust is short; amount and reference as in `ThrustPlace`.
 _PLACES: Mapping[str, str] = {
     "slope slows": (
-        "the slope to item {item} slows the vehicle to {amount} m/s, of {beside} m/s ordered"
+        "the slope to item {item} slows the vehicle to {amount} m/s, of {reference} m/s ordered"
     ),
     "slope beyond thrust": (
-        "the slope to item {item} takes more thrust than there is at {beside} m/s of climb: "
+        "the slope to item {item} takes more thrust than there is at {reference} m/s of climb: "
         "fly it slower, or with less"
     ),
     "loses height": (
@@ -216,7 +216,7 @@ _PLACES: Mapping[str, str] = {
         "way to item {item}"
     ),
     "motors at idle": (
-        "a motor is at idle in the descent of {beside} m/s to item {item}: descend slower"
+        "a motor is at idle in the descent of {reference} m/s to item {item}: descend slower"
     ),
     "into the ground": "the way to item {item} leads {amount} m into the ground: plan it higher",
 }
@@ -231,7 +231,7 @@ def place_words(made: PlanForecast) -> tuple[str, ...]:
             _PLACES[place.kind],
             item=place.item,
             amount=f"{place.amount:.1f}",
-            beside=f"{place.secondary:.1f}",
+            reference=f"{place.secondary:.1f}",
         )
         for place in found
     ]

@@ -1,6 +1,6 @@
 """Translate sentences and write numbers for people, in the language that the user chose.
 
-Sentences are written in English where they are made. `de.po` beside this file, a file of gettext,
+Sentences are written in English where they are made. `de.po` in this folder, a file of gettext,
 holds the German of each, with the same {placeholders}; a sentence that it lacks stays English.
 The language is chosen by `--language de` with any command, or by the variable
 THRUSTMARGIN_LANGUAGE, as for MAVProxy and services.
@@ -231,19 +231,19 @@ def within(
     *,
     factor: float = 1.0,
     most: int = 2,
-    beside: float = 0.0,
+    table_largest: float = 0.0,
 ) -> tuple[str, str]:
     """Return an amount and its interval, `8 %` and `(7.8 to 8.2)`, with no more digits than it
     allows.
 
     The last digit is that of the first digit of the half width, with at most `most` decimals. One
     more is used if both ends would look alike or one would look like 0. Amounts below SMALL have a
-    smaller unit, `2.7 g` for 0.0027 kg, unless `beside`, the largest amount in the same table, is
+    smaller unit, `2.7 g` for 0.0027 kg, unless `table_largest`, the largest amount in the same table, is
     not below it. The second text is empty without an interval.
     """
     largest = max(abs(value), abs(low), abs(high)) * abs(factor)
     if unit in SMALLER and largest < SMALL:
-        if beside < SMALL:
+        if table_largest < SMALL:
             finer, unit = SMALLER[unit]
             factor, largest = factor * finer, largest * finer
         if 0.0 < largest < 1.0:

@@ -14,7 +14,7 @@ from functools import cache
 from importlib import resources
 
 from thrustmargin.gcs_plugin.wording.alarm_words import ONE_LOST, ONE_MORE_LOST, SPINS
-from thrustmargin.gcs_plugin.wording.check_words import claim_words, source_words
+from thrustmargin.gcs_plugin.wording.check_words import airframe_match_words, source_words
 from thrustmargin.gcs_plugin.wording.language import (
     Verbatim,
     percent,
@@ -22,7 +22,7 @@ from thrustmargin.gcs_plugin.wording.language import (
     translations,
 )
 from thrustmargin.gcs_plugin.wording.thrust_left import left_words
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
 PREDICTED = "predicted"
@@ -34,7 +34,7 @@ ALARMS_UNKNOWN = "alarms are not known: this flight could not be searched for th
 THRUST_LEFT = "Thrust left"
 TANK_SHOWN = "Tank"
 PLANNED = "forecast from the plan"
-WHOLE_FIELD, NORTH_UP, NOSE_AHEAD = "Whole field", "Follow, north up", "Follow, nose ahead"
+WHOLE_FIELD, NORTH_UP, NOSE_FORWARD = "Whole field", "Follow, north up", "Follow, nose ahead"
 RESIDUAL_BEFORE, RESIDUAL_AFTER = "Residual before", "Residual after"
 ALL_PREDICTED = "predicted: no rotor speed was measured"
 HOME = "Home"
@@ -57,12 +57,12 @@ def page_words(language: str) -> dict[str, dict[str, str]]:
     }
 
 
-def brief_claim(claim: AirframeClaim) -> str:
+def brief_claim(airframe_match: AirframeMatch) -> str:
     """Return which airframe a vehicle is analysed with, without the evidence for it."""
-    if claim.basis == "recognised":
-        name = Verbatim(claim.airframe)
+    if airframe_match.basis == "recognised":
+        name = Verbatim(airframe_match.airframe)
         return say("airframe {name}: nobody named it, and the flight fits it", name=name)
-    return claim_words(claim)
+    return airframe_match_words(airframe_match)
 
 
 def wind_words(speed: float) -> str:
@@ -141,7 +141,7 @@ NO_ROWS = WhyUnknown(
 #: Figures that can be unknown, by the name printed with the reason.
 MEASURED_MARGIN, PREDICTED_MARGIN = "measured thrust left", "predicted thrust left"
 TANK, TANK_BY_THRUST, TIME_TO_EMPTY = "tank", "tank by thrust", "time to empty"
-ROUTE_AHEAD, FULL_MARGIN = "route ahead", "thrust left with a full tank"
+REMAINING_ROUTE, FULL_MARGIN = "route ahead", "thrust left with a full tank"
 #: Reported field -> its name in a line about old values.
 FIELD_WORDS: Mapping[str, str] = {
     "attitude": "attitude",

@@ -14,16 +14,16 @@ from thrustmargin.gcs_plugin.wording.advice_words import action, facts, fault_fo
 from thrustmargin.gcs_plugin.wording.alarm_words import place_words
 from thrustmargin.gcs_plugin.wording.check_words import (
     grounds_words,
+    no_verdict_words,
     remedy_words,
     source_words,
-    withheld_words,
 )
 from thrustmargin.gcs_plugin.wording.flight_words import doing_words
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.thrust_left import left_words
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.advice import Advice, FlightLevel, pauses_in_flight
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.inferred.speed_basis import SpeedBasis
 from thrustmargin.models.model.utilisation_peaks import UtilisationPeak
@@ -37,7 +37,7 @@ Facts = tuple[tuple[str, str], ...]
 def verdict_facts(
     worst: UtilisationPeak | None,
     advice: Advice,
-    claim: AirframeClaim,
+    airframe_match: AirframeMatch,
     basis: str,
     not_flown: str = "",
 ) -> Facts:
@@ -46,7 +46,7 @@ def verdict_facts(
     `not_flown` is the reason why the log has no flight to check; empty where it has one. `basis` is
     the source of the thrust utilisation, in words.
     """
-    airframe = ("airframe", grounds_words(claim))
+    airframe = ("airframe", grounds_words(airframe_match))
     found = tuple(("alarm", fault_found(advice, one)) for one in advice.faults)
     if FlightLevel.LOST in advice.levels:
         # What was left before it went wrong explains nothing, and advises no fill.
@@ -54,10 +54,12 @@ def verdict_facts(
         return (*_to_do(advice), *found, *until, ("from", basis), airframe)
     if not_flown:
         return (("why", not_flown), airframe)
-    if claim.withheld:
-        why = (("why", reason) for reason in withheld_words(claim))
-        of = () if claim.basis == "not known" else (airframe,)  # the reason says that already
-        return (*_to_do(advice), *found, *why, ("what helps", remedy_words(claim)), *of)
+    if airframe_match.no_verdict:
+        why = (("why", reason) for reason in no_verdict_words(airframe_match))
+        of = (
+            () if airframe_match.basis == "not known" else (airframe,)
+        )  # the reason says that already
+        return (*_to_do(advice), *found, *why, ("what helps", remedy_words(airframe_match)), *of)
     if worst is None:
         why = "neither rotor speeds nor what a prediction needs is in this log"
         return (("why", say(why)), airframe)
@@ -118,7 +120,7 @@ def voltage_facts(analysis: FlightAnalysis) -> Facts:
     """
     track, craft = analysis.track, analysis.model.airframe
     unknown_s = float(track.row_seconds[track.flying & ~(track.voltage > 0.0)].sum())
-    if analysis.withheld or unknown_s <= 0.05 * track.flying_s:
+    if analysis.no_verdict or unknown_s <= 0.05 * track.flying_s:
         return ()
     words = "not known for {long} of {all}: the most thrust is taken at {volts}"
     long, whole = language.duration(unknown_s), language.duration(track.flying_s)

@@ -12,7 +12,7 @@ from thrustmargin.gcs_plugin.wording.language import number, percent, say
 from thrustmargin.gcs_plugin.wording.thrust_left import left_words
 from thrustmargin.mission.plan_items import NotUnderstood
 from thrustmargin.mission.plan_tracking.blame import Off
-from thrustmargin.mission.plan_tracking.stretches import StretchBeside
+from thrustmargin.mission.plan_tracking.stretches import StretchComparison
 
 #: Reason why an item is not understood -> its words, and the action.
 NOT_UNDERSTOOD: Mapping[str, tuple[str, str]] = {
@@ -119,7 +119,7 @@ def hectares(area: float) -> str:
     return number(area / 1e4, "ha", 2)
 
 
-NOT_BESIDE = "the plan could not be put beside the flight"
+NO_COMPARISON = "the plan could not be put beside the flight"
 #: Assumption -> its sentence, and unit and decimals of the flown and the forecast amount.
 _OFF: Mapping[str, tuple[str, str, int]] = {
     "wind": ("wind of {flown}, {forecast} assumed", "m/s", 1),
@@ -155,7 +155,7 @@ def off_sentence(off: Off) -> str:
     return words if off.mattered else f"{words}{say(', which took no more thrust')}"
 
 
-def stretch_words(stretch: StretchBeside) -> str:
+def stretch_words(stretch: StretchComparison) -> str:
     """Return the values flown on one leg, the forecast ones in brackets: `leg to mission item 5: 23
     s (22 s), ...`."""
     used = stretch.utilisation_mean, stretch.utilisation_peak
@@ -173,8 +173,8 @@ def stretch_words(stretch: StretchBeside) -> str:
     return f"{say(stretch.kind)} {say('to mission item')} {stretch.item}: {', '.join(parts)}"
 
 
-def beside_words(
-    off: Sequence[Off], stretches: Sequence[StretchBeside], *, left_at: int | None
+def comparison_words(
+    off: Sequence[Off], stretches: Sequence[StretchComparison], *, left_at: int | None
 ) -> str:
     """Return a flight compared with its forecast, as a sentence: `flown as forecast`, or the
     differences `off`.

@@ -1,4 +1,4 @@
-"""Words of what a vehicle reported of itself, set beside what its log shows."""
+"""Words of a vehicle's own reports, each with what its log shows of it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ KINDS: Mapping[str, str] = {
     "other": "other",
 }
 #: `Corroboration` of a vehicle's report by its log -> sentence.
-_BESIDE: Mapping[str, str] = {
+_OF_CORROBORATION: Mapping[str, str] = {
     "agrees": "the log says the same: motor {found}",
     "other motor": "the vehicle names motor {named}; speeds say {found}: {named} works harder "
     "because {found} gives less",
@@ -56,8 +56,8 @@ _BESIDE: Mapping[str, str] = {
 }
 
 
-def beside_words(
-    beside: str,
+def corroboration_words(
+    corroboration: str,
     *,
     named: Sequence[int] = (),
     found: Sequence[int] = (),
@@ -68,17 +68,17 @@ def beside_words(
     """Return a sentence on how the log agrees with a vehicle's report; empty where the log shows
     nothing of it.
 
-    `beside` is the value of a `Corroboration`. `named` are the motors of the report, `found` those
-    of the log, both from 0; `places` are the names of their places, empty where unknown. `losses`
-    are the signs of a loss of control in words.
+    `corroboration` is the value of a `Corroboration`. `named` are the motors of the
+    report, `found` those of the log, both from 0; `places` are the names of their places, empty
+    where unknown. `losses` are the signs of a loss of control in words.
     """
-    words = _BESIDE[beside]
+    words = _OF_CORROBORATION[corroboration]
     if not words:
         return ""
     return say(
         words,
         named=_motors(named, ()),
-        found=_motors(found, places, "and" if beside == "exchanged" else "or"),
+        found=_motors(found, places, "and" if corroboration == "exchanged" else "or"),
         value=percent(value) if known(value) else say("unknown"),
         losses=Verbatim(losses),
     )

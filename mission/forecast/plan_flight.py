@@ -32,7 +32,7 @@ from thrustmargin.mission.forecast.battery import (
 from thrustmargin.mission.forecast.limits import FlightLimits
 from thrustmargin.mission.forecast.way import CONE, RETURN_WAIT_S, Course
 from thrustmargin.models.flight import Bools, FlightTrack, Floats, Origin, body_axes
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.rotor_model import (
     RotorModel,
     identified_airframe,
@@ -57,7 +57,7 @@ from thrustmargin.models.provenance import Provenance, SourceKind
 from thrustmargin.models.statement import state
 
 #: A plan is no flight: it has no measurement that could contradict the airframe.
-PLANNED = AirframeClaim()
+PLANNED = AirframeMatch()
 
 
 Assumption = Literal[

@@ -171,7 +171,7 @@ class PlanForecast:
             return before.level
         good = level is FlightLevel.UNDER
         if before.level is FlightLevel.UNKNOWN and not self.battery_short:
-            unfit = before.flight is None or before.flight.withheld
+            unfit = before.flight is None or before.flight.no_verdict
             return FlightLevel.UNKNOWN if unfit or good else level
         left_open = bool(before.conditions) or "aircraft" in self.assumed
         return FlightLevel.NEAR if good and left_open else level
@@ -375,9 +375,10 @@ def forecast(
             f"{flight.track.duration / 60.0:.0f}",
             f"{of_legs.time_s[-1] / 60.0:.0f}",
         )
-    claim = replace(PLANNED, other_order=other_order)
+    airframe_match = replace(PLANNED, other_order=other_order)
     analysis = with_density_error(
-        analyse(flight.track, model, flight.density, claim=claim), given.density_error
+        analyse(flight.track, model, flight.density, airframe_match=airframe_match),
+        given.density_error,
     )
     advised = advise(analysis, limit=limit, planned=True, history=faults)
     if limits.assumed:
@@ -536,7 +537,7 @@ def _within(timed: Sequence[TimedLeg], seconds: float, whole_s: float) -> int:
 def _advise(flight: PlanFlight, model: RotorModel, limit: float, density_error: float) -> Advised:
     """Analyse and assess a simulated flight; `density_error` is the density's relative standard
     error."""
-    analysis = analyse(flight.track, model, flight.density, claim=PLANNED)
+    analysis = analyse(flight.track, model, flight.density, airframe_match=PLANNED)
     analysis = with_density_error(analysis, density_error)
     return advise(analysis, limit=limit, planned=True)
 

@@ -17,7 +17,12 @@ from typing import Literal
 import numpy as np
 
 from thrustmargin.mission.forecast.plan_flight import PlanConditions
-from thrustmargin.mission.plan_tracking.stretches import Beside, Pair, StretchBeside, mean_off
+from thrustmargin.mission.plan_tracking.stretches import (
+    Pair,
+    PlanComparison,
+    StretchComparison,
+    mean_off,
+)
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 
@@ -85,7 +90,7 @@ def _known(values: Floats) -> Floats:
 
 
 def which_was_off(
-    fly: Callable[[PlanConditions], Beside], given: PlanConditions, day: ShownDay
+    fly: Callable[[PlanConditions], PlanComparison], given: PlanConditions, day: ShownDay
 ) -> tuple[Off, ...]:
     """List the wrong assumptions in `given`, the one that explains most of the difference first.
 
@@ -97,7 +102,7 @@ def which_was_off(
     tracked = fly(given)
     far = distances(tracked.stretches, given.fill_kg)
     while far.max() > 1.0:
-        best: tuple[Floats, Off, PlanConditions, Beside] | None = None
+        best: tuple[Floats, Off, PlanConditions, PlanComparison] | None = None
         for one, changed in _candidates(given, day, tracked.stretches):
             if any(one.what == known.what for known in off):
                 continue
@@ -118,7 +123,7 @@ def which_was_off(
     return tuple(off)
 
 
-def _model(stretches: Sequence[StretchBeside]) -> tuple[Off, ...]:
+def _model(stretches: Sequence[StretchComparison]) -> tuple[Off, ...]:
     """Return the model as a wrong assumption, with the stretch of the largest difference.
 
     Empty if the root mean square difference of utilisation is at most MODEL.
@@ -131,7 +136,7 @@ def _model(stretches: Sequence[StretchBeside]) -> tuple[Off, ...]:
     return (Off(what="model", amount=worst.utilisation_mean, item=worst.item),)
 
 
-def distances(stretches: Sequence[StretchBeside], fill_kg: float) -> Floats:
+def distances(stretches: Sequence[StretchComparison], fill_kg: float) -> Floats:
     """Compute the mean square differences (3,) of forecast and flight in thrust, tank and voltage.
 
     The unit is the error of a good forecast; 0 where no stretch has both values.
@@ -147,7 +152,7 @@ def distances(stretches: Sequence[StretchBeside], fill_kg: float) -> Floats:
 
 
 def _candidates(
-    given: PlanConditions, day: ShownDay, stretches: Sequence[StretchBeside]
+    given: PlanConditions, day: ShownDay, stretches: Sequence[StretchComparison]
 ) -> list[tuple[Off, PlanConditions]]:
     """List, for each assumption in `given` that the flight measured, (difference, conditions).
 
@@ -182,7 +187,9 @@ def _candidates(
     return candidates
 
 
-def _used(given: PlanConditions, day: ShownDay, stretches: Sequence[StretchBeside]) -> Pair | None:
+def _used(
+    given: PlanConditions, day: ShownDay, stretches: Sequence[StretchComparison]
+) -> Pair | None:
     """Return the liquid used, kg, as forecast and as flown, until either tank was nearly empty.
 
     None if the fill or the tank level is unknown, or if either used at most LEAST_USED.

@@ -15,8 +15,8 @@ from thrustmargin.mission.plan_items import FIRMWARE_PX4, MissionPlan
 from thrustmargin.mission.plan_tracking.blame import shown_day
 from thrustmargin.mission.plan_tracking.stretches import (
     PlanToFly,
-    StretchBeside,
-    beside,
+    StretchComparison,
+    compare_with_plan,
     conditions_before_take_off,
     flown_way,
     stretch_ends,
@@ -67,7 +67,7 @@ def flown_mission(
     )
     flight, forecast = to_fly.fly(given)
     ends = stretch_ends(flight, way)
-    tracked = beside(flight, forecast, way)
+    tracked = compare_with_plan(flight, forecast, way)
     if len(tracked.stretches) < FEWEST_STRETCHES:
         return None
     begun, ended = way.time_s[0], way.time_s[ends[-1]]
@@ -87,7 +87,7 @@ def flown_mission(
     )
 
 
-def _leg_use(legs: Sequence[StretchBeside]) -> SaidFlown:
+def _leg_use(legs: Sequence[StretchComparison]) -> SaidFlown:
     """Return the mean utilisation on level legs, forecast and flown, weighted by the time as
     flown."""
     known = [one for one in legs if np.isfinite(one.utilisation_mean.off)]
@@ -99,7 +99,7 @@ def _leg_use(legs: Sequence[StretchBeside]) -> SaidFlown:
     return SaidFlown(float(forecast_use), float(flown))
 
 
-def _peak(stretches: Sequence[StretchBeside]) -> SaidFlown:
+def _peak(stretches: Sequence[StretchComparison]) -> SaidFlown:
     """Return the largest utilisation of all stretches, as forecast and as flown."""
     known = [one for one in stretches if np.isfinite(one.utilisation_peak.off)]
     if not known:

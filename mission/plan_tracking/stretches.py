@@ -82,12 +82,14 @@ class PlanToFly:
         legs = [timed.leg for timed in self.course.legs]
         by_limits = partial(course, legs, start_yaw=self.start_yaw)
         flight = with_slower_yaw(fly(self.course), self.model, by_limits, fly)
-        return flight, analyse(flight.track, self.model, flight.density, claim=PLANNED)
+        return flight, analyse(flight.track, self.model, flight.density, airframe_match=PLANNED)
 
-    def compare(self, given: PlanConditions, flown: FlownWay, *, over_s: float = 0.0) -> Beside:
+    def compare(
+        self, given: PlanConditions, flown: FlownWay, *, over_s: float = 0.0
+    ) -> PlanComparison:
         """Simulate the plan under `given` and compare it with the path `flown`; `over_s` as in
-        `beside`."""
-        return beside(*self.fly(given), flown, over_s=over_s)
+        `compare_with_plan`."""
+        return compare_with_plan(*self.fly(given), flown, over_s=over_s)
 
 
 def conditions_before_take_off(
@@ -149,7 +151,7 @@ class Pair:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StretchBeside:
+class StretchComparison:
     """A stretch of a plan as forecast and as flown; utilisations are of the most used rotor."""
 
     item: int
@@ -164,11 +166,11 @@ class StretchBeside:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Beside:
+class PlanComparison:
     """The stretches that were flown, and the item at which the flight left the plan (None: it
     did not)."""
 
-    stretches: tuple[StretchBeside, ...]
+    stretches: tuple[StretchComparison, ...]
     left_at: int | None = None
 
 
@@ -259,9 +261,9 @@ def stretch_ends(flight: PlanFlight, flown: FlownWay, *, over_s: float = 0.0) ->
     return tuple(ends)
 
 
-def beside(
+def compare_with_plan(
     flight: PlanFlight, forecast: FlightAnalysis, flown: FlownWay, *, over_s: float = 0.0
-) -> Beside:
+) -> PlanComparison:
     """Compare a simulated `flight` of a plan and its analysis `forecast` with the path `flown`.
 
     One comparison per stretch; those shorter than SHORTEST_S s are left out. `over_s` is as in
@@ -269,7 +271,7 @@ def beside(
     completed.
     """
     if not flown.time_s.size or not flight.course.spans:
-        return Beside(
+        return PlanComparison(
             stretches=(), left_at=flight.course.spans[0].item if flight.course.spans else None
         )
     ends = stretch_ends(flight, flown, over_s=over_s)
@@ -287,7 +289,7 @@ def beside(
     unfinished = (
         None if len(ends) == len(flight.course.spans) else flight.course.spans[len(ends)].item
     )
-    return Beside(
+    return PlanComparison(
         stretches=tuple(s for s in stretches if s.seconds.least >= SHORTEST_S), left_at=unfinished
     )
 
@@ -304,7 +306,7 @@ class _Planned(NamedTuple):
 
 def _stretch(
     span: Span, flight: PlanFlight, planned: _Planned, flown: FlownWay, done: slice
-) -> StretchBeside:
+) -> StretchComparison:
     """Return the comparison of one span; `done` are the rows of `flown` matched to it."""
     track, rows = flight.track, slice(span.first, span.last)
     end = min(span.last, track.time_s.size - 1)
@@ -312,7 +314,7 @@ def _stretch(
     most = span.first + int(np.argmax(np.nan_to_num(use, nan=-1.0)))
     peak, reach = float(planned.utilisation[most]), float(planned.reach[most])
     last = max(done.stop - 1, done.start)
-    return StretchBeside(
+    return StretchComparison(
         item=span.item,
         kind=span.kind,
         seconds=Pair(

@@ -2,8 +2,8 @@
 
 ArduPilot's "Potential Thrust Loss (n)" names the motor with the highest output
 (libraries/AP_Motors/AP_MotorsMatrix.cpp, check_for_failed_motor). That is the motor that works
-hardest: often a sound one beside a weak one. So each motor is compared with the others by its speed
-at its output, as before take-off (`takeoff.py`).
+hardest: often a sound one next to a weak one. So each motor is compared with the others by its
+speed at its output, as before take-off (`takeoff.py`).
 """
 
 from __future__ import annotations

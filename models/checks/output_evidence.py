@@ -3,7 +3,7 @@
     T_i = T_full,i f(x_i)          T_full by the airframe's ceiling at the battery's voltage
 
 x motor output, f the autopilot's thrust curve (`physics.motor_output`). This is a third estimate
-beside weight and rotor speeds: compared two by two, all pairs may agree within wide limits while
+with weight and rotor speeds: compared two by two, all pairs may agree within wide limits while
 all three together cannot be true.
 
     s(ln T)² = (s_f ln f)² + s_c² (+ the variance of guessed quantities)

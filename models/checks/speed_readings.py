@@ -7,7 +7,7 @@ Invalid readings (`checked_readings`). A reading is rejected where
 - it stays the same to the last bit while what drives the rotor changes: the last value, repeated;
 - it is a single value far above the readings around it, or above what a propeller can survive.
 Only earlier readings decide, so that live and recorded data give the same result, unless the whole
-flight is there to look ahead in.
+flight is there to read later rows of.
 
 Scatter and resolution (`reading_scatter`, `speed_resolution`). Slow or coarse readings are used
 like any others, but reported, since they look like a speed that lags or a rotor that jumps.
@@ -181,8 +181,9 @@ def _mark_repeats(
 OFTEN = 0.5  # s: shorter than the manoeuvres that effects are identified from
 FINE = 0.004  # of the speed: less than sound rotors differ by
 LEAST_ROWS = 100  # rows in flight that are needed
-#: Share of the speed by which readings differ from those beside them in flights whose sensors are
-#: sound: manoeuvres and gusts (1.2 % at most in those recorded, of a simulated and a real quad).
+#: Share of the speed by which readings differ from the readings before and after in flights whose
+#: sensors are sound: manoeuvres and gusts (1.2 % at most in those recorded, of a simulated and a
+#: real quad).
 USUAL_SCATTER = 0.02
 #: Scatter from which single readings are reported as unreliable: 8 % of thrust. A simulated flight
 #: in gusts that its outputs do not show has 3 %.

@@ -244,5 +244,5 @@ def look_of(placed: Sequence[Placed]) -> Look:
     shift the window back."""
     late = sum(float(item.values["lag"]) for item in placed if item.effect.delays)
     looks = [item.effect.looks(item.values) for item in placed]
-    back, ahead = (max(side) for side in zip((0.0, 0.0), *looks, strict=True))
-    return back + max(late, 0.0), ahead + max(-late, 0.0)
+    past, future = (max(side) for side in zip((0.0, 0.0), *looks, strict=True))
+    return past + max(late, 0.0), future + max(-late, 0.0)

@@ -148,7 +148,7 @@ class Advice:
     #: For most of the flight neither speeds nor outputs were measured; a prediction alone does not
     #: support a good verdict.
     predicted_alone: bool
-    withheld: bool  # the aircraft is unknown or not the airframe's: no margin is reported
+    no_verdict: bool  # the aircraft is unknown or not the airframe's: no margin is reported
     #: How measured rotor speeds agree with the model; all unknown of a plan.
     misfit: ModelMisfit = field(default_factory=ModelMisfit)
     caveats: tuple[Caveat, ...] = ()
@@ -177,8 +177,8 @@ class Advice:
     @property
     def places(self) -> tuple[str, ...]:
         """Return the name of each rotor's arm; an empty tuple if the aircraft is unknown
-        (`withheld`)."""
-        return () if self.withheld else self.rotor_names
+        (`no_verdict`)."""
+        return () if self.no_verdict else self.rotor_names
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -243,12 +243,12 @@ def advise(
         not_survivable_s=float(seconds[track.flying][free < 1.0].sum()),
         known_s=float(seconds[track.flying][np.isfinite(free)].sum()),
     )
-    open_pairs = analysis.claim.open_pairs
+    open_pairs = analysis.airframe_match.open_pairs
     found = [(time_s, undecided(faults, open_pairs)) for time_s, faults in found]
     episodes, known = fault_episodes(found), faults_in_model(analysis.model)
     repaired = tuple(e.fault for e in episodes if e.end_s is not None and e.fault in known)
     faults = tuple(e for e in episodes if e.fault not in repaired)
-    faults = () if analysis.withheld else faults
+    faults = () if analysis.no_verdict else faults
     stopped = stopped_episodes(track)
     faults = tuple(e for e in faults if not explained_by_stop(e.fault, stopped, e.begin_s))
     faults = tuple(sorted([*stopped, *faults], key=lambda one: one.begin_s))
@@ -258,7 +258,7 @@ def advise(
         fill, by_use, by_lost = unsound_fill(fill), by_use * NAN, by_lost * NAN
         lost = lost if lost.not_survivable_s > 0.0 else RotorLost(known_s=lost.known_s)
     arms = None
-    if not (planned or in_progress or analysis.withheld):
+    if not (planned or in_progress or analysis.no_verdict):
         arms = flight_arm_answer(analysis, [one.fault for one in faults], misread)
     battery = _battery(analysis)
     airborne_s = track.flying_s
@@ -288,7 +288,7 @@ def advise(
         groundless = predicted_alone or (misfit.found and not faults)
         if use.known_s > 0.0 and not (groundless and of_load is FlightLevel.UNDER):
             levels.append(of_load)
-        if use.known_s > 0.0 and analysis.claim.other_order:
+        if use.known_s > 0.0 and analysis.airframe_match.other_order:
             levels.append(FlightLevel.ORDER)
     return Advised(
         advice=Advice(
@@ -306,7 +306,7 @@ def advise(
             change=analysis.change,
             losses=tuple(losses),
             rotor_count=track.rotor_count,
-            rotor_names=() if analysis.claim.other_order else analysis.places,
+            rotor_names=() if analysis.airframe_match.other_order else analysis.places,
             predicted_alone=predicted_alone,
             unseen_from_s=ends_s,
             begun_before=begun,
@@ -314,7 +314,7 @@ def advise(
             in_progress=in_progress,
             unsought_s=unsought_s,
             by_outputs_s=by_outputs_s,
-            withheld=bool(analysis.withheld),
+            no_verdict=bool(analysis.no_verdict),
             misfit=misfit,
             caveats=caveats(
                 track,
@@ -342,7 +342,7 @@ def _misread_rotor(analysis: FlightAnalysis, found: FaultHistory) -> MisreadSpee
     """
     measured = analysis.track.flying & ~analysis.from_outputs.any(axis=1)
     track = analysis.track
-    blind = analysis.withheld or not track.reports("rotor_speed_rpm") or not measured.any()
+    blind = analysis.no_verdict or not track.reports("rotor_speed_rpm") or not measured.any()
     if blind or any(faults for _, faults in found):
         return None
     signals = fault_signals(analysis, slice(None))[measured]
@@ -424,7 +424,7 @@ def cell_count(airframe: Airframe) -> int:
 def _battery(analysis: FlightAnalysis) -> Battery:
     """Find the lowest cell voltage that lasted about 1 s in flight, and its time.
 
-    The cell count is the airframe's. If the aircraft is unknown (`withheld`), it is the smallest
+    The cell count is the airframe's. If the aircraft is unknown (`no_verdict`), it is the smallest
     count that the highest voltages allow (2 or more, at 3.5 V a cell or more), and the result is an
     upper bound (`at_most`). Empty without a count or with fewer than 3 voltages in flight.
     """
@@ -432,7 +432,7 @@ def _battery(analysis: FlightAnalysis) -> Battery:
     rows = track.flying & (track.voltage > 0.0)
     if np.count_nonzero(rows) < 3:
         return Battery()
-    if analysis.withheld:
+    if analysis.no_verdict:
         most = float(np.sort(track.voltage[track.voltage > 0.0])[-HELD_ROWS:][0])
         count = int(np.ceil(most / CELL_IN_USE[1]))
         count = count if most >= HEALTHY * count and count > 1 else 0
@@ -442,4 +442,4 @@ def _battery(analysis: FlightAnalysis) -> Battery:
     rate = max(1, round(1.0 / max(float(np.median(np.diff(time_s))), 1e-3)))
     held = running_median(track.voltage[rows][:, None], 2 * rate + 1)[:, 0] / count
     at_s = float(time_s[np.argmin(held)])
-    return Battery(least_cell=float(held.min()), at_s=at_s, at_most=bool(analysis.withheld))
+    return Battery(least_cell=float(held.min()), at_s=at_s, at_most=bool(analysis.no_verdict))

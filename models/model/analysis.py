@@ -31,7 +31,7 @@ from thrustmargin.models.effects.channels import own_channels
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.aircraft_change import AircraftChange
-from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim, unknown_aircraft
+from thrustmargin.models.model.airframe_match import AirframeMatch, match_airframe, unknown_aircraft
 from thrustmargin.models.model.inferred.load_inference import with_load_for_verdict
 from thrustmargin.models.model.inferred.speed_basis import SpeedBasis as SpeedBasis
 from thrustmargin.models.model.inferred.speed_basis import speed_basis
@@ -99,7 +99,7 @@ def thrust_use(analysis: FlightAnalysis, limit: float) -> ThrustUse:
 
     `limit` is the share of a rotor's largest thrust that may last.
     """
-    track, outputs = analysis.track, analysis.claim.outputs
+    track, outputs = analysis.track, analysis.airframe_match.outputs
     use = np.where(track.flying[:, None], analysis.known_utilisation, np.nan)
     second, means = _second_means(track.time_s, use)
     above, beyond = (
@@ -286,7 +286,7 @@ class FlightAnalysis:
     redundancy_error: Floats  # (T,) standard error of ln redundancy, low side
     redundancy_beyond: float  # part of that error on the low side alone
     trimmable_loss: Floats  # (T,) largest share of one rotor's thrust that can be lost in trim
-    claim: AirframeClaim  # grounds on which it is a flight of the model's airframe
+    airframe_match: AirframeMatch  # grounds on which it is a flight of the model's airframe
     start: FlightState | None = None  # state of the effects before the first row
     #: kg of load by hover thrust beyond gauge or statement, where they surely differ; else 0.
     beyond_gauge_kg: float = 0.0
@@ -308,7 +308,7 @@ class FlightAnalysis:
             f"  least thrust margin {worst(self.utilisation)} {self.speed_basis}, "
             f"{worst(self.utilisation_predicted)} predicted; rotor speed error {off} RMS\n"
             f"  air: {self.density_basis}\n  ceiling: {self.voltage_basis}"
-            + (f"\n  airframe: {self.claim}" if str(self.claim) else "")
+            + (f"\n  airframe: {self.airframe_match}" if str(self.airframe_match) else "")
         )
 
     def state_at(self, row: int) -> FlightState:
@@ -324,24 +324,24 @@ class FlightAnalysis:
         return own_channels(before, self.model.airframe, effects, self.start)[1]
 
     @property
-    def withheld(self) -> tuple[Statement, ...]:
+    def no_verdict(self) -> tuple[Statement, ...]:
         """Return the reasons why the flight is not analysed with an airframe; empty if it is.
 
         With a reason, all figures that need the airframe, as margins, are NaN.
         """
-        return self.claim.withheld
+        return self.airframe_match.no_verdict
 
     @property
     def places(self) -> tuple[str, ...]:
         """Return the name of each rotor's arm; empty strings if the motor order is not the
         airframe's."""
         names = self.model.airframe.rotor_names
-        return ("",) * len(names) if self.claim.other_order else names
+        return ("",) * len(names) if self.airframe_match.other_order else names
 
     @property
     def placed(self) -> bool:
         """Return True if the arm of each rotor is known, so that the rotor may be drawn there."""
-        return not (self.claim.withheld or self.claim.other_order)
+        return not (self.airframe_match.no_verdict or self.airframe_match.other_order)
 
     @property
     def margin(self) -> Floats:
@@ -358,10 +358,10 @@ class FlightAnalysis:
     def yaw_reserve(self) -> Floats:
         """Return the unused share (T,) of the yaw authority, by measured or inferred rotor speeds.
 
-        NaN where a speed is unknown, and everywhere if the aircraft is unknown (`withheld`).
+        NaN where a speed is unknown, and everywhere if the aircraft is unknown (`no_verdict`).
         """
         airframe = identified_airframe(self.model)
-        if self.withheld or not airframe.rotor_count:
+        if self.no_verdict or not airframe.rotor_count:
             return np.full(self.track.time_s.size, np.nan)
         return yaw_reserve(airframe, self.utilisation * airframe.rotor_effectiveness)
 
@@ -467,7 +467,7 @@ def analyse(
     density: Floats | None = None,
     *,
     start: FlightState | None = None,
-    claim: AirframeClaim | None = None,
+    airframe_match: AirframeMatch | None = None,
 ) -> FlightAnalysis:
     """Run one flight of T rows and R rotors through the model.
 
@@ -475,7 +475,7 @@ def analyse(
     is NaN in rows without a channel that it needs: thrust and utilisation need rotor speed; weight,
     redundancy and trimmable loss need the tank. Voltage and density have stated fallbacks.
 
-    `claim` is the result of comparing the flight with the model's airframe; without it the
+    `airframe_match` is the result of comparing the flight with the model's airframe; without it the
     airframe counts as stated by the user, and the flight is compared with it here. If a comparison
     contradicts, the analysis is that of an unknown aircraft: its margins are NaN.
 
@@ -489,11 +489,11 @@ def analyse(
         >>> round(float(flight.margin.min()), 2)
         0.25
     """
-    if claim is None:
+    if airframe_match is None:
         require_rotors(track, model.airframe)
         facts = VehicleFacts()
-        claim = airframe_claim(track, identified_airframe(model), facts, {}, given=True)
-    if claim.withheld:
+        airframe_match = match_airframe(track, identified_airframe(model), facts, {}, given=True)
+    if airframe_match.no_verdict:
         model = unknown_aircraft(track.rotor_count)
     airframe = identified_airframe(model)
     require_rotors(track, airframe)
@@ -510,7 +510,7 @@ def analyse(
     use = utilisation(track.rotor_speed_rpm, limits.max_rotor_speed_rpm)
     use_predicted = utilisation(prediction.rotor_speed_rpm, limits.max_rotor_speed_rpm)
     use_error, use_beyond = utilisation_error(
-        track, airframe, prediction, use, use_predicted, claim.outputs
+        track, airframe, prediction, use, use_predicted, airframe_match.outputs
     )
     load_known = np.isfinite(track.measured("tank_kg"))[:, None]
     return FlightAnalysis(
@@ -520,7 +520,7 @@ def analyse(
         density_error=density_error,
         density_given=density is not None,
         density_basis=density_basis,
-        voltage_basis=state("no airframe") if claim.withheld else limits.voltage_basis,
+        voltage_basis=state("no airframe") if airframe_match.no_verdict else limits.voltage_basis,
         prediction=prediction,
         residual_rpm=np.where(load_known, track.rotor_speed_rpm, np.nan)
         - prediction.rotor_speed_rpm,
@@ -534,11 +534,13 @@ def analyse(
         weight=load,
         redundancy_yaw_kept=redundancy(airframe, limits, load, yaw_kept=True),
         redundancy_yaw_uncontrolled=redundancy(airframe, limits, load, yaw_kept=False),
-        redundancy_error=redundancy_error(track, airframe, density_error / rho, claim.outputs),
-        redundancy_beyond=beyond_load(track, airframe, claim.outputs),
+        redundancy_error=redundancy_error(
+            track, airframe, density_error / rho, airframe_match.outputs
+        ),
+        redundancy_beyond=beyond_load(track, airframe, airframe_match.outputs),
         trimmable_loss=trimmable_loss(airframe, limits, load),
         start=start,
-        claim=claim,
+        airframe_match=airframe_match,
     )
 
 
@@ -568,7 +570,9 @@ def with_density_error(analysis: FlightAnalysis, share: float) -> FlightAnalysis
     return replace(
         analysis,
         density_error=shares * analysis.density,
-        redundancy_error=redundancy_error(analysis.track, airframe, shares, analysis.claim.outputs),
+        redundancy_error=redundancy_error(
+            analysis.track, airframe, shares, analysis.airframe_match.outputs
+        ),
     )
 
 
@@ -605,12 +609,14 @@ def analysis_for_verdict(analysis: FlightAnalysis) -> FlightAnalysis:
     analysed again with that load. Return other analyses unchanged.
     """
     track = with_load_for_verdict(
-        analysis.track, identified_airframe(analysis.model), analysis.claim.outputs
+        analysis.track, identified_airframe(analysis.model), analysis.airframe_match.outputs
     )
-    if analysis.withheld or track is analysis.track:
+    if analysis.no_verdict or track is analysis.track:
         return analysis
     given = analysis.density if analysis.density_given else None
-    made = analyse(track, analysis.model, given, start=analysis.start, claim=analysis.claim)
+    made = analyse(
+        track, analysis.model, given, start=analysis.start, airframe_match=analysis.airframe_match
+    )
     beyond = (track.tank_kg - analysis.track.tank_kg)[track.flying]
     return replace(made, beyond_gauge_kg=float(np.nanmedian(beyond)))
 

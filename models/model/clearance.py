@@ -112,7 +112,7 @@ def clearance(flights: Sequence[Advice]) -> Clearance:
     found += [Condition(caveat=Caveat.BAD_BEFORE, flight=one) for one in repaired[-1:]]
     conditions = tuple(sorted(found, key=lambda one: list(Caveat).index(one.caveat)))
     if not still:
-        unknown = last.withheld or Caveat.MODEL in last.caveats
+        unknown = last.no_verdict or Caveat.MODEL in last.caveats
         level = FlightLevel.UNKNOWN if unknown else None
         return Clearance(level=level, flight=last if unknown else None, conditions=conditions)
     flight, level = min(still, key=lambda one: one[1].gravity)

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import FlightAnalysis, ThrustUse, analyse
 from thrustmargin.models.model.flight_day import flight_day
 from thrustmargin.models.model.inferred.utilisation_error import (
@@ -47,7 +47,7 @@ REASONS: tuple[Reason, ...] = ("utilisation", "one rotor lost", "take-off mass",
 #: Fills at which thrust is predicted; between them it is interpolated linearly.
 STEPS = 17
 APART = 2.0  # s between them, longer than the time window of any effect
-BEFORE = AirframeClaim()
+BEFORE = AirframeMatch()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -139,7 +139,7 @@ def steady_flight(
         voltage=np.full(fills.size, voltage),
     )
     air = np.full(fills.size, density)
-    return analyse(in_air(track, model, air), model, air, claim=BEFORE)
+    return analyse(in_air(track, model, air), model, air, airframe_match=BEFORE)
 
 
 def _fills_by_use(
@@ -285,7 +285,7 @@ def next_fill(
     """
     track, craft = analysis.track, identified_airframe(analysis.model)
     nothing = np.full(track.time_s.size, np.nan)
-    if analysis.withheld or not np.isfinite(craft.empty_mass):
+    if analysis.no_verdict or not np.isfinite(craft.empty_mass):
         return NextFill(), nothing, nothing
     free, empty = ceiling(craft, analysis.density, track.voltage).free_thrust, craft.empty_mass
     begun = np.flatnonzero(track.flying & np.isfinite(free))

@@ -34,7 +34,7 @@ def flight_arm_figures(analysis: FlightAnalysis, *, flight: str) -> ArmFigures:
 
     `flight` identifies it: the digest of its log, or its name. Speeds inferred from motor outputs
     are not used, because they show no power. A flight without a date counts as of day 0. Thrust is
-    NaN if the aircraft is unknown (`withheld`).
+    NaN if the aircraft is unknown (`no_verdict`).
     """
     track, rotors = analysis.track, analysis.track.rotor_count
     signals = fault_signals(analysis, slice(None))
@@ -52,7 +52,7 @@ def flight_arm_figures(analysis: FlightAnalysis, *, flight: str) -> ArmFigures:
         usable=usable,
         density_ratio=analysis.density / analysis.model.reference_density,
         speed_rpm=speed,
-        thrust_excess=np.full_like(excess, np.nan) if analysis.withheld else excess,
+        thrust_excess=np.full_like(excess, np.nan) if analysis.no_verdict else excess,
         output_excess=output,
         voltage=track.voltage,
         esc_voltage=track.esc_voltage,

@@ -30,7 +30,7 @@ def flight_offsets(
     """
     if not math.isfinite(start_unix_s):
         raise DataError("the log does not say when it was flown; the order of flights is by time")
-    if analysis.withheld:
+    if analysis.no_verdict:
         return None
     track, model = analysis.track, without_state(analysis.model)
     predicted = analysis.prediction.rotor_speed_rpm

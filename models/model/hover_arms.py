@@ -20,7 +20,7 @@ FEWEST = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ArmBesideModel:
+class ArmAgainstModel:
     """Mean measured speed of one rotor over the predicted one, and the 90 % interval of a sound
     rotor; NaN where the model was learnt from no flights."""
 
@@ -34,7 +34,7 @@ class ArmBesideModel:
         return not (np.isnan(self.ratio) or self.low <= self.ratio <= self.high)
 
 
-def arms_beside_model(analysis: FlightAnalysis, lift_s: float) -> tuple[ArmBesideModel, ...]:
+def arms_against_model(analysis: FlightAnalysis, lift_s: float) -> tuple[ArmAgainstModel, ...]:
     """Return each rotor's mean measured over predicted speed in the first hover.
 
     Also the ends of the model's interval over the predicted speed.
@@ -48,10 +48,10 @@ def arms_beside_model(analysis: FlightAnalysis, lift_s: float) -> tuple[ArmBesid
     measured, predicted = track.measured("rotor_speed_rpm")[rows], made.rotor_speed_rpm[rows]
     known = np.isfinite(measured * predicted) & (predicted > 0.0)
     few = bool(np.any(known.sum(axis=0) < FEWEST))
-    if analysis.withheld or not analysis.model.taught or few:
+    if analysis.no_verdict or not analysis.model.taught or few:
         nan = float("nan")
-        return (ArmBesideModel(ratio=nan, low=nan, high=nan),) * track.rotor_count
-    beside = {
+        return (ArmAgainstModel(ratio=nan, low=nan, high=nan),) * track.rotor_count
+    ratios = {
         name: np.where(known, speeds / np.where(known, predicted, 1.0), np.nan)
         for name, speeds in (
             ("ratio", measured),
@@ -60,6 +60,6 @@ def arms_beside_model(analysis: FlightAnalysis, lift_s: float) -> tuple[ArmBesid
         )
     }
     return tuple(
-        ArmBesideModel(**{name: known_mean(values[:, rotor]) for name, values in beside.items()})
+        ArmAgainstModel(**{name: known_mean(values[:, rotor]) for name, values in ratios.items()})
         for rotor in range(track.rotor_count)
     )

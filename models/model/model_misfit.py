@@ -188,7 +188,7 @@ def model_misfit(analysis: FlightAnalysis, misread: MisreadSpeed | None = None) 
     rows &= np.isfinite(half).all(axis=1) & (predicted > 0.0).all(axis=1)
     with np.errstate(invalid="ignore"):
         rows &= (speed > 0.0).all(axis=1)
-    if analysis.withheld or np.count_nonzero(rows) < FEWEST_ROWS:
+    if analysis.no_verdict or np.count_nonzero(rows) < FEWEST_ROWS:
         return ModelMisfit()
     level = rows & (np.abs(np.nan_to_num(track.velocity_ned[:, 2])) < LEVEL_CLIMB)
     if np.count_nonzero(level) < FEWEST_ROWS:
@@ -199,7 +199,7 @@ def model_misfit(analysis: FlightAnalysis, misread: MisreadSpeed | None = None) 
     scatter = INTERVAL * float(np.mean(reading_scatter(track).share)) / np.sqrt(track.rotor_count)
     inside = np.abs(left) <= np.hypot(np.mean(half[level] / predicted[level], axis=1), scatter)
     coverage = _share(inside, track.time_s[level])
-    outputs = analysis.claim.outputs
+    outputs = analysis.airframe_match.outputs
     alone = outputs is None or not np.isfinite(outputs.over_speeds)
     network = rows & (prediction.basis == Basis.NETWORK)
     gain_low, gain_high = _gain(speed, predicted, network) if alone else (NAN, NAN)

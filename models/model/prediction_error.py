@@ -87,7 +87,7 @@ def prediction_error(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> 
 
 
 def trained_on(analysis: FlightAnalysis) -> bool:
-    """Return True if the network was trained on a flight of this name, file suffix aside."""
+    """Return True if the network was trained on a flight of this name, whatever the file suffix."""
     domain = analysis.model.training_domain
     name = PurePath(analysis.track.name).stem
     return domain is not None and name in {PurePath(f).stem for f in domain.flights}

@@ -79,7 +79,7 @@ UNLOADED = -0.2  # mean of y over the rotors below which the legs are on the gro
 CHANGED = 30.0  # s on the ground in which a part can have been changed
 
 FALLING = 6.0  # m/s downwards, faster than a descent: the air no longer meets the rotors from above
-#: Effects that look ahead, and are inputs of the test instead.
+#: Effects that need later rows, and are inputs of the test instead.
 AS_INPUTS = ("load_factor", "manoeuvre_moment")
 
 FEWEST_ROTORS = 4
@@ -264,9 +264,9 @@ class RotorFaults:
 def fault_history(analysis: FlightAnalysis) -> FaultHistory:
     """Return the changes of a whole flight's faults: each time, s, and the faults from then on.
 
-    They equal those of the live alarms. Empty if the aircraft is unknown (`withheld`).
+    They equal those of the live alarms. Empty if the aircraft is unknown (`no_verdict`).
     """
-    if analysis.withheld:
+    if analysis.no_verdict:
         return []
     found, track = RotorFaults(analysis.model), analysis.track
     if not track.reports("rotor_speed_rpm"):  # such as a plan: only faults in the model
@@ -278,7 +278,7 @@ def fault_history(analysis: FlightAnalysis) -> FaultHistory:
             found.add(float(track.time_s[row]), signals)
         else:
             found.landed(float(track.time_s[row]))
-    open_pairs = analysis.claim.open_pairs
+    open_pairs = analysis.airframe_match.open_pairs
     return [(time_s, undecided(faults, open_pairs)) for time_s, faults in found.history]
 
 
@@ -403,7 +403,7 @@ def fault_signals(analysis: FlightAnalysis, rows: slice) -> Floats:
     measured = np.where(analysis.from_outputs[rows], np.nan, track.rotor_speed_rpm[rows])
     model = fault_model(analysis.model)
     prediction = analysis.prediction
-    if model is not analysis.model and not analysis.withheld:
+    if model is not analysis.model and not analysis.no_verdict:
         prediction = predict(model, track, analysis.density, start=analysis.start)
     predicted = prediction.rotor_speed_rpm[rows]
     if faults_in_model(analysis.model):

@@ -82,8 +82,10 @@ def test_of_an_aircraft_that_is_not_known_live_says_what_the_report_says(sitl_lo
     far, without what its owner is asked."""
     path = sitl_logs / "campaign/v4_m10_q2.5.tlog"
     other = chosen_model(None, "agras-t20")
-    ((log, claim),) = claimed_flights(path, other, given=False)
-    reported = report_flight(analyse(log.track, other, claim=claim), log, max_utilisation=0.5)
+    ((log, airframe_match),) = claimed_flights(path, other, given=False)
+    reported = report_flight(
+        analyse(log.track, other, airframe_match=airframe_match), log, max_utilisation=0.5
+    )
     first = reported.json["verdict"]["headline"]
     assert first.startswith("Motors at ")
     vehicle = VehicleMonitor(1, other, WatchSettings(airframe_given=False, link="udpin:LINK"))

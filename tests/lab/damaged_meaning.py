@@ -17,7 +17,7 @@ a damaged flight is scored by its JSON; a doubt is a line in print that the soun
 - silent: a fill or a ratio above the truth's interval without a doubt, at a graver level
 - doubted: green, missed or silent but for a doubt
 - cautious: a graver level, or a fill or a ratio below the truth's interval
-- withheld: no margin is claimed, or no level; or the file is refused
+- no_verdict: no margin is claimed, or no level; or the file is refused
 - right: none of these
 """
 
@@ -366,7 +366,7 @@ class Answer:
     alarms: tuple[tuple[str, tuple[int, ...]], ...] = ()  # kind, rotors from 1
     findings: tuple[tuple[str, str], ...] = ()  # check and words of those that are not in order
     said: frozenset[str] = frozenset()
-    withheld: bool = False
+    no_verdict: bool = False
 
 
 GREEN = ("under", "near")
@@ -405,7 +405,7 @@ def reported(log: Path) -> Answer:
             run(["report", str(log), "--json", str(out)])
         flights = json.loads(out.read_text())["flights"] if out.exists() else []
     if not flights:
-        return Answer(level="unread", headline=quiet.getvalue()[:200], withheld=True)
+        return Answer(level="unread", headline=quiet.getvalue()[:200], no_verdict=True)
     return answer_of(min(flights, key=lambda one: GRAVITY.index(one["verdict"]["level"])))
 
 
@@ -436,7 +436,7 @@ def answer_of(flight: Mapping[str, Any]) -> Answer:
             if one["level"] in ("grave", "warning") and one["spoils"] != "nothing"
         ),
         said=frozenset(labels | ({"cannot tell"} if unsure else set())),
-        withheld=bool(flight["withheld"]) or verdict["level"] == "unknown",
+        no_verdict=bool(flight["no_verdict"]) or verdict["level"] == "unknown",
         **{name: np.nan if value is None else float(value) for name, value in numbers.items()},
     )
 
@@ -454,19 +454,19 @@ class Score:
 
 BAD = ("green", "blamed", "missed", "emergency", "silent")
 UNTOLD = "the weak rotor is not told"
-SCORES = (*BAD, "doubted", "cautious", "withheld", "right")
+SCORES = (*BAD, "doubted", "cautious", "no_verdict", "right")
 
 
 def score(answer: Answer, truth: Answer, weak: frozenset[int], wrong: Sequence[Damage]) -> Score:
     """Score the answer of a flight with `wrong` damages against that of the sound flight."""
     if answer.level == "unread":
-        return Score("withheld", answer.headline)
+        return Score("no_verdict", answer.headline)
     if blamed := _blamed(answer, truth, weak, wrong):
         return Score("blamed", "; ".join(blamed))
     doubts = sorted(answer.said - truth.said)
     reasons = _reassures(answer, truth)
-    if answer.withheld:
-        return Score("withheld", ", ".join(doubts))
+    if answer.no_verdict:
+        return Score("no_verdict", ", ".join(doubts))
     if answer.level in EMERGENCY and truth.level not in EMERGENCY:
         return Score("emergency", answer.headline)
     if reasons:

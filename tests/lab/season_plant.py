@@ -75,7 +75,7 @@ class Work:
 
 
 @cache
-def _log(place: int):  # a FlightLog and its AirframeClaim
+def _log(place: int):  # a FlightLog and its AirframeMatch
     from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
     from thrustmargin.gcs_plugin.workshop.learn.season_flight import season_model
 
@@ -92,7 +92,7 @@ def make_flight(work: Work) -> str:
     k, n = work.number, work.flights
     own = int(work.aircraft[-2:])
     rng = np.random.default_rng([own, k])
-    log, claim = _log(int(rng.integers(30)))
+    log, airframe_match = _log(int(rng.integers(30)))
     fault = FAULTS.get(work.aircraft, Fault(words=""))
     track = implanted(log.track, [fault.implant(k, n)] if fault.implant else [])
     ohm = fault.ohm(k, n) if fault.ohm else 0.0
@@ -100,7 +100,7 @@ def make_flight(work: Work) -> str:
     track = replace(track, voltage=voltage, start_unix_s=START + APART * k + 60.0 * own)
     name = hashlib.sha256(f"{work.aircraft} {k}".encode()).hexdigest()[:16]
     settings = IngestSettings(store=work.store, aircraft=work.aircraft)
-    flight = flight_of_log(replace(log, track=track), claim, name, settings)
+    flight = flight_of_log(replace(log, track=track), airframe_match, name, settings)
     flight.summary["log_name"] = f"{work.aircraft}_{k + 1:03d}.tlog"
     stage(SeasonStore.open(work.store), flight)
     return name

@@ -143,7 +143,7 @@ def test_scores_of_a_sound_aircraft_with_a_wrong_gauge():
     assert gauge(fill_kg=10.7) == "right"
     assert gauge(fill_kg=5.0) == "cautious"
     assert gauge(level="no_thrust") == "emergency"
-    assert gauge(level="unknown", withheld=True) == "withheld"
+    assert gauge(level="unknown", no_verdict=True) == "no_verdict"
     assert gauge(level="damaged", alarms=(("propeller", (3,)),)) == "blamed"
     assert gauge(alarms=(("propeller", (1, 3)),)) == "blamed"
     assert gauge(findings=(("battery voltage", "stands still"),)) == "blamed"

@@ -14,7 +14,7 @@ from thrustmargin.mission.route import (
     Forecast,
     forecast,
     margin_at_fill,
-    route_ahead,
+    remaining_route,
 )
 from thrustmargin.models.flight import Origin
 from thrustmargin.models.model.model_file import shipped_model
@@ -59,11 +59,11 @@ PARAMETERS = {"WP_SPD": 2.0, "WP_ACC": 1.0, "RTL_ALT_M": 3.0, "SPRAY_SPEED_MIN":
 
 
 def legs_ahead(item: int, here: Any = HERE, plan: MissionPlan = PLAN, **options: bool):
-    return route_ahead(plan, item, here, HOME, parameters=PARAMETERS, speed=2.0, **options)[0]
+    return remaining_route(plan, item, here, HOME, parameters=PARAMETERS, speed=2.0, **options)[0]
 
 
 def ahead(now: PlanConditions = NOW, item: int = 4, model: RotorModel = MODEL) -> Forecast:
-    legs, limits = route_ahead(PLAN, item, HERE, HOME, parameters=PARAMETERS, speed=2.0)
+    legs, limits = remaining_route(PLAN, item, HERE, HOME, parameters=PARAMETERS, speed=2.0)
     found = forecast(legs, limits, model, now)
     assert found is not None
     return found
@@ -83,7 +83,7 @@ def test_legs_follow_the_places_with_the_speed_and_pump_of_the_mission():
 def test_only_what_is_left_of_the_mission_counts():
     there = HERE + np.array([30.0, 0.0, 0.0])
     assert {leg.item for leg in legs_ahead(7, there)} == {7, 8}
-    legs, limits = route_ahead(PLAN, 9, HERE, HOME, parameters=PARAMETERS, speed=2.0)
+    legs, limits = remaining_route(PLAN, 9, HERE, HOME, parameters=PARAMETERS, speed=2.0)
     assert legs == ()
     assert forecast(legs, limits, MODEL, NOW) is None
 
@@ -103,7 +103,7 @@ def test_altitudes_above_the_sea_and_above_home_are_not_mixed_up():
 def test_places_are_counted_from_home_though_the_log_has_another_origin():
     elsewhere = Origin(latitude_deg=36.6509, longitude_deg=116.9, altitude=15.0)
     here = HERE - np.array([99.87, 0.0, -10.0])
-    legs, _ = route_ahead(PLAN, 4, here, elsewhere, parameters=PARAMETERS, speed=2.0)
+    legs, _ = remaining_route(PLAN, 4, here, elsewhere, parameters=PARAMETERS, speed=2.0)
     assert legs[0].start_ned == pytest.approx(HERE, abs=0.2)
 
 

@@ -162,7 +162,7 @@ def test_no_code_looks_into_a_text_for_people():
     "line",
     [
         'x = "pump" in source_words(track.sources["tank_kg"])',
-        'x = claim.words.startswith("airframe")',
+        'x = airframe_match.words.startswith("airframe")',
         'x = order.words == "unclear"',
         'x = "late" in statement_words(log.track.notes[0])',
     ],

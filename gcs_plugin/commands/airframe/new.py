@@ -285,8 +285,11 @@ def print_answer(console: Console, log: Path, file: Path, reading: ReadingOption
         model = chosen_model(None, str(file))
         flights = read_flights(log, model, given=True, reading=reading)
         made = build_report(
-            (analysis_for_verdict(analyse(flight.track, model, claim=claim)), flight)
-            for flight, claim in flights
+            (
+                analysis_for_verdict(analyse(flight.track, model, airframe_match=airframe_match)),
+                flight,
+            )
+            for flight, airframe_match in flights
         )
     except ThrustMarginError as error:
         console.print(f"no verdict of {log.name}: {error}", soft_wrap=True)

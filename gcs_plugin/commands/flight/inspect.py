@@ -76,7 +76,7 @@ def inspect(
         reading: How the logs are read.
         json: Write the same as JSON to this file (.json); - is standard output, and nothing else.
         notes: Your notes of the flight (.csv, with the columns time and text); without it notes.csv
-            beside the log.
+            in the log's folder.
         anonymise: Write a copy of the telemetry log without names, ids, texts and place to this
             file (.tlog), to be shared; margins and verdict stay.
     """
@@ -162,10 +162,10 @@ def _inspect(inputs: Inputs, console: Console) -> list[Inspection]:
     options = {"given": inputs.given, "reading": inputs.reading}
     read = read_flights(path, physics_model(craft), **options, any_vehicle=True)
     made = []
-    for log, claim in read:
-        inspection = inspect_log(log, craft, claim)
-        if not claim.withheld:
-            flown = analysis_for_verdict(analyse(log.track, model, claim=claim))
+    for log, airframe_match in read:
+        inspection = inspect_log(log, craft, airframe_match)
+        if not airframe_match.no_verdict:
+            flown = analysis_for_verdict(analyse(log.track, model, airframe_match=airframe_match))
             answer = answer_log(log, flown, inputs.limit)
             found = verdict_findings(answer.made.advice)
             findings = gravest_first([*found, *answer.findings])
@@ -179,7 +179,7 @@ def _inspect(inputs: Inputs, console: Console) -> list[Inspection]:
 
 def _print(console: Console, inspection: Inspection) -> None:
     from thrustmargin.gcs_plugin.wording.check_words import (
-        claim_words,
+        airframe_match_words,
         note_words,
         source_words,
         statement_words,
@@ -201,7 +201,7 @@ def _print(console: Console, inspection: Inspection) -> None:
         flown=f"{track.flying_s:.1f}",
         count=track.time_s.size,
     )
-    console.print(f"{first}; {claim_words(inspection.claim)}", soft_wrap=True)
+    console.print(f"{first}; {airframe_match_words(inspection.airframe_match)}", soft_wrap=True)
     console.print(
         say("vehicle: {words}", words=Verbatim(statement_words(log.facts.statement))),
         soft_wrap=True,

@@ -120,7 +120,7 @@ def monitor(
         fetch_mission: Ask each vehicle for its mission when it appears, to forecast the margin
             along it.
         plan: Plan that is flown (.plan, .waypoints, or a log with it): a line at each stretch that
-            is over puts its forecast beside it, and says which assumption was off.
+            is over compares it with its forecast, and says which assumption was off.
         assumed: With --plan, what it was forecast with: the JSON that `forecast --json` wrote.
         signing_key_file: Key of signed links; with it every frame that is not signed with it is
             dropped and counted.
@@ -145,7 +145,7 @@ def monitor(
     check_range("--seconds", seconds, 0.0, LONGEST_S, "s")
     # A plan that is none is refused before the rest is loaded.
     planned = None if plan is None else read_plan(plan)
-    beforehand = None if assumed is None else read_assumed(assumed, beside=plan)
+    beforehand = None if assumed is None else read_assumed(assumed, plan=plan)
     from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings
     from thrustmargin.gcs_plugin.live.console import Bell, EventPrinter, PlanPrinter
     from thrustmargin.gcs_plugin.live.live_monitor import (
@@ -193,7 +193,7 @@ def monitor(
         urls=(url,),
         forwards=tuple(forward),
         record=record,
-        beside={OPTIONS: (json.dumps(inputs.as_table(), indent=2) + "\n").encode()},
+        extra_files={OPTIONS: (json.dumps(inputs.as_table(), indent=2) + "\n").encode()},
         watch=WatchSettings(
             alarms=AlarmSettings(max_utilisation=max_utilisation),
             airframe_given=inputs.given,
@@ -328,7 +328,7 @@ def _summary(live: LiveMonitor) -> None:
 
     out = Terminal(stderr=True)
     for number, watch in live.fleet.vehicles.items():
-        lines = [f"{watch.rows} samples, {watch.problem or described_words(watch.claim)}"]
+        lines = [f"{watch.rows} samples, {watch.problem or described_words(watch.airframe_match)}"]
         lines += answer_lines(watch)
         if watch.link.doubled:
             copies = state("copies dropped", count=float(watch.link.doubled))

@@ -147,7 +147,8 @@ def replay_view(
         if sortie is not None and not 1 <= sortie <= len(flights):
             raise DataError(f"--sortie {sortie}: {log.name} holds sorties 1 to {len(flights)}")
         analyses = [
-            analysis_for_verdict(analyse(f.track, model, claim=claim)) for f, claim in flights
+            analysis_for_verdict(analyse(f.track, model, airframe_match=airframe_match))
+            for f, airframe_match in flights
         ]
         said = [answer_log(f, one, limit) for (f, _), one in zip(flights, analyses, strict=True)]
         answers = [one.made.advice for one in said]
@@ -155,8 +156,12 @@ def replay_view(
             range(len(flights)), key=lambda k: (answers[k].level.gravity, -answers[k].use.peak)
         )
         shown = order[0] if sortie is None else sortie - 1
-        (flight, claim), analysis = flights[shown], said[shown].made.whole
-        older = None if before is None else analyse(analysis.track, before, claim=claim)
+        (flight, airframe_match), analysis = flights[shown], said[shown].made.whole
+        older = (
+            None
+            if before is None
+            else analyse(analysis.track, before, airframe_match=airframe_match)
+        )
         found = report_findings(said[shown].findings)
         whole = answer_of(answers[shown], said[shown].contact)
         dated = [(one.time_s, one.words) for one in found if one.time_s is not None]

@@ -60,7 +60,7 @@ def report(
     """Write a margin report of one or more flights: how close it was, where, and with which rotor.
 
     Of a recording of `monitor`, what you do not state is taken as it was stated there.
-    The page opens in any browser without a network. Beside it, with the same name, come a .json
+    The page opens in any browser without a network. With the same name come a .json
     with its numbers and a .csv with a line for each moment of the flight.
 
     Example: thrustmargin report demo --out north-field.html
@@ -79,14 +79,15 @@ def report(
         json: Write the numbers as JSON to this file (.json); - is standard output, and nothing
             else.
         pdf: Write the page to this file (.pdf) too, on A4 to print; needs no browser.
-        plan: Plan that was flown (.plan, .waypoints, or the log itself): its forecast is put beside
+        plan: Plan that was flown (.plan, .waypoints, or the log itself): its forecast is compared
+        with
             the flight, with which assumption was off.
         assumed: With --plan, what it was forecast with: the JSON that `forecast --json` wrote;
             without it still, standard air, a full battery, and the fill at take-off.
         max_utilisation: Largest share of a rotor's maximum thrust that may be in use; without it
             50%, or what a recording was made with.
         notes: Your notes of the flight (.csv, with the columns time and text), shown in its
-            timeline; without it notes.csv beside the log.
+            timeline; without it notes.csv in the log's folder.
         anonymise: Strip who and where: names, serial numbers, ids, texts, the place on the globe.
     """
     planned = beforehand = None
@@ -95,7 +96,7 @@ def report(
 
         # A plan that is none is refused before the rest is loaded.
         planned = None if plan is None else read_plan(plan)
-        beforehand = None if assumed is None else read_assumed(assumed, beside=plan)
+        beforehand = None if assumed is None else read_assumed(assumed, plan=plan)
     from thrustmargin.gcs_plugin.reports.margin import build_report
     from thrustmargin.gcs_plugin.reports.margin.render import json_text, pdf_bytes, write_report
     from thrustmargin.models.whole_file import whole_file
@@ -167,7 +168,9 @@ def report(
         if also is not None:
             summary.print(f"wrote {also}")
     # A flight that is not of the airframe that was given has no verdict either.
-    unfit = any(one.claim.basis == "given" and one.claim.withheld for one, _ in flights)
+    unfit = any(
+        one.airframe_match.basis == "given" and one.airframe_match.no_verdict for one, _ in flights
+    )
     return 1 if unread or unfit else 0
 
 

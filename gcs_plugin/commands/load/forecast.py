@@ -28,7 +28,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
 )
 from thrustmargin.gcs_plugin.commands.shared.plan_source import pump_of, pump_rule_of
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
-from thrustmargin.gcs_plugin.wording.check_words import statement_words, withheld_words
+from thrustmargin.gcs_plugin.wording.check_words import no_verdict_words, statement_words
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import DataError, LogError
 from thrustmargin.models.whole_file import whole_file
@@ -401,13 +401,15 @@ def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
         flown = read_flights(plan, model, given=given)
     except LogError:
         return _FlightBefore(clearance=NOT_SEEN)  # it still holds its mission
-    analyses = [analyse(log.track, model, claim=claim) for log, claim in flown]
+    analyses = [
+        analyse(log.track, model, airframe_match=airframe_match) for log, airframe_match in flown
+    ]
     answers = [
         answer_log(log, analysis, 0.5).made
         for (log, _), analysis in zip(flown, analyses, strict=True)
     ]
     cleared = clearance([one.advice for one in answers])
-    (log, claim), analysis, answer = flown[-1], analyses[-1], answers[-1]
+    (log, airframe_match), analysis, answer = flown[-1], analyses[-1], answers[-1]
     advice, (wind, from_deg) = answer.advice, flight_wind(answer.whole.track)
     other_order = not advice.rotor_names  # which rotor it was is not known
     bad = cleared.flight or advice
@@ -415,11 +417,13 @@ def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
     found = tuple(replace(e.fault, rotors=which or e.fault.rotors) for e in bad.faults)
     trusted = cleared.level is None and not advice.faults
     return _FlightBefore(
-        clearance=replace(cleared, unrecognised=bool(claim.unlike)),
+        clearance=replace(cleared, unrecognised=bool(airframe_match.unlike)),
         parameters=dict(log.parameters),
         faults=[(0.0, found)] if found else None,
         other_order=other_order,
-        unlike=(statement_words(claim.unlike),) if claim.unlike else tuple(withheld_words(claim)),
+        unlike=(statement_words(airframe_match.unlike),)
+        if airframe_match.unlike
+        else tuple(no_verdict_words(airframe_match)),
         day=replace(day_before_take_off(answer.whole), wind=wind),
         wind_from_deg=from_deg,
         nose_deg=math.degrees(yaw_before(log.track)),

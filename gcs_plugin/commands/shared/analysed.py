@@ -1,9 +1,9 @@
 """Logs read and analysed as `report` does it, with the options that a recording was made with.
 
-`monitor` writes its options into options.json beside the .tlog that it records. Commands that read
-the .tlog take from there the aircraft, the reading options and the limit that the user does not
-give. `with_engineer_notes` puts the notes of an engineer beside the logs. `TracksOnDisk` keeps the
-flights of a search on disk, of which one is in memory at a time.
+`monitor` writes its options into options.json in the folder of the .tlog that it records. Commands
+that read the .tlog take from there the aircraft, the reading options and the limit that the user
+does not give. `with_engineer_notes` adds the notes of an engineer to the logs. `TracksOnDisk` keeps
+the flights of a search on disk, of which one is in memory at a time.
 """
 
 from __future__ import annotations
@@ -69,8 +69,8 @@ def flights_of(
         others = replace(inputs, logs=rest)
         read = read_logs(others, unread, console, model=model, skipped=ThrustMarginError)
         learnt += [
-            (analysis_for_verdict(analyse(log.track, model, claim=claim)), log)
-            for log, claim in read
+            (analysis_for_verdict(analyse(log.track, model, airframe_match=airframe_match)), log)
+            for log, airframe_match in read
         ]
     if not learnt:
         raise DataError(listed(unread))
@@ -89,7 +89,7 @@ def with_engineer_notes(
     Without it, a notes.csv next to each log is read; if it cannot be, that is printed and the log
     has none. Raises LogError if `notes` cannot be read, UsageError if it is given for several logs.
     """
-    from thrustmargin.gcs_plugin.logs.notes_file import notes_beside, with_notes
+    from thrustmargin.gcs_plugin.logs.notes_file import notes_file_of, with_notes
 
     paths = list(dict.fromkeys(log.path for log in logs))
     if notes is not None and len(paths) > 1:
@@ -97,7 +97,7 @@ def with_engineer_notes(
     noted: dict[int, FlightLog] = {}
     for path in paths:
         numbers = [k for k, log in enumerate(logs) if log.path == path]
-        file = notes or notes_beside(path)
+        file = notes or notes_file_of(path)
         if file is None:
             continue
         try:

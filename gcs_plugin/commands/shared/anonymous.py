@@ -43,16 +43,18 @@ def anonymous(
     )
     if domain is not None:  # that the model has seen this flight must still be known
         domain = replace(domain, flights=(name,) if trained_on(analysis) else ())
-    claim = analysis.claim
-    reasons = tuple(_without_name(reason, log.path.name) for reason in claim.withheld)
+    airframe_match = analysis.airframe_match
+    reasons = tuple(_without_name(reason, log.path.name) for reason in airframe_match.no_verdict)
     analysis = replace(
         analysis,
         track=track,
         model=replace(model, training_domain=domain),
-        claim=replace(
-            claim,
-            withheld=reasons,
-            unlike=None if claim.unlike is None else _without_name(claim.unlike, log.path.name),
+        airframe_match=replace(
+            airframe_match,
+            no_verdict=reasons,
+            unlike=None
+            if airframe_match.unlike is None
+            else _without_name(airframe_match.unlike, log.path.name),
             source="LOG",
         ),
     )

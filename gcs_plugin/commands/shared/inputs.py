@@ -24,7 +24,7 @@ from thrustmargin.models.errors import DataError, LogError, ThrustMarginError
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.logs import FlightLog
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-    from thrustmargin.models.model.airframe_claim import AirframeClaim
+    from thrustmargin.models.model.airframe_match import AirframeMatch
     from thrustmargin.models.model.rotor_model import RotorModel
     from thrustmargin.models.physics.airframe import Airframe
 
@@ -338,7 +338,7 @@ def read_logs(
     *,
     model: RotorModel,
     skipped: type[ThrustMarginError] = LogError,
-) -> Iterator[tuple[FlightLog, AirframeClaim]]:
+) -> Iterator[tuple[FlightLog, AirframeMatch]]:
     """Yield each sortie of the logs that can be read, in order, as `read_flights`.
 
     Meanwhile the `console` shows a progress bar, and a line for every log that is not exactly one
@@ -381,7 +381,7 @@ def unnamed(error: Exception, path: Path) -> str:
 
 
 def claimed(
-    read: Iterable[tuple[FlightLog, AirframeClaim]], unused: list[UnusedLog], console: Console
+    read: Iterable[tuple[FlightLog, AirframeMatch]], unused: list[UnusedLog], console: Console
 ) -> Iterator[FlightLog]:
     """Yield the logs that are flights of the airframe; add the others to `unused` with the reason.
 
@@ -391,16 +391,18 @@ def claimed(
     """
     from thrustmargin.gcs_plugin.logs.inspection import left_out_findings
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-    from thrustmargin.gcs_plugin.wording.check_words import remedy_words, withheld_words
+    from thrustmargin.gcs_plugin.wording.check_words import no_verdict_words, remedy_words
     from thrustmargin.gcs_plugin.wording.flight_words import lost_rows, not_flown
     from thrustmargin.gcs_plugin.wording.margin_verdict import unseen_facts
     from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
     from thrustmargin.models.model.inferred.speed_basis import measured_only
 
-    for log, claim in read:
+    for log, airframe_match in read:
         reason = not_flown(log.track)  # no airframe helps a log without a flight
-        if reason or claim.withheld:
-            reason = reason or "; ".join([*withheld_words(claim), remedy_words(claim)])
+        if reason or airframe_match.no_verdict:
+            reason = reason or "; ".join(
+                [*no_verdict_words(airframe_match), remedy_words(airframe_match)]
+            )
             unused.append(UnusedLog(name=log.name, reason=reason))
             continue
         for one in left_out_findings(log.track):
@@ -420,8 +422,8 @@ def read_flights(
     given: bool,
     reading: ReadingOptions = AS_HEARD,
     any_vehicle: bool = False,
-) -> list[tuple[FlightLog, AirframeClaim]]:
-    """Read every sortie of a log, each with the claim: if it is of the model's airframe, and why
+) -> list[tuple[FlightLog, AirframeMatch]]:
+    """Read every sortie of a log. Return each with its match: is it of the model's airframe, or why
     not.
 
     `given`: the user named the airframe. A sortie of another airframe is read without one. Raises

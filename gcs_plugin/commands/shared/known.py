@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.store.learnt_flight import LearntFlight
     from thrustmargin.mission.forecast.experience import FlownMission
     from thrustmargin.models.model.aircraft_change import AircraftChange
-    from thrustmargin.models.model.airframe_claim import AirframeClaim
+    from thrustmargin.models.model.airframe_match import AirframeMatch
     from thrustmargin.models.model.analysis import FlightAnalysis
     from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -129,20 +129,20 @@ def learn_logs(
     from thrustmargin.gcs_plugin.commands.shared.inputs import read_logs
     from thrustmargin.gcs_plugin.store.hangar import NotTaught
     from thrustmargin.gcs_plugin.store.learnt_flight import learnt_flight
-    from thrustmargin.models.model.airframe_claim import KnownFrom
+    from thrustmargin.models.model.airframe_match import KnownFrom
 
     model = aircraft.model()
     its = replace(inputs, logs=tuple(paths), airframe=str(aircraft.airframe_file))
     read = list(read_logs(its, unread, console, model=model, skipped=ThrustMarginError))
     made: list[tuple[LearntFlight, FlightLog]] = []
     kept: list[tuple[LearntFlight, FlightLog]] = []
-    for log, claim in sorted(read, key=_start):
+    for log, airframe_match in sorted(read, key=_start):
         known_from = KnownFrom(
             aircraft=aircraft.name, flights=len(aircraft.sound_flights), days=aircraft.days
         )
-        claim = replace(claim, known_from=known_from)
+        airframe_match = replace(airframe_match, known_from=known_from)
         flight = learnt_flight(
-            log, claim, model, aircraft, flight=flight_key(log), limit=inputs.limit
+            log, airframe_match, model, aircraft, flight=flight_key(log), limit=inputs.limit
         )
         if flight.advice.change is not None:
             earlier = [one for one, _ in made]
@@ -228,7 +228,7 @@ def mission_of(
     from thrustmargin.mission.plan_tracking.flown_mission import flown_mission
 
     row = flight.row
-    if not log.waypoints or not math.isfinite(row.started_unix_s) or flight.advice.withheld:
+    if not log.waypoints or not math.isfinite(row.started_unix_s) or flight.advice.no_verdict:
         return None
     battery = aircraft.battery_before(row.started_unix_s)
     at_rest = FlightBattery(
@@ -290,7 +290,7 @@ def flight_key(log: FlightLog) -> str:
     return content if log.sortie == 1 else f"{content}-sortie-{log.sortie}"
 
 
-def _start(read: tuple[FlightLog, AirframeClaim]) -> float:
+def _start(read: tuple[FlightLog, AirframeMatch]) -> float:
     """Return the Unix time, s, of a flight's start; the largest number where it is unknown."""
     start = read[0].track.start_unix_s
     return math.inf if start is None else start

@@ -41,12 +41,12 @@ _HOMES = ("HOME_POSITION", "ORGN")
 _FIRMWARE = {"ArduPilot": FIRMWARE_ARDUPILOT, "PX4": FIRMWARE_PX4}
 
 
-def read_assumed(path: Path, *, beside: Path | None) -> PlanConditions:
+def read_assumed(path: Path, *, plan: Path | None) -> PlanConditions:
     """Read the conditions of a plan's forecast from the JSON that `forecast --json` wrote.
 
-    Raises PlanError for another file, and if there is no plan (`beside` is None).
+    Raises PlanError for another file, and if there is no plan (`plan` is None).
     """
-    if beside is None:
+    if plan is None:
         raise PlanError(f"{path.name} is what a plan was forecast with; give the plan with --plan")
     from thrustmargin.mission.forecast.battery import FlightBattery
     from thrustmargin.mission.forecast.plan_flight import PlanConditions

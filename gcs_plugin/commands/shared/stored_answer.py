@@ -1,7 +1,8 @@
 """Keep the answer of a flight as data, of which words are made when somebody reads them.
 
 A season is taken in by one person and read by another, perhaps in another language and by a later
-version. So the store keeps the `Advice` and what stands beside it as JSON, and no words.
+version. So the store keeps the `Advice` and the facts that the report shows with it as JSON, and no
+words.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from thrustmargin.gcs_plugin.wording.advice_words import action_steps, suspects
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.json_values import from_json_values, to_json_values
 from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advice, FlightLevel
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import ThrustUse
 from thrustmargin.models.model.model_misfit import Caveat
 from thrustmargin.models.model.utilisation_peaks import Activity, activities
@@ -62,13 +63,13 @@ class StoredAnswer:
 
 
 def no_verdict_reasons(
-    advice: Advice, claim: AirframeClaim, track: FlightTrack
+    advice: Advice, airframe_match: AirframeMatch, track: FlightTrack
 ) -> tuple[NoVerdict, ...]:
     """Return the kinds of reasons for which a flight has no verdict; empty if it has one."""
     if advice.level is not FlightLevel.UNKNOWN:
         return ()
-    if claim.withheld:
-        return (NoVerdict.CONTRADICTED if claim.contradicted else NoVerdict.NOT_KNOWN,)
+    if airframe_match.no_verdict:
+        return (NoVerdict.CONTRADICTED if airframe_match.contradicted else NoVerdict.NOT_KNOWN,)
     if track.flying_s < LEAST_FLIGHT_S:
         return (NoVerdict.TOO_SHORT,)
     if Caveat.MODEL in advice.caveats:
@@ -80,7 +81,7 @@ def no_verdict_reasons(
 
 
 def stored_answer(
-    advice: Advice, claim: AirframeClaim, track: FlightTrack, worst_time_s: float | None
+    advice: Advice, airframe_match: AirframeMatch, track: FlightTrack, worst_time_s: float | None
 ) -> StoredAnswer:
     """Return the advice of a flight in the form to be stored.
 
@@ -90,8 +91,8 @@ def stored_answer(
     row = None if worst_time_s is None else int(np.argmin(np.abs(track.time_s - worst_time_s)))
     return StoredAnswer(
         advice=advice,
-        reasons=no_verdict_reasons(advice, claim, track),
-        contradicted=claim.contradicted,
+        reasons=no_verdict_reasons(advice, airframe_match, track),
+        contradicted=airframe_match.contradicted,
         doing=() if row is None else activities(track, row),
         sources={
             name: replace(track.source(name), rejected=())

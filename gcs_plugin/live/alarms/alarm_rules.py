@@ -190,8 +190,8 @@ def predicted_margin(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
 
 def margin_ahead(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     rows = now.analysis.track.time_s[now.rows].size
-    ahead = np.full(rows, np.nan) if now.margin_ahead is None else now.margin_ahead[now.rows]
-    use, no = 1.0 - ahead[:, None], np.zeros(rows, dtype=np.bool_)
+    margin = np.full(rows, np.nan) if now.margin_ahead is None else now.margin_ahead[now.rows]
+    use, no = 1.0 - margin[:, None], np.zeros(rows, dtype=np.bool_)
     bad = now.bad_rotors
     return _low(s, words.MARGIN_AHEAD, use, (use, use), ~no, no, rotors=False, bad=bad)
 
@@ -253,7 +253,7 @@ def saturation(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
 
 def stopped(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
     turning = now.analysis.track.measured("rotor_speed_rpm")[now.rows] > 0.0
-    names = () if now.analysis.withheld else now.analysis.places
+    names = () if now.analysis.no_verdict else now.analysis.places
     found = np.zeros_like(turning) if now.stopped is None else now.stopped
     return AlarmChecks(
         found,
@@ -359,19 +359,21 @@ def desync(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
 
 
 def airframe(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
-    claim = now.analysis.claim
-    unsure = claim.basis == "given"
+    airframe_match = now.analysis.airframe_match
+    unsure = airframe_match.basis == "given"
     text = words.NOT_THE_AIRFRAME if unsure else words.AIRFRAME_UNKNOWN
-    return _always(now, bool(claim.withheld), WARNING if unsure else NOTICE, text)
+    return _always(now, bool(airframe_match.no_verdict), WARNING if unsure else NOTICE, text)
 
 
 def misfit(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
-    return _always(now, bool(now.analysis.claim.misfit), severity_of(Trouble.MODEL), words.MISFIT)
+    return _always(
+        now, bool(now.analysis.airframe_match.misfit), severity_of(Trouble.MODEL), words.MISFIT
+    )
 
 
 def motor_order(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
     severity = severity_of(Trouble.ORDER)
-    return _always(now, now.analysis.claim.other_order, severity, words.MOTOR_ORDER)
+    return _always(now, now.analysis.airframe_match.other_order, severity, words.MOTOR_ORDER)
 
 
 def _always(now: RowsNow, on: bool, severity: int, text: str) -> AlarmChecks:

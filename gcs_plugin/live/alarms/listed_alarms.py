@@ -135,8 +135,8 @@ class Alarms:
             from_outputs=from_outputs,
             takeoff=self._takeoff.add(
                 analysis.track.rows(new),
-                None if analysis.withheld else identified_airframe(analysis.model),
-                None if analysis.withheld else analysis.model.arms,
+                None if analysis.no_verdict else identified_airframe(analysis.model),
+                None if analysis.no_verdict else analysis.model.arms,
             ),
         )
         events: list[AlarmEvent] = []
@@ -145,7 +145,7 @@ class Alarms:
             for rule in rules:
                 asked = replace(now, rows=rows, listed=dict(self.listed))
                 found, missing = rule.checks(self.settings, asked), rule.needs
-                if rule.of_airframe and analysis.withheld:
+                if rule.of_airframe and analysis.no_verdict:
                     nothing, missing = np.zeros_like(found.on), Missing.VERDICT
                     found = replace(found, on=nothing, off=nothing, known=nothing, over=None)
                 self._follow(events, rule, found, times, flying, missing)
@@ -169,7 +169,7 @@ class Alarms:
         for a row without a test. `clock_s` (T,) is the vehicle's clock."""
         track, at = analysis.track, range(analysis.track.time_s.size)[rows]
         faults: list[dict[Kind, tuple[RotorFault, ...]]] = [{} for _ in at]
-        if analysis.withheld or not at:
+        if analysis.no_verdict or not at:
             return faults
         if self._faults is None:
             self._faults = RotorFaults(analysis.model)
@@ -178,7 +178,7 @@ class Alarms:
             if not track.flying[row]:
                 self._faults.landed(time_s)
             elif self._faults.add(time_s, signals):
-                open_pairs = analysis.claim.open_pairs
+                open_pairs = analysis.airframe_match.open_pairs
                 faults[n] = {
                     kind: undecided(found, open_pairs)
                     for kind, found in self._faults.tested.items()
@@ -197,7 +197,7 @@ class Alarms:
         the tank; once a second, else None. `pumped_kg` and `virtual_kg` (by thrust) are (T,)."""
         track, at = analysis.track, range(analysis.track.time_s.size)[rows]
         balances: list[TankBalance | None] = [None for _ in at]
-        if analysis.withheld:
+        if analysis.no_verdict:
             return balances
         gauge = track.measured("tank_kg")
         for n, row in enumerate(at):

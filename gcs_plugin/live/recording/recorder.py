@@ -8,7 +8,7 @@ One folder for each session:
 
 A thread of its own writes, so that a slow disk never holds up a socket. Everything is on the disk
 (fsync) within a second. The .tlog and the events only grow, and a power loss cuts off one frame or
-line at most. The running minute of samples is written anew beside the old file every second and put
+line at most. The running minute of samples is written to a second file every second and put
 in its place in one step, so that each file is a whole Parquet file at any moment, kill -9 included;
 a reader opens a file once and reads it all from there. When the disk is full the status says so,
 data that do not fit are dropped and counted, and writing is tried again.
@@ -197,7 +197,7 @@ def tabulates() -> bool:
 
 
 class Recorder:
-    """A writer of one session into a new folder in `parent`, with additional files `beside` by
+    """A writer of one session into a new folder in `parent`, with additional files `extra_files` by
     name.
 
     Other users of the computer cannot read the folder: it shows where people and their fields are.
@@ -205,7 +205,11 @@ class Recorder:
     """
 
     def __init__(
-        self, parent: Path, name: str | None = None, *, beside: Mapping[str, bytes] | None = None
+        self,
+        parent: Path,
+        name: str | None = None,
+        *,
+        extra_files: Mapping[str, bytes] | None = None,
     ) -> None:
         stem = name or time.strftime("%Y%m%d-%H%M%S")
         self.folder = parent / stem
@@ -216,7 +220,7 @@ class Recorder:
                     self.folder.mkdir(mode=0o700)
                     break
                 self.folder = parent / f"{stem}-{number}"
-            for file, content in (beside or {}).items():
+            for file, content in (extra_files or {}).items():
                 with whole_file(self.folder / file) as draft:
                     draft.write_bytes(content)
             if tabulates():

@@ -25,7 +25,7 @@ from thrustmargin.gcs_plugin.wording.alarm_words import ONE_LOST
 from thrustmargin.models.checks.speed_readings import FEWEST_ROWS
 from thrustmargin.models.checks.voltage import ceiling_too_high, highest_voltages
 from thrustmargin.models.flight import FlightTrack, join_tracks
-from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
+from thrustmargin.models.model.airframe_match import AirframeMatch, match_airframe
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe
 from thrustmargin.models.statement import state
@@ -49,7 +49,7 @@ def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, wor
     found: dict[str, words.WhyUnknown] = {}
     if track.flying[row] and not speeds:
         found[words.MEASURED_MARGIN] = words.NO_SPEEDS
-    if analysis.withheld:
+    if analysis.no_verdict:
         return found
     if not predicted:
         found[words.PREDICTED_MARGIN] = why_predicted
@@ -64,7 +64,7 @@ def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, wor
     if math.isnan(outlook.margin_ahead):
         placed = np.isfinite(track.position_ned[row]).all()
         without = words.NO_MISSION if outlook.route is None and placed else words.NO_POSITION
-        found[words.ROUTE_AHEAD] = words.NO_LOAD if tank_unknown and outlook.route else without
+        found[words.REMAINING_ROUTE] = words.NO_LOAD if tank_unknown and outlook.route else without
     if math.isnan(outlook.margin_full):
         found[words.FULL_MARGIN] = words.BAD_PART if analysis.bad_part else words.NO_AIRSPEED
     return found
@@ -91,7 +91,7 @@ LANDED = 5.0  # s on the ground after which a new flight begins
 
 
 class AirframeWatch:
-    """Repeated decision whether one vehicle is of the airframe (`claim`).
+    """Repeated decision whether one vehicle is of the airframe (`airframe_match`).
 
     `source` is the link, for the command suggested to the user.
     """
@@ -109,30 +109,30 @@ class AirframeWatch:
         self._against = 0  # looks on end that spoke against what is decided
         self._opened_s = np.inf  # first row of this flight
         self._ground_s = -np.inf  # first row on the ground; NaN in flight
-        self.claim = self._first()
+        self.airframe_match = self._first()
 
-    def _first(self) -> AirframeClaim:
+    def _first(self) -> AirframeMatch:
         if self._given:
-            return AirframeClaim(airframe=self._airframe.name, source=self._source)
-        return AirframeClaim(basis="not known", withheld=(NOT_YET,), source=self._source)
+            return AirframeMatch(airframe=self._airframe.name, source=self._source)
+        return AirframeMatch(basis="not known", no_verdict=(NOT_YET,), source=self._source)
 
     def look(
         self, track: FlightTrack, facts: VehicleFacts, parameters: Mapping[str, float]
-    ) -> AirframeClaim:
-        """Add new rows, in order, and return the claim on the airframe that is valid from the first
+    ) -> AirframeMatch:
+        """Add new rows, in order, and return the match that is valid from the first
         of them.
 
-        The claim must not depend on how many rows come at once, so rows must be passed split at
+        The match must not depend on how many rows come at once, so rows must be passed split at
         `due_s`.
         """
         if track.rotor_count != self._airframe.rotor_count:  # certain, and at once
             if not self._other_rotors:
-                now = airframe_claim(track, self._airframe, facts, parameters, given=self._given)
-                self.claim = replace(now, source=self._source)
+                now = match_airframe(track, self._airframe, facts, parameters, given=self._given)
+                self.airframe_match = replace(now, source=self._source)
                 self._other_rotors, self._parts, self._last_s = True, [], -np.inf
-            return self.claim
+            return self.airframe_match
         if self._other_rotors:
-            self._other_rotors, self.claim = False, self._first()
+            self._other_rotors, self.airframe_match = False, self._first()
         due = track.time_s[0] >= self.due_s or track.time_s[0] <= self._last_s
         first = slice(0, 1) if due else slice(None)
         self._take(track.rows(first))
@@ -140,7 +140,7 @@ class AirframeWatch:
             self._look(facts, parameters)
         if due:
             self._take(track.rows(slice(1, None)))
-        return self.claim
+        return self.airframe_match
 
     @property
     def due_s(self) -> float:
@@ -160,8 +160,8 @@ class AirframeWatch:
         evidence = join_tracks([(t, rows[t.time_s[rows] > since]) for t, rows in self._parts])
         self._parts = [(evidence, np.arange(evidence.time_s.size))]
         if evidence.time_s.size >= FEWEST_ROWS:
-            trusted = self._given or self.claim.basis == "recognised"
-            now = airframe_claim(evidence, self._airframe, facts, parameters, given=trusted)
+            trusted = self._given or self.airframe_match.basis == "recognised"
+            now = match_airframe(evidence, self._airframe, facts, parameters, given=trusted)
             if now.outputs is not None:
                 high = ceiling_too_high(self._volts, self._airframe)
                 now = replace(now, outputs=replace(now.outputs, ceiling_high=high))
@@ -187,24 +187,24 @@ class AirframeWatch:
                 self._parts.append((track, rows))
                 self._last_s = float(time_s[rows[-1]])
 
-    def _decide(self, now: AirframeClaim) -> None:
-        before = self.claim
-        if before.withheld == (NOT_YET,):
-            self.claim = now
+    def _decide(self, now: AirframeMatch) -> None:
+        before = self.airframe_match
+        if before.no_verdict == (NOT_YET,):
+            self.airframe_match = now
             return
-        held = not before.withheld and self._last_s - self._opened_s > OPENING
-        misfits = before.misfit or before.withheld
-        if bool(now.withheld) == bool(misfits):
+        held = not before.no_verdict and self._last_s - self._opened_s > OPENING
+        misfits = before.misfit or before.no_verdict
+        if bool(now.no_verdict) == bool(misfits):
             self._against = 0
-            if not (before.withheld or now.withheld):
-                self.claim = replace(before, outputs=now.outputs)
+            if not (before.no_verdict or now.no_verdict):
+                self.airframe_match = replace(before, outputs=now.outputs)
             return
         self._against += 1
-        if self._against < (AGAINST if now.withheld else FOR):
+        if self._against < (AGAINST if now.no_verdict else FOR):
             return
         self._against = 0
         if held:
-            now = replace(before, misfit=now.withheld)
+            now = replace(before, misfit=now.no_verdict)
         elif before.basis == "recognised":  # and was given by nobody
             now = replace(now, basis="not known")
-        self.claim = now
+        self.airframe_match = now

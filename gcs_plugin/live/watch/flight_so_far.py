@@ -30,7 +30,7 @@ from thrustmargin.models.checks.motor_order import MotorOrder, check_motor_order
 from thrustmargin.models.checks.output_evidence import OutputEvidence, output_evidence
 from thrustmargin.models.flight import FlightTrack, Floats, join_tracks
 from thrustmargin.models.model.advice import Advice, advise
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.inferred.load_inference import with_load_for_verdict
 from thrustmargin.models.model.inferred.prepared import fill_channels
@@ -59,7 +59,7 @@ class FlightSoFar:
     track: FlightTrack  # as reported
     state: VehicleState
     model: RotorModel
-    claim: AirframeClaim
+    airframe_match: AirframeMatch
     faults: FaultHistory
     limit: float  # share of a rotor's largest thrust that may last
     goes_on: bool  # it has not landed
@@ -85,22 +85,22 @@ class FlightSoFar:
     def outputs(self) -> OutputEvidence | None:
         """Return the load by the motor outputs of all rows; None where no margin is claimed.
 
-        The claim was decided in the first climb, where outputs show more than the weight.
+        The airframe_match was decided in the first climb, where outputs show more than the weight.
         """
-        if self.claim.withheld:
+        if self.airframe_match.no_verdict:
             return None
         return output_evidence(self.measured, identified_airframe(self.model), self.parameters)
 
     @cached_property
     def _prepared(self) -> FlightTrack:
-        craft = None if self.claim.withheld else identified_airframe(self.model)
+        craft = None if self.airframe_match.no_verdict else identified_airframe(self.model)
         return fill_channels(self.measured, craft, self.parameters)
 
     @cached_property
     def beyond_gauge_kg(self) -> float:
         """Return the median mass, kg, by which hover thrust exceeds gauge or statement; 0 if not
         significant."""
-        if self.claim.withheld:
+        if self.airframe_match.no_verdict:
             return 0.0
         track = with_load_for_verdict(self._prepared, identified_airframe(self.model), self.outputs)
         beyond = (track.tank_kg - self._prepared.tank_kg)[track.flying]
@@ -110,7 +110,7 @@ class FlightSoFar:
     def order(self) -> MotorOrder | None:
         """Return the order of the motors by the flight's manoeuvres; None where no margin is
         claimed."""
-        if self.claim.withheld:
+        if self.airframe_match.no_verdict:
             return None
         flown = before_loss(self._prepared, loss_of_control(self._prepared))
         return check_motor_order(flown, identified_airframe(self.model))
@@ -121,12 +121,15 @@ class FlightSoFar:
         airframe's."""
         return self.order is not None and self.order.verdict not in ("agrees", "unclear")
 
-    def shown_by(self, claim: AirframeClaim) -> AirframeClaim:
-        """Return the claim with motor outputs and motor order as estimated from all rows of the
+    def shown_by(self, airframe_match: AirframeMatch) -> AirframeMatch:
+        """Return the match with motor outputs and motor order as estimated from all rows of the
         flight."""
         open_pairs = () if self.order is None else self.order.open_pairs
         return replace(
-            claim, outputs=self.outputs, other_order=self.other_order, open_pairs=open_pairs
+            airframe_match,
+            outputs=self.outputs,
+            other_order=self.other_order,
+            open_pairs=open_pairs,
         )
 
     @cached_property
@@ -135,13 +138,13 @@ class FlightSoFar:
         flight."""
         track, state = self._prepared, self.state
         made = advise(
-            analyse(track, self.model, claim=self.shown_by(self.claim)),
+            analyse(track, self.model, airframe_match=self.shown_by(self.airframe_match)),
             limit=self.limit,
             history=self.faults,
             in_progress=self.goes_on,
         )
         pilot = AUTOPILOTS.get(state.autopilot, "unknown")
-        known = self.measured, self.claim, state.parameters, state.facts
+        known = self.measured, self.airframe_match, state.parameters, state.facts
         return FlightAdvice(made.advice, first_contact(*known, autopilot=pilot, recorded=False))
 
     @property
@@ -187,25 +190,25 @@ class SortieRows:
         self._landed_s = math.nan
         self._stay: tuple[float, float] | None = None  # landing and take-off, until it is checked
         self._made_s = -math.inf
-        self._said: tuple[AirframeClaim, VehicleState] | None = None
+        self._said: tuple[AirframeMatch, VehicleState] | None = None
         self.now: FlightSoFar | None = None  # None before the first take-off
 
     def add(
         self,
         track: FlightTrack,
         clock_s: Floats,
-        claim: AirframeClaim,
+        airframe_match: AirframeMatch,
         state: VehicleState,
         events: Sequence[AlarmEvent],
     ) -> None:
         """Add the next rows of the flight, and renew its result where that is due.
 
-        `clock_s` (T,) is the vehicle's clock, s, at the rows of `track` (at least one row); `claim`
-        and `state` are the latest decision on the airframe and the vehicle's reports; a raised
-        alarm among `events`, those of these rows, renews the result at once.
+        `clock_s` (T,) is the vehicle's clock, s, at the rows of `track` (at least one row).
+        `airframe_match` and `state` are the latest decision on the airframe and the vehicle's
+        reports; a raised alarm among `events`, those of these rows, renews the result at once.
         """
         self._zero_s = float(clock_s[0] - track.time_s[0])
-        self._said = claim, state
+        self._said = airframe_match, state
         end_s, flying = float(track.time_s[-1]), np.flatnonzero(track.flying)
         if flying.size:
             self._take_off(float(track.time_s[flying[0]]))
@@ -254,7 +257,7 @@ class SortieRows:
         """Set `now` to the flight up to the last row."""
         if not self._flown or self._said is None:
             return
-        claim, state = self._said
+        airframe_match, state = self._said
         whole = join_tracks([(part, slice(None)) for part in self._parts])
         self._parts = [whole]
         track = whole
@@ -266,7 +269,7 @@ class SortieRows:
             track=track,
             state=state,
             model=self._model,
-            claim=claim,
+            airframe_match=airframe_match,
             faults=_since(self._alarms.fault_history[self._earlier :], zero_s),
             limit=self._alarms.settings.max_utilisation,
             goes_on=bool(track.flying[-1]),

@@ -103,7 +103,9 @@ def as_reported(
             flights = claimed_flights(file, model, given=given, vehicle=system, **stated)
     except (ThrustMarginError, OSError):
         return None
-    log, claim = flights[-1]
-    analysis = analyse(log.track, model, claim=replace(claim, source=settings.link))
+    log, airframe_match = flights[-1]
+    analysis = analyse(
+        log.track, model, airframe_match=replace(airframe_match, source=settings.link)
+    )
     said = answer_log(log, analysis, settings.alarms.max_utilisation)
     return FlightAdvice(said.made.advice, said.contact)

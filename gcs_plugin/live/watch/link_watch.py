@@ -22,7 +22,7 @@ class LinkWatch:
     """Link state of one system id: duplicate frames, two vehicles with one id, and silence.
 
     Times are the ground's clock, µs. `heard_us` is the listener's, system id -> time of its last
-    message; it may be ahead of the frames taken so far.
+    message; it may be later than the frames taken so far.
     """
 
     def __init__(self, system: int, heard_us: Mapping[int, int]) -> None:

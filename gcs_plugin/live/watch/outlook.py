@@ -22,7 +22,7 @@ from thrustmargin.mission.route import (
     Forecast,
     forecast,
     margin_at_fill,
-    route_ahead,
+    remaining_route,
 )
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import FlightTrack, Floats
@@ -98,19 +98,19 @@ class LookAhead:
         route, NaN without a mission.
         """
         gauge = analysis.track.measured("tank_kg")
-        delivered, ahead = np.full((2, new.clock_s.size), np.nan)
+        delivered, margin_ahead = np.full((2, new.clock_s.size), np.nan)
         for k, row in enumerate(range(first, analysis.track.time_s.size)):
             self._delivery.add(float(gauge[row]), float(new.pumped_kg[k]))
             delivered[k] = new.pumped_kg[k] * self._delivery.first
             clock_s = float(new.clock_s[k])
-            if analysis.withheld:
+            if analysis.no_verdict:
                 self.now, self._done_s = Outlook(), -math.inf
             elif clock_s - self._done_s >= FORECAST_EVERY:
                 self._done_s = clock_s
                 item = int(np.nan_to_num(new.mission_item[k], nan=-1.0))
                 self._predict(analysis, row, clock_s, float(new.pump_share[k]), item, state)
-            ahead[k] = self.now.margin_ahead
-        return delivered, ahead
+            margin_ahead[k] = self.now.margin_ahead
+        return delivered, margin_ahead
 
     def _predict(
         self,
@@ -186,7 +186,7 @@ class LookAhead:
         self._route_of = (clock_s, mission_item, self.plan)
         set_speed = parameter(state.parameters, "WP_SPD")
         speed = set_speed if set_speed > 0.0 else self.plan.cruise_speed
-        legs, limits = route_ahead(
+        legs, limits = remaining_route(
             self.plan,
             max(mission_item, 0),
             position,

@@ -25,7 +25,7 @@ from thrustmargin.models.checks.instruments import (
 )
 from thrustmargin.models.checks.voltage import VoltageSoFar
 from thrustmargin.models.flight import FlightTrack, join_tracks
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.inferred.output_speed import OutputCalibration
 from thrustmargin.models.model.inferred.prepared import Inferred, fill_channels_so_far
 from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe
@@ -102,9 +102,9 @@ class RowPreparation:
         self._inferred = Inferred()
 
     @property
-    def claim(self) -> AirframeClaim:
+    def airframe_match(self) -> AirframeMatch:
         """Return the last result of matching the vehicle with the airframe."""
-        return self._airframe.claim
+        return self._airframe.airframe_match
 
     @property
     def outputs(self) -> OutputCalibration:
@@ -138,7 +138,7 @@ class RowPreparation:
         self, new: LiveRows, facts: VehicleFacts, parameters: Mapping[str, float]
     ) -> LiveRows:
         """Return new rows without frozen readings and with what is inferred, after deciding
-        `claim` from their first row on.
+        `airframe_match` from their first row on.
 
         `facts` and `parameters` are the vehicle's own reports.
         """
@@ -146,7 +146,7 @@ class RowPreparation:
         measured = self._frozen.without_frozen(reported, parameters)
         found = measured.statements[len(reported.statements) :]
         notes = (*new.notes, *found)
-        claim = self._airframe.look(measured, facts, parameters)
-        airframe = None if claim.withheld else self._known
+        airframe_match = self._airframe.look(measured, facts, parameters)
+        airframe = None if airframe_match.no_verdict else self._known
         track, self._inferred = fill_channels_so_far(measured, airframe, parameters, self._inferred)
         return replace(new, track=track, notes=notes)

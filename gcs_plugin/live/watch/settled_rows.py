@@ -1,7 +1,7 @@
 """Which rows of one vehicle are final, and which the next update of it still needs.
 
-A model with effects looks ahead: its prediction of a row is final only when later rows are known.
-The search for faults looks further ahead. Neither has a clock of its own.
+A model with effects reads later rows: its prediction of a row is final only when later rows are
+known. The search for faults reads rows later still. Neither has a clock of its own.
 """
 
 from __future__ import annotations

@@ -145,12 +145,12 @@ class Update:
     def remarks(self) -> tuple[str, ...]:
         """Return sentences on how the airframe was chosen, what helps without one, and what
         contradicts it."""
-        claim = self.analysis.claim
-        helps = (remedy_words(claim),) if claim.withheld else ()
-        return (described_words(claim), *helps, *self.beside_the_airframe)
+        airframe_match = self.analysis.airframe_match
+        helps = (remedy_words(airframe_match),) if airframe_match.no_verdict else ()
+        return (described_words(airframe_match), *helps, *self.airframe_remarks)
 
     @property
-    def beside_the_airframe(self) -> tuple[str, ...]:
+    def airframe_remarks(self) -> tuple[str, ...]:
         """Return the remarks except those on the airframe, which the gauges have themselves."""
         track = self.analysis.track
         speeds, tank_kg = track.source("rotor_speed_rpm"), track.source("tank_kg")

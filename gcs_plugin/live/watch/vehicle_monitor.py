@@ -46,7 +46,7 @@ from thrustmargin.gcs_plugin.wording.check_words import described_words, remedy_
 from thrustmargin.gcs_plugin.wording.live_words import NO_ROWS, stale_words, two_vehicles
 from thrustmargin.mission.plan import MissionPlan
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import (
     FlightAnalysis,
     FlightState,
@@ -88,7 +88,7 @@ class VehicleMonitor:
             model, given=settings.airframe_given, source=settings.link
         )
         self._settled = SettledRows(model)
-        self._ahead = LookAhead(model)
+        self._outlook = LookAhead(model)
         self._landed = LandedFlights(system, model, settings, later)
         self._sortie = SortieRows(model, self.alarms, self._landed.answer)
         self._rotor_silence = RotorSilence(model.airframe.rotor_count)
@@ -121,9 +121,9 @@ class VehicleMonitor:
         return self.telemetry.problem
 
     @property
-    def claim(self) -> AirframeClaim:
+    def airframe_match(self) -> AirframeMatch:
         """Return the last decision whether the vehicle is of the airframe."""
-        return self._preparation.claim
+        return self._preparation.airframe_match
 
     @property
     def waiting(self) -> bool:
@@ -133,11 +133,11 @@ class VehicleMonitor:
     @property
     def plan(self) -> MissionPlan | None:
         """Return the mission used for the forecast; None while none is known."""
-        return self._ahead.plan
+        return self._outlook.plan
 
     def use_plan(self, plan: MissionPlan | None) -> None:
         """Forecast along `plan` until the vehicle's mission changes; None if it has none."""
-        self._ahead.use_plan(plan, self.state)
+        self._outlook.use_plan(plan, self.state)
 
     def take(self, frame: Frame) -> None:
         """Process the next frame of this vehicle, in the order of arrival."""
@@ -185,7 +185,7 @@ class VehicleMonitor:
         if last is not None:
             window, start = kept_rows(last, self._model.look_back_s)
         if new is not None:
-            reported, before = new.track, self.claim
+            reported, before = new.track, self.airframe_match
             new = self._preparation.prepare(new, self.telemetry.facts, self.state.parameters)
             start = self._state_under_claim(before, new, start)
         analysis = self._analysed(with_rows(last, window, new), start)
@@ -224,7 +224,7 @@ class VehicleMonitor:
             self._sortie.settle()
             self._sortie.restate()
         else:
-            self._sortie.add(reported, new.clock_s, self.claim, self.state, events)
+            self._sortie.add(reported, new.clock_s, self.airframe_match, self.state, events)
             self._landed.forget(float(new.stamp_us[-1]) - self._sortie.kept_s * 1e6)
         rows = self.last if new is None else new  # of which start of the vehicle
         made = Update(
@@ -240,7 +240,7 @@ class VehicleMonitor:
             pumped_kg=arrays["pumped_kg"],
             delivered_kg=arrays["delivered_kg"],
             margin_ahead=arrays["margin_ahead"],
-            outlook=self._ahead.now,
+            outlook=self._outlook.now,
             alarms=tuple(self.alarms.listed.values()),
             events=self._settled.stamped(events, time_s, arrays, last=new is None),
             flight=self._sortie.now or self._flight_before,
@@ -258,28 +258,32 @@ class VehicleMonitor:
         self._flight_before = self._sortie.now or self._flight_before
         self._settled.restart()
         self._preparation.restart()
-        self._ahead.restart()
+        self._outlook.restart()
         self._sortie = SortieRows(self._model, self.alarms, self._landed.answer)
 
     def _state_under_claim(
-        self, before: AirframeClaim, new: LiveRows, start: FlightState | None
+        self, before: AirframeMatch, new: LiveRows, start: FlightState | None
     ) -> FlightState | None:
         """Note a decision on the airframe other than `before`; return the model's state before the
         new rows, None where the airframe was newly recognised or lost."""
-        claim = self.claim
-        if replace(claim, outputs=before.outputs) == before and self.last is not None:
+        airframe_match = self.airframe_match
+        if replace(airframe_match, outputs=before.outputs) == before and self.last is not None:
             return start
-        helps = [remedy_words(claim)] if claim.withheld else []
-        self.notes.append((int(new.stamp_us[-1]), "; ".join([described_words(claim), *helps])))
-        return None if bool(before.withheld) != bool(claim.withheld) else start
+        helps = [remedy_words(airframe_match)] if airframe_match.no_verdict else []
+        self.notes.append(
+            (int(new.stamp_us[-1]), "; ".join([described_words(airframe_match), *helps]))
+        )
+        return None if bool(before.no_verdict) != bool(airframe_match.no_verdict) else start
 
     def _analysed(self, track: FlightTrack, start: FlightState | None) -> FlightAnalysis:
-        """Analyse rows, with the claim and the load beyond the gauge that the whole flight so
+        """Analyse rows, with the match and the load beyond the gauge that the whole flight so
         far shows."""
         flight = self._sortie.now
-        claim = self.claim if flight is None else flight.shown_by(self.claim)
-        analysis = analyse(track, self._model, start=start, claim=claim)
-        if flight is not None and not claim.withheld:
+        airframe_match = (
+            self.airframe_match if flight is None else flight.shown_by(self.airframe_match)
+        )
+        analysis = analyse(track, self._model, start=start, airframe_match=airframe_match)
+        if flight is not None and not airframe_match.no_verdict:
             analysis = with_load_beyond_gauge(analysis, flight.beyond_gauge_kg)
         return analysis
 
@@ -287,14 +291,14 @@ class VehicleMonitor:
         self, analysis: FlightAnalysis, first: int, new: LiveRows
     ) -> dict[str, NDArray[Any]]:
         """Return the arrays named by CARRIED for the new rows: vehicle and ground clocks, pumped
-        and delivered mass, kg, and the least margin on the way ahead."""
-        delivered, ahead = self._ahead.rows(analysis, first, new, self.state)
+        and delivered mass, kg, and the least margin on the remaining route."""
+        delivered, margin_ahead = self._outlook.rows(analysis, first, new, self.state)
         return {
             "clock_s": new.clock_s,
             "stamp_us": new.stamp_us,
             "pumped_kg": new.pumped_kg,
             "delivered_kg": delivered,
-            "margin_ahead": ahead,
+            "margin_ahead": margin_ahead,
         }
 
     def tick(self, now_us: int) -> list[AlarmEvent]:

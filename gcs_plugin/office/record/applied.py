@@ -113,7 +113,8 @@ def _places_at(track: FlightTrack, origin: Origin, unix_s: Floats) -> Floats:
 
 #: Samples at either end of a flight whose median is the tank level there.
 END_ROWS = 10
-#: Share by which two estimates of the liquid may differ and still agree, beside their intervals.
+#: Share by which two estimates of the liquid may differ and still agree, in addition to their
+#: intervals.
 AGREE_SHARE = 0.1
 
 

@@ -283,7 +283,7 @@ def liquids(flights: list[tuple[FlightAnalysis, FlightLog]]) -> list[Liquid]:
     )
     from thrustmargin.models.model.rotor_model import identified_airframe
 
-    known = [not analysis.withheld for analysis, _ in flights]
+    known = [not analysis.no_verdict for analysis, _ in flights]
     gauge = [gauge_estimate(log.track) for _, log in flights]
     pump = [pump_estimate(log.track) for _, log in _with_pump_level(flights)] if all(known) else []
     thrust = [
@@ -296,7 +296,7 @@ def liquids(flights: list[tuple[FlightAnalysis, FlightLog]]) -> list[Liquid]:
 
 def common_density(flights: list[tuple[FlightAnalysis, FlightLog]]) -> float | None:
     """Return the liquid's density, kg/L; None if flights differ in it or an aircraft is unknown."""
-    known = {None if a.withheld else a.model.airframe.liquid_density for a, _ in flights}
+    known = {None if a.no_verdict else a.model.airframe.liquid_density for a, _ in flights}
     return known.pop() if len(known) == 1 else None
 
 

@@ -25,7 +25,7 @@ from thrustmargin.gcs_plugin.reports.paper.pdf_page import pdf_bytes
 from thrustmargin.gcs_plugin.reports.shared import page_shell
 from thrustmargin.models.whole_file import whole_file
 
-#: WGS 84 as the .prj file that GIS programs expect beside a shapefile.
+#: WGS 84 as the .prj file that GIS programs expect with a shapefile.
 WGS84 = (
     'GEOGCS["GCS_WGS_1984",DATUM["D_WGS_1984",SPHEROID["WGS_1984",6378137.0,298.257223563]],'
     'PRIMEM["Greenwich",0.0],UNIT["Degree",0.0174532925199433]]'

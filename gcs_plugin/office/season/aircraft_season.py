@@ -231,12 +231,16 @@ def _change_findings(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[
         for entry in trend.changes:
             last, ended = entry is trend.changes[-1], entry.until < count
             swap = words.rotor_of(trend.name) is not None and words.back_to_sound(entry)
-            ahead = RECENT * entry.per_flight if entry.ramp and not ended else 0.0
+            expected_change = RECENT * entry.per_flight if entry.ramp and not ended else 0.0
             # A rotor that makes more thrust than the model expects is not worn: a motor was
             # levelled, or a propeller of another kind fitted.
-            gains = words.rotor_of(trend.name) is not None and not swap and trend.now + ahead < 0.0
+            gains = (
+                words.rotor_of(trend.name) is not None
+                and not swap
+                and trend.now + expected_change < 0.0
+            )
             counts = last and not swap and not gains
-            ratio = abs(trend.now + ahead) / trend.usual if counts else 0.0
+            ratio = abs(trend.now + expected_change) / trend.usual if counts else 0.0
             at = season.counted[min(entry.flight, count - 1)]
             advised = actions.SAME_KIND if gains else words.value_words(trend.name).action
             level = change_level(ratio, part=advised.part) if counts else FINE

@@ -161,9 +161,13 @@ def _battery_findings(
     for entry in trend.changes if trend else ():
         assert trend is not None
         ended = entry.until < len(flown)
-        ahead = aircraft_season.RECENT * entry.per_flight if entry.ramp and not ended else 0.0
+        expected_change = (
+            aircraft_season.RECENT * entry.per_flight if entry.ramp and not ended else 0.0
+        )
         last = entry is trend.changes[-1] and not removed
-        risen = trend.now + ahead - trend.changes[0].before  # less: a new one, or a warmer day
+        risen = (
+            trend.now + expected_change - trend.changes[0].before
+        )  # less: a new one, or a warmer day
         ratio = max(risen, 0.0) / trend.usual if last else 0.0
         at = flown[min(entry.flight, len(flown) - 1)]
         here = at.season.name == history.aircraft

@@ -16,7 +16,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.commands.shared.inputs import ReadingOptions, reading_keywords
-from thrustmargin.gcs_plugin.wording.check_words import claim_words, described_words, remedy_words
+from thrustmargin.gcs_plugin.wording.check_words import (
+    airframe_match_words,
+    described_words,
+    remedy_words,
+)
 from thrustmargin.gcs_plugin.wording.language import BEYOND_CEILING
 
 if TYPE_CHECKING:
@@ -67,7 +71,7 @@ class NewestFigures:
     margin_ahead: float = NAN
     alarms: tuple[str, ...] = ()
     problem: str = ""
-    withheld: str = ""  # why no margin is claimed, and what helps
+    no_verdict: str = ""  # why no margin is claimed, and what helps
     airframe: str = ""  # on what ground it is one of the airframe
     unknown: tuple[str, ...] = ()  # what is not known, why, and what helps
     answer: FlightAnswer | None = None  # of the flight so far, or the last
@@ -237,7 +241,7 @@ def reading(update: Update, stamp: float) -> NewestFigures:
     from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 
     analysis, outlook = update.analysis, update.outlook
-    claim = analysis.claim
+    airframe_match = analysis.airframe_match
     # On the ground as predicted: a rotor at rest has all its thrust left.
     flying = bool(analysis.track.flying[-1])
     use = analysis.known_utilisation if flying else analysis.utilisation_predicted
@@ -266,8 +270,10 @@ def reading(update: Update, stamp: float) -> NewestFigures:
         seconds_to_empty=outlook.seconds_to_empty,
         margin_full=outlook.margin_full,
         margin_ahead=outlook.margin_ahead,
-        withheld=f"{described_words(claim)}; {remedy_words(claim)}" if claim.withheld else "",
-        airframe="" if claim.withheld else claim_words(claim),
+        no_verdict=f"{described_words(airframe_match)}; {remedy_words(airframe_match)}"
+        if airframe_match.no_verdict
+        else "",
+        airframe="" if airframe_match.no_verdict else airframe_match_words(airframe_match),
         unknown=tuple(unknown_lines(unknown_figures(analysis, outlook))),
         answer=update.answer,
     )
@@ -312,8 +318,8 @@ def _lines(now: NewestFigures, max_utilisation: float, age: float) -> list[str]:
     within = f" ({100 * low:.0f} to {100 * high:.0f})" if high - low > 1e-9 else ""
     basis = f", {now.basis}" if now.basis else ""
     source = f" {now.tank_source}" if now.tank_source else ""
-    if now.withheld:
-        words = f"vehicle {now.vehicle}, {state}{old}: {now.withheld}"
+    if now.no_verdict:
+        words = f"vehicle {now.vehicle}, {state}{old}: {now.no_verdict}"
         said = () if now.answer is None else (now.answer.line, *now.answer.contact_lines)
         return [words, *(f"  {line}" for line in said), *(f"  ALARM {text}" for text in now.alarms)]
     lines = [
@@ -339,7 +345,7 @@ def fields(
     if now is None or age > STALE or math.isnan(age) or now.problem:
         names = {"Margin": "Margin --", "OneOut": "OneOut --", "Tank": "Tank --"}
         return {name: (text, "grey") for name, text in names.items()}
-    if now.withheld:
+    if now.no_verdict:
         return {
             "Margin": ("Margin: NO VERDICT", "orange"),
             "OneOut": ("OneOut --", "grey"),

@@ -45,7 +45,7 @@ FIGURES: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "next_fill_kg": ("Largest fill by that flight, at the safe end", ("vehicle",)),
     "outputs_median_ratio": ("Of an aircraft not known: its motors' outputs", ("vehicle",)),
     "outputs_most_ratio": ("The highest of them in that flight", ("vehicle",)),
-    "verdict_withheld": ("1: the aircraft is not known, no margin is claimed", ("vehicle",)),
+    "no_verdict": ("1: the aircraft is not known, no margin is claimed", ("vehicle",)),
 }
 #: Counters of the whole monitor: field of MonitorStatus -> what it counts.
 COUNTS = {
@@ -205,7 +205,7 @@ def _vehicle_figures(update: Update) -> dict[str, float]:
         "next_fill_kg": math.nan if answer is None else answer.fill_kg,
         "outputs_median_ratio": math.nan if shown is None else shown.median_use,
         "outputs_most_ratio": math.nan if shown is None else shown.worst_use,
-        "verdict_withheld": float(bool(analysis.withheld)),
+        "no_verdict": float(bool(analysis.no_verdict)),
     }
 
 
@@ -214,7 +214,7 @@ def _rotor_figures(update: Update) -> Iterator[tuple[tuple[str, str, str], dict[
     ground."""
     analysis = update.analysis
     names = analysis.places
-    if analysis.withheld or not analysis.track.flying[-1]:
+    if analysis.no_verdict or not analysis.track.flying[-1]:
         return
     figures = (analysis.known_utilisation, *analysis.use_ends)
     for rotor, (use, low, high) in enumerate(zip(*(f[-1].tolist() for f in figures), strict=True)):

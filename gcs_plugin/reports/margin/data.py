@@ -31,13 +31,13 @@ FLIGHT_KEYS = (
     *("name", "verdict", "flight", "model", "load", "rotors", "moments", "losses"),
     *("first_contact", "findings", "alarms", "misread_speed", "takeoff", "vehicle_said", "notes"),
     *("timeline", "redundancy", "accuracy", "margin_check", "quality", "airframe_basis"),
-    *("withheld", "beside_plan"),
+    *("no_verdict", "plan_comparison"),
 )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReportedFlight:
-    """A flight's JSON object, and what page and CSV show beside it: answer, peaks and rows."""
+    """A flight's JSON object, and what page and CSV show in addition: answer, peaks and rows."""
 
     json: JsonObject  # made by `report_flight`
     answer: LogAnswer

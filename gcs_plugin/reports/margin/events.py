@@ -22,7 +22,7 @@ from thrustmargin.gcs_plugin.wording.vehicle_words import kind_words
 from thrustmargin.models.checks.takeoff import TakeoffCheck, TakeoffFinding, takeoff_checks
 from thrustmargin.models.model.advice import Advice
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.model.hover_arms import arms_beside_model
+from thrustmargin.models.model.hover_arms import arms_against_model
 from thrustmargin.models.model.output_faults import MisreadSpeed
 from thrustmargin.models.model.rotor_faults import FaultEpisode
 from thrustmargin.models.model.rotor_model import identified_airframe
@@ -34,9 +34,9 @@ YAW_MEAN_S = 1.0
 
 def takeoff_rows(analysis: FlightAnalysis) -> tuple[JsonObject, ...]:
     """Return the checks of each take-off's run-up, in order of time; motors count from 1."""
-    airframe = None if analysis.withheld else identified_airframe(analysis.model)
-    places = () if analysis.withheld else analysis.places
-    arms = None if analysis.withheld else analysis.model.arms
+    airframe = None if analysis.no_verdict else identified_airframe(analysis.model)
+    places = () if analysis.no_verdict else analysis.places
+    arms = None if analysis.no_verdict else analysis.model.arms
     checks = takeoff_checks(analysis.track, airframe, arms)
     return tuple(_row(analysis, one, places) for one in checks)
 
@@ -47,7 +47,7 @@ def _row(analysis: FlightAnalysis, check: TakeoffCheck, places: Sequence[str]) -
     Each motor has its speed in the first seconds of hover over the model's.
     """
     plain = {f.name: getattr(check, f.name) for f in fields(check)}
-    arms = arms_beside_model(analysis, check.lift_s)
+    arms = arms_against_model(analysis, check.lift_s)
     motors = [
         {
             "motor": number,
@@ -133,7 +133,7 @@ def said_rows(statements: Sequence[VehicleStatement], advice: Advice) -> tuple[J
             "text": one.text,
             "times_s": one.times_s,
             "motors": [motor + 1 for motor in one.named],
-            "beside": one.beside,
+            "corroboration": one.corroboration,
             "found_motors": [motor + 1 for motor in one.found],
             "value": one.value,
             "words": statement_words(one, advice),
@@ -148,9 +148,9 @@ def timeline_rows(
     notes: Sequence[EngineerNote],
     advice: Advice,
 ) -> tuple[JsonObject, ...]:
-    """Return all entries in order of time: `time_s`, `source`, `text`, and `beside`.
+    """Return all entries in order of time: `time_s`, `source`, `text`, and `corroboration`.
 
-    `beside` is in words what the log shows of a vehicle's report.
+    `corroboration` is in words what the log shows of a vehicle's report.
     """
     made = [
         _entry(time_s, VEHICLE, _text(one), one["words"])
@@ -179,5 +179,5 @@ def _text(said: JsonObject) -> str:
     return f"{title} {said['subject']}".rstrip()
 
 
-def _entry(time_s: float, source: str, text: str, beside: str = "") -> JsonObject:
-    return {"time_s": time_s, "source": source, "text": text, "beside": beside}
+def _entry(time_s: float, source: str, text: str, corroboration: str = "") -> JsonObject:
+    return {"time_s": time_s, "source": source, "text": text, "corroboration": corroboration}

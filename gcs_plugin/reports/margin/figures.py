@@ -39,7 +39,7 @@ def figures(report: ReportedFlight) -> Mapping[str, style.Figure]:
         made["rotors"] = rotors_figure(rows, limit, names)
     if knows_use and placed:
         made["map_use"] = use_map(rows, worst_rotor(use)[0], limit, worst)
-    if report.json["withheld"] and placed:
+    if report.json["no_verdict"] and placed:
         speed = rows["ground_speed"]
         made["map_speed"] = _map(rows, {"speed": (speed, speed)}, palette.GROUND_SPEED)
     if knows_redundancy and placed:

@@ -1,4 +1,4 @@
-"""The load of a flight: its matching beside that of its airframe and of the paper's F16, the fills
+"""The load of a flight: its matching compared with its airframe's and the paper's F16, the fills
 that keep both limits, and what one lost rotor would have meant."""
 
 from __future__ import annotations

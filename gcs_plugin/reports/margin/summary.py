@@ -28,11 +28,11 @@ from thrustmargin.gcs_plugin.wording import margin_verdict, report_words
 from thrustmargin.gcs_plugin.wording.advice_words import action, several_headline
 from thrustmargin.gcs_plugin.wording.aircraft_words import change_words
 from thrustmargin.gcs_plugin.wording.check_words import (
-    claim_words,
+    airframe_match_words,
+    no_verdict_words,
     note_words,
     source_words,
     statement_words,
-    withheld_words,
 )
 from thrustmargin.gcs_plugin.wording.effect_sentences import effect_things
 from thrustmargin.gcs_plugin.wording.fill_words import safe_kg
@@ -87,7 +87,7 @@ def report_flight(
     assumed: PlanConditions | None = None,
     answer: LogAnswer | None = None,
 ) -> data.ReportedFlight:
-    """Return the report of one flight, beside the forecast of its `plan` with what
+    """Return the report of one flight, compared with the forecast of its `plan` with what
     was `assumed`. `answer` is that of the flight; without it, it is made here.
 
     `max_utilisation` is the largest share of a rotor's maximum thrust that may be in use. Raises
@@ -107,14 +107,14 @@ def report_flight(
     basis, measured_share = _basis(made)
     flown_s = whole.track.flying_s
     no_flight = not_flown(whole.track) or (too_short(flown_s) if flown_s < LEAST_FLIGHT_S else "")
-    shown = margin_verdict.verdict_facts(worst, advice, analysis.claim, basis, no_flight)
-    check = None if analysis.withheld else margin_check(analysis)
+    shown = margin_verdict.verdict_facts(worst, advice, analysis.airframe_match, basis, no_flight)
+    check = None if analysis.no_verdict else margin_check(analysis)
     checked = prediction_checked(check, trained_on=trained_on(analysis)) if check else ""
     against = None
-    if plan and not analysis.withheld:
-        from thrustmargin.gcs_plugin.reports.margin.plan_beside import plan_beside
+    if plan and not analysis.no_verdict:
+        from thrustmargin.gcs_plugin.reports.margin.plan_comparison import plan_comparison
 
-        against = plan_beside(analysis, log, plan, assumed)
+        against = plan_comparison(analysis, log, plan, assumed)
     lines = (
         *((("control", loss_words(advice.losses)),) if advice.losses else ()),
         *((("changed", change_words(advice.change)),) if advice.change else ()),
@@ -153,16 +153,17 @@ def report_flight(
         "alarms": [alarm_row(one, advice.rotor_names) for one in advice.faults],
         "misread_speed": misread_row(advice.misread),
         "takeoff": starts,  # the run-ups before it lifted
-        "vehicle_said": reported,  # reports of the vehicle, beside what the log shows
+        "vehicle_said": reported,  # reports of the vehicle, with what the log shows
         "notes": log.engineer_notes,
         "timeline": timeline_rows(starts, reported, log.engineer_notes, advice),
         "redundancy": {**load.redundancy_rows(analysis, rows, seconds), **yaw_rows(analysis)},
         "accuracy": error_row(analysis),
         "margin_check": check,  # thrust in use, predicted against measured
         "quality": _quality(log),
-        "airframe_basis": analysis.claim.basis,
-        "withheld": withheld_words(analysis.claim),  # empty where the airframe is known
-        "beside_plan": against,  # the forecast of its plan beside it; None without a plan
+        "airframe_basis": analysis.airframe_match.basis,
+        # empty where the airframe is known
+        "no_verdict": no_verdict_words(analysis.airframe_match),
+        "plan_comparison": against,  # with the forecast of its plan; None without a plan
     }
     return data.ReportedFlight(json=json, answer=said, peaks=peaks, rows=rows)
 
@@ -213,7 +214,7 @@ def _basis(made: Advised) -> tuple[str, float]:
 
 
 #: Parts of a verdict that the report lists as rows of their own, and the rotors' names.
-_AS_ROWS = ("faults", "repaired", "losses", "misread", "withheld", "rotor_names", "rotor_count")
+_AS_ROWS = ("faults", "repaired", "losses", "misread", "no_verdict", "rotor_names", "rotor_count")
 
 
 def advice_values(advice: Advice) -> dict[str, Any]:
@@ -355,12 +356,12 @@ def model_use(analysis: FlightAnalysis) -> data.JsonObject:
     return {
         "airframe": airframe.name,
         "airframe_title": airframe.title,
-        "airframe_words": claim_words(analysis.claim),
+        "airframe_words": airframe_match_words(analysis.airframe_match),
         "rotor_count": airframe.rotor_count,
         "rotor_names": analysis.places,
         "empty_mass": airframe.empty_mass,
         "tank_capacity_kg": airframe.tank_capacity_kg,
-        "model": "none" if analysis.withheld else model.description,
+        "model": "none" if analysis.no_verdict else model.description,
         "model_words": (*model_words(model), *_kinds_of_speed(analysis)),
         "network_share": shares[Basis.NETWORK],
         "physics_share": shares[Basis.PHYSICS],
@@ -459,7 +460,7 @@ def build_report(
     """Build the report on flights, in their order, checked against `max_utilisation`.
 
     That is the largest share of a rotor's maximum thrust that may be in use. Each flight is
-    compared with the forecast of `plan`, if given, under `assumed`; see `plan_beside`.
+    compared with the forecast of `plan`, if given, under `assumed`; see `plan_comparison`.
 
     `unread` are logs that could not be read, to be listed. Raises DataError when the share is not
     between 0 and 1, or there is no flight.

@@ -150,25 +150,25 @@ def _axes(panel: PlotArea, canvas: Canvas) -> None:
     """Draw grid, axis lines, tick labels and titles."""
     left, top, wide, high = panel.box
     right, low = left + wide, top + high
-    beside = panel.upright.get("side") == "right"  # a second axis of the same panel
-    edge, out, align = (right, 6.0, "left") if beside else (left, -6.0, "right")
+    second_axis = panel.upright.get("side") == "right"  # a second axis of the same panel
+    edge, out, align = (right, 6.0, "left") if second_axis else (left, -6.0, "right")
     most = max(2, int(panel.upright.get("nticks", 7)) - 1)
     widest = 0.0
     for value, words in panel.y.marks(most):
         words += panel.upright.get("ticksuffix", "")
         y = float(panel.y.at(value))
-        if not beside:
+        if not second_axis:
             canvas.line(np.array([[left, y], [right, y]]), GRID, 0.8, ())
         canvas.text((edge + out, y), words, Lettering(SMALL, across=align))
         widest = max(widest, canvas.width(words, SMALL))
-    labelled = panel.across.get("showticklabels", True) and not beside
-    for value, words in [] if beside else panel.x.marks(8 if wide > 600.0 else 6):
+    labelled = panel.across.get("showticklabels", True) and not second_axis
+    for value, words in [] if second_axis else panel.x.marks(8 if wide > 600.0 else 6):
         x = float(panel.x.at(value))
         canvas.line(np.array([[x, top], [x, low]]), GRID, 0.8, ())
         if labelled:
             canvas.text((x, low + 7.0), words, Lettering(SMALL, across="center", down="top"))
     canvas.line(np.array([[edge, top], [edge, low]]), INK, 1.4, ())
-    if not beside:
+    if not second_axis:
         canvas.line(np.array([[left, low], [right, low]]), INK, 1.4, ())
     place = edge + np.sign(out) * (widest + 24.0)
     if title := _title(panel.upright):

@@ -85,7 +85,9 @@ class _Paper:
         pdf.set_auto_page_break(True, MARGIN)
         pdf.add_page()
         self._flights = 0
-        self._left: tuple[int, float] | None = None  # page and top of a figure with room beside
+        self._left: tuple[int, float] | None = (
+            None  # page and top of a figure with room to its right
+        )
 
     def block(self, node: HtmlElement) -> None:
         """Lay out one element with its content."""
@@ -228,8 +230,8 @@ class _Paper:
         pdf, half = self.pdf, 0.5 * self.pdf.epw
         width, height = (PIXEL * pixels for pixels in size(made))
         scale = min(1.0, pdf.epw / width, (pdf.eph - 12.0) / height)
-        beside = width * scale <= half + 1.0
-        if beside and self._left is not None and self._left[0] == pdf.page:
+        half_width = width * scale <= half + 1.0
+        if half_width and self._left is not None and self._left[0] == pdf.page:
             x, pdf.y = MARGIN + half, self._left[1]
             self._left = None
         else:
@@ -239,11 +241,11 @@ class _Paper:
             else:
                 scale *= min(1.0, room)
             x = MARGIN
-            self._left = (pdf.page, pdf.y) if beside else None
+            self._left = (pdf.page, pdf.y) if half_width else None
         pdf.set_font("body", "", 7)
         for caption in node.iterdescendants("figcaption"):
             pdf.set_x(x)
-            wide = half - 2.0 if beside else pdf.epw
+            wide = half - 2.0 if half_width else pdf.epw
             pdf.multi_cell(wide, 3.2, text_of(caption), align="L", new_x="LMARGIN", new_y="NEXT")
         draw(made, PdfCanvas(pdf, x, pdf.y, PIXEL * scale))
         pdf.y += height * scale

@@ -311,8 +311,8 @@ def over_time(panels: Sequence[Panel], *, end_s: float) -> Figure:
             line = {"type": "line", "x0": 0, "x1": 1, "y0": level, "y1": level}
             look = {"color": OVER, "width": 3}
             made.layout["shapes"].append({**line, **across, "line": look})
-            beside = {"x": 1, "y": level, "xanchor": "left", "yanchor": "middle", **across}
+            placed = {"x": 1, "y": level, "xanchor": "left", "yanchor": "middle", **across}
             words = f"<b>{escape(text)}</b>".replace("\n", "<br>")
-            made.note(words, font={"color": OVER}, **beside)
+            made.note(words, font={"color": OVER}, **placed)
         top = low - GAP_PX / whole
     return made

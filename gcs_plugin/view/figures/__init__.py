@@ -1,1 +1,1 @@
-"""The page beside the scene: gauges, charts, alarms and controls."""
+"""The page next to the scene: gauges, charts, alarms and controls."""

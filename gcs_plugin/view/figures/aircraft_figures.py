@@ -15,7 +15,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording import palette as colours
-from thrustmargin.gcs_plugin.wording.check_words import remedy_words, withheld_words
+from thrustmargin.gcs_plugin.wording.check_words import no_verdict_words, remedy_words
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.gcs_plugin.wording.live_words import brief_claim
 from thrustmargin.gcs_plugin.wording.thrust_left import below, percent_down, percent_up
@@ -41,7 +41,7 @@ def aircraft_figures(
     colour is that of too little thrust left but its number is not: by the lower end of its
     interval, or by the hysteresis.
     """
-    airframe, claim = row.analysis.model.airframe, row.analysis.claim
+    airframe, airframe_match = row.analysis.model.airframe, row.analysis.airframe_match
     worst = row.worst[1]
     if not row.flying and np.isfinite(row.margin_predicted).any():
         worst = int(np.nanargmin(row.margin_predicted))
@@ -70,9 +70,9 @@ def aircraft_figures(
         "title": say(airframe.title),
         "name": track.name,
         "flying": row.flying,
-        "withheld": withheld_words(claim),
-        "remedy": remedy_words(claim) if claim.withheld else "",
-        "claim": brief_claim(claim),
+        "no_verdict": no_verdict_words(airframe_match),
+        "remedy": remedy_words(airframe_match) if airframe_match.no_verdict else "",
+        "airframe_match": brief_claim(airframe_match),
         "rotors": rotors,
         "placed": placed,
         "radius": round(radius, 3),
@@ -117,9 +117,9 @@ def rotor_places(airframe: Airframe) -> tuple[Floats, float]:
         (same,) = np.nonzero(np.linalg.norm(true - place, axis=1) < 0.1)
         if same.size > 1:
             shift[i] = 2.0 * np.searchsorted(same, i) - (same.size - 1)
-    beside = true + np.outer(shift, [APART, 0.0])
+    sideways = true + np.outer(shift, [APART, 0.0])
     behind = true * (1.0 + APART * shift[:, None])
-    best = max((beside, behind), key=_room)
+    best = max((sideways, behind), key=_room)
     return best, min(LARGEST, 0.48 * _room(best))
 
 

@@ -19,8 +19,8 @@ from thrustmargin.gcs_plugin.wording import palette as colours
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 
-#: s of a chart's window in a replay, the share of it that lies ahead of now, and s of a live one.
-WINDOW_S, AHEAD, LIVE_WINDOW_S = 40.0, 0.25, 120.0
+#: s of a chart's window in a replay, the share of it that lies after now, and s of a live one.
+WINDOW_S, FUTURE_SHARE, LIVE_WINDOW_S = 40.0, 0.25, 120.0
 POINTS = 240
 STRETCHES = 160  # of the timeline: two pixels each on a phone
 WIDE, HIGH = 400, 100  # units of a drawing, which the page stretches
@@ -50,17 +50,17 @@ class Speeds(NamedTuple):
 
 
 def chart_images(
-    places: Sequence[str], speeds: Speeds, now_s: float, *, window_s: float, ahead: float
+    places: Sequence[str], speeds: Speeds, now_s: float, *, window_s: float, future_share: float
 ) -> list[dict[str, Any]]:
     """Return one chart per rotor, R in all: number (1-based), place, and an SVG without text.
 
-    The window is `window_s` s long, of which the share `ahead` lies after `now_s`, s of the flight.
-    The page sets the line colours.
+    The window is `window_s` s long; the share `future_share` of it lies after `now_s`, s of the
+    flight. The page sets the line colours.
     """
-    start_s = now_s - (1 - ahead) * window_s
+    start_s = now_s - (1 - future_share) * window_s
     rows = shown_rows(speeds.time_s, start_s, start_s + window_s)
     across = (speeds.time_s[rows] - start_s) / window_s * WIDE
-    limits, now = speed_range(speeds), (1 - ahead) * WIDE
+    limits, now = speed_range(speeds), (1 - future_share) * WIDE
     lines = (speeds.lower, speeds.upper, speeds.predicted, speeds.measured)
     return [
         {

@@ -67,9 +67,9 @@ class FillAdvice:
         """Return the largest fill for the next flight, in the air on the ground or a stated day.
 
         After a flight with a bad part it has the reason "unsound" and no amount. None in flight,
-        without an air density, or where the analysis is withheld (no recognised airframe)."""
+        without an air density, or where the airframe is not recognised."""
         model = analysis.model
-        if analysis.track.flying[-1] or analysis.withheld:
+        if analysis.track.flying[-1] or analysis.no_verdict:
             return None
         if analysis.bad_part:
             return NextFill(reason="unsound")
@@ -329,12 +329,17 @@ class PageState:
             return {**entry, "figures": None}
         outlook = None if one.update is None else one.update.outlook
         figures = aircraft_figures(one.row, one.seconds_to_empty, one.faulty)
-        ahead = {"ahead": None, "full": None, "remarks": [], "why": say(one.row.why_unknown)}
+        outlook_figures = {
+            "remaining": None,
+            "full": None,
+            "remarks": [],
+            "why": say(one.row.why_unknown),
+        }
         if one.update is not None and outlook is not None:
-            ahead["ahead"] = known(outlook.margin_ahead)
-            ahead["full"] = known(outlook.margin_full)
-            ahead["remarks"] = list(one.update.beside_the_airframe)
-        return {**entry, "figures": {**figures, **ahead}}
+            outlook_figures["remaining"] = known(outlook.margin_ahead)
+            outlook_figures["full"] = known(outlook.margin_full)
+            outlook_figures["remarks"] = list(one.update.airframe_remarks)
+        return {**entry, "figures": {**figures, **outlook_figures}}
 
     def note(self, vehicle: int, kind: str, text: str) -> None:
         """Add a line to the history, with the present time; callable from any thread."""

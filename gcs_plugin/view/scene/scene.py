@@ -314,11 +314,11 @@ class Scene:
         self._look()
 
     def _centre_on(self, position_enu: Floats, wxyz: Floats) -> None:
-        """Move the world so that the aircraft is in the origin (nose ahead: pointing north)."""
+        """Move the world so that the aircraft is in the origin (nose to the north)."""
         if not np.all(np.isfinite(position_enu)):
             return
-        ahead = self.camera is Camera.CHASE and bool(np.all(np.isfinite(wxyz)))
-        turn, self._world.wxyz = nose_north(wxyz) if ahead else (np.eye(3), NO_TURN)
+        forward = self.camera is Camera.CHASE and bool(np.all(np.isfinite(wxyz)))
+        turn, self._world.wxyz = nose_north(wxyz) if forward else (np.eye(3), NO_TURN)
         self._world.position = -turn @ position_enu
 
     def _rescale(self) -> None:
@@ -382,9 +382,9 @@ def row_hit(points_enu: Floats, among: Bools, origin: Floats, ray: Floats) -> in
     """
     away = points_enu - origin
     ray = ray / np.linalg.norm(ray)
-    ahead = away @ ray
-    beside = np.linalg.norm(away - ahead[:, None] * ray, axis=1)
-    slope = np.where(among & (ahead > 0.0), beside / np.maximum(ahead, 1e-9), np.inf)
+    forward = away @ ray
+    off_axis = np.linalg.norm(away - forward[:, None] * ray, axis=1)
+    slope = np.where(among & (forward > 0.0), off_axis / np.maximum(forward, 1e-9), np.inf)
     slope = np.where(np.isfinite(slope), slope, np.inf)
     row = int(np.argmin(slope))
     return row if slope[row] < np.tan(HIT) else None

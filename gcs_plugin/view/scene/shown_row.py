@@ -174,8 +174,8 @@ class ShownRow:
     @property
     def why_unknown(self) -> str:
         """Return the sentence on why there is no worst margin; empty if there is one."""
-        if self.analysis.withheld:
-            return statement_words(self.analysis.withheld[0])
+        if self.analysis.no_verdict:
+            return statement_words(self.analysis.no_verdict[0])
         return words.NOTHING_KNOWN if self.worst[1] is None else ""
 
 

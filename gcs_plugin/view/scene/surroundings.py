@@ -34,7 +34,7 @@ class Camera(StrEnum):
 
     FIELD = words.WHOLE_FIELD
     FOLLOW = words.NORTH_UP
-    CHASE = words.NOSE_AHEAD
+    CHASE = words.NOSE_FORWARD
 
 
 def overview(low: Floats, high: Floats, aspect: float) -> tuple[Floats, Floats]:
@@ -46,13 +46,13 @@ def overview(low: Floats, high: Floats, aspect: float) -> tuple[Floats, Floats]:
     centre = (low + high) / 2
     half = np.maximum((high - low) / 2, 2.5)
     corners = np.array([*product(*zip(-half, half, strict=True))])
-    ahead = np.array([0.0, np.cos(PITCH), -np.sin(PITCH)])
+    view_direction = np.array([0.0, np.cos(PITCH), -np.sin(PITCH)])
     above = np.array([0.0, np.sin(PITCH), np.cos(PITCH)])
     slope = FILL * np.tan(FIELD_OF_VIEW / 2)
     # A corner is inside when its offset is at most slope times (distance + its own depth).
-    depth = corners @ ahead
+    depth = corners @ view_direction
     need = np.maximum(np.abs(corners[:, 0]) / (slope * aspect), np.abs(corners @ above) / slope)
-    return centre - float(np.max(need - depth)) * ahead, centre
+    return centre - float(np.max(need - depth)) * view_direction, centre
 
 
 def behind(arm: float) -> tuple[Floats, Floats]:

@@ -238,9 +238,9 @@ def _panels(made: list[tuple[str, list[tuple[str, Floats, Floats]]]], reach: flo
         figure.layout[f"xaxis{axes}"] = {**place, **look, **small}
         place = {"anchor": f"x{axes}", "domain": [max(top - PANEL_PX / height, 0.0), top]}
         first = {"text": "rpm", "font": {"size": 14}}
-        beside = {"title": first} if column == 0 else {"showticklabels": False}
+        axis_title = {"title": first} if column == 0 else {"showticklabels": False}
         look = {"range": [-reach, reach], "zeroline": True, **({"matches": "y"} if k else {})}
-        figure.layout[f"yaxis{axes}"] = {**place, **look, **beside, **small}
+        figure.layout[f"yaxis{axes}"] = {**place, **look, **axis_title, **small}
     return figure
 
 

@@ -173,26 +173,26 @@ def effect_rows(found: Identification) -> list[tuple[str, str, str, str]]:
 
 
 def _parameter_rows(
-    found: Identification, one: ReportedEffect, beside: Mapping[str, float]
+    found: Identification, one: ReportedEffect, largest: Mapping[str, float]
 ) -> list[tuple[str, str, str]]:
     """Return name, value with unit, and interval of each parameter of one effect.
 
     A parameter of single flights has a row for each of the MOST_FLIGHTS flights with the largest
-    effect. `beside` is the table's largest amount in each unit.
+    effect. `largest` is the table's largest amount in each unit.
     """
     parameters = one.term.effect.parameters
     own = [k for k, p in enumerate(parameters) if p.per_flight]
     size = np.abs(one.value[:, own[0]]) if own else np.zeros(one.value.shape[0])
-    largest = np.argsort(-size, kind="stable")[:MOST_FLIGHTS]
+    flights = np.argsort(-size, kind="stable")[:MOST_FLIGHTS]
     rows = []
     for k, p in enumerate(parameters):
         name = say(p.name.replace("_", " "))
         factor, unit = shown_unit(p.unit, p.name)
-        for f in largest if p.per_flight else [one.flight]:
+        for f in flights if p.per_flight else [one.flight]:
             value, low, high = (float(v[f, k]) for v in (one.value, one.lower, one.upper))
             where = f", {found.problem.names[f]}" if p.per_flight else ""
             shown = within(
-                value, low, high, unit, factor=factor, most=6, beside=beside.get(unit, 0.0)
+                value, low, high, unit, factor=factor, most=6, table_largest=largest.get(unit, 0.0)
             )
             rows.append((name + where, *shown))
     return rows

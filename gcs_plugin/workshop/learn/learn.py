@@ -130,11 +130,11 @@ def _flight_lines(flight: LearntFlight, log_name: str) -> tuple[str, ...]:
     from thrustmargin.gcs_plugin.store.hangar import NotTaught
     from thrustmargin.gcs_plugin.wording.advice_words import headline
     from thrustmargin.gcs_plugin.wording.aircraft_words import change_words, learnt_words
-    from thrustmargin.gcs_plugin.wording.check_words import withheld_words
+    from thrustmargin.gcs_plugin.wording.check_words import no_verdict_words
 
     row, first = flight.row, f"{log_name}: {headline(flight.advice)}"
     if row.not_taught is NotTaught.NO_VERDICT:
-        why = withheld_words(flight.analysis.claim)[:1]
+        why = no_verdict_words(flight.analysis.airframe_match)[:1]
         words = "{flight}; nothing learnt: {why}" if why else "{flight}; nothing learnt"
         return (say(words, flight=Verbatim(first), why=Verbatim("".join(why))),)
     changed = () if row.change is None else (f"  {change_words(row.change)}",)
@@ -346,7 +346,7 @@ def _make_model(
     from thrustmargin.gcs_plugin.workshop.learn.train import training_run
     from thrustmargin.gcs_plugin.workshop.learn.training_tables import fitness_sentence
     from thrustmargin.models.model.advice import advise
-    from thrustmargin.models.model.airframe_claim import KnownFrom
+    from thrustmargin.models.model.airframe_match import KnownFrom
     from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
     from thrustmargin.models.model.model_file import save_model
     from thrustmargin.models.model.rotor_model import physics_model
@@ -362,8 +362,8 @@ def _make_model(
     unfit: list[UnusedLog] = []
     itself = KnownFrom(aircraft=name, flights=0, days=0)
     read = (
-        (log, replace(claim, known_from=itself))
-        for log, claim in read_logs(its, unfit, console, model=base)
+        (log, replace(airframe_match, known_from=itself))
+        for log, airframe_match in read_logs(its, unfit, console, model=base)
     )
     logs = list(claimed(read, unfit, console))
     sound = []
@@ -408,8 +408,8 @@ def _make_model(
     of_it = tuple(path for path in group.paths if path in used)
     its = replace(its, logs=of_it, airframe=str(known.airframe_file))
     made, dated = [], []
-    for log, claim in read_logs(its, [], console, model=model):
-        flight = learnt_flight(log, claim, model, known, flight=flight_key(log))
+    for log, airframe_match in read_logs(its, [], console, model=model):
+        flight = learnt_flight(log, airframe_match, model, known, flight=flight_key(log))
         if flight.row.flight not in known.training:
             continue
         made.append((flight, log))

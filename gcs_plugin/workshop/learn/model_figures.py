@@ -114,9 +114,9 @@ def _label(
     color: str = WARN,
 ) -> None:
     """Write `text` a few pixels off the point `at` (rpm, kgf)."""
-    beside = {"xanchor": "right" if left else "left", "yanchor": "top" if below else "bottom"}
+    anchors = {"xanchor": "right" if left else "left", "yanchor": "top" if below else "bottom"}
     shift = {"xshift": -8 if left else 8, "yshift": -4 if below else 4}
-    made.note(escape(text), x=at[0], y=at[1], font={"color": color}, **beside, **shift)
+    made.note(escape(text), x=at[0], y=at[1], font={"color": color}, **anchors, **shift)
 
 
 def _network_traces(points: NetworkPoints) -> list[Trace]:

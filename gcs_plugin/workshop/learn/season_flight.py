@@ -47,7 +47,7 @@ from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.season.flight_sums import flight_sums, to_arrays
 from thrustmargin.models.json_values import to_json_values
 from thrustmargin.models.model.advice import FlightLevel
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import (
     FlightAnalysis,
     analyse,
@@ -135,9 +135,9 @@ def _sortie_flights(
     given = settings.model is not None or settings.airframe is not None
     read = read_flights(path, model, given=given, reading=reading)
     found = []
-    for log, claim in read:
+    for log, airframe_match in read:
         flight = content if log.sortie == 1 else f"{content}-sortie-{log.sortie}"
-        made = flight_of_log(log, claim, flight, settings)
+        made = flight_of_log(log, airframe_match, flight, settings)
         shown = None if settings.key is not None else f"{clean(name)}{log.sortie_suffix}"
         made.summary["log_name"] = shown
         found.append(made)
@@ -145,7 +145,7 @@ def _sortie_flights(
 
 
 def flight_of_log(
-    log: FlightLog, claim: AirframeClaim, name: str, settings: IngestSettings
+    log: FlightLog, airframe_match: AirframeMatch, name: str, settings: IngestSettings
 ) -> SeasonFlight:
     """Return the flight of one sortie for the store, called `name`.
 
@@ -153,7 +153,7 @@ def flight_of_log(
     """
     model, digest = season_model(settings.model, settings.airframe)
     _check_rows(log)
-    analysis = analyse(log.track, model, claim=claim)
+    analysis = analyse(log.track, model, airframe_match=airframe_match)
     return stored_flight(log, analysis, name, settings, digest=digest)
 
 
@@ -195,11 +195,14 @@ def stored_flight(
         analysis, log = anonymous(analysis, log, name)
     said = answer_log(log, of_verdict, settings.max_utilisation)
     report = report_flight(of_verdict, log, max_utilisation=settings.max_utilisation, answer=said)
-    known = None if analysis.withheld else digest
+    known = None if analysis.no_verdict else digest
     started = log.track.start_unix_s
     advised, worst = said.made, report.worst
     kept_answer = stored_answer(
-        advised.advice, advised.analysis.claim, advised.analysis.track, worst and worst.time_s
+        advised.advice,
+        advised.analysis.airframe_match,
+        advised.analysis.track,
+        worst and worst.time_s,
     )
     summary = (
         _summary(analysis, log, report)
@@ -230,7 +233,7 @@ def stored_flight(
 def _sums(analysis: FlightAnalysis) -> tuple[dict[str, np.ndarray] | None, str | None]:
     """Return a flight's sums for identification over many flights; None and the reason without
     any."""
-    if analysis.withheld:
+    if analysis.no_verdict:
         return None, "no_verdict"
     try:
         flown = before_loss(analysis.track, loss_of_control(analysis.track))
@@ -249,7 +252,7 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: ReportedFlight) -
     # A good margin that only a prediction supports is not stored; a bad one is.
     no_ground = advice.predicted_alone and advice.level is FlightLevel.UNKNOWN
     worst, quality = None if no_ground else report.worst, report.json["quality"]
-    withheld, airframe = bool(report.json["withheld"]), analysis.model.airframe
+    no_verdict, airframe = bool(report.json["no_verdict"]), analysis.model.airframe
     use = analysis.utilisation if no_ground else analysis.known_utilisation
     use = np.where(track.flying[:, None], use, np.nan)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -266,7 +269,7 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: ReportedFlight) -
         "software": software_version(),
         "system_id": log.vehicle if log.vehicle and log.vehicles else None,
         "autopilot": log.autopilot,
-        "airframe": None if withheld else airframe.name,
+        "airframe": None if no_verdict else airframe.name,
         "airframe_basis": report.json["airframe_basis"],
         "rotor_count": track.rotor_count or None,
         "duration_s": track.duration,

@@ -51,7 +51,7 @@ def train(
     fit for use: its error on flights that the model predicting them has not seen, or why not and
     what to do.
     Writes the model file, with what good flights show of how they differ, and the network's loss
-    curves (.loss.svg, .loss.csv) beside it.
+    curves (.loss.svg, .loss.csv) in its folder.
     Give flights of a healthy aircraft, over the speeds and tank levels of its work: at least 3.
     The interval is conformal from 9 flights on, below that a wider one by Student's t.
 
@@ -149,7 +149,7 @@ def training_run(
 ) -> TrainingRun:
     """Train the model of an aircraft on its flights, with a progress line on the console.
 
-    Flights in which a rotor is weak, beside a model of the others, are left out. Raises LogError
+    Flights in which a rotor is weak by a model of the others are left out. Raises LogError
     when no flight can be used, and DataError when fewer than FEWEST_FLIGHTS are sound.
     """
     from datetime import UTC, datetime

@@ -132,7 +132,7 @@ PATTERNS: Mapping[Cause, Pattern] = MappingProxyType(
                 Q.GLITCHES: Moved(0.5, 0.5, MAY),
             }
         ),
-        # Its size is a share of time, and what it costs beside depends on how long each fall is.
+        # Its size is a share of time, and its cost in power depends on how long each fall is.
         Cause.DESYNC: Pattern(
             {
                 Q.DESYNC: Moved(1.0, 0.3),

@@ -17,7 +17,7 @@ from thrustmargin.models.checks.speed_readings import late_speeds
 from thrustmargin.models.errors import DataError, UnlikeFlightError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.rows.problem import LEAST_ROWS, assemble_flight
-from thrustmargin.models.model.airframe_claim import airframe_claim
+from thrustmargin.models.model.airframe_match import match_airframe
 from thrustmargin.models.model.analysis import require_rotors
 from thrustmargin.models.model.inferred.load_inference import LOAD_FROM_SPEEDS
 from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe
@@ -57,8 +57,10 @@ def require_airframe(flights: Sequence[Flown], model: RotorModel, *, given: bool
         else:
             track, facts, parameters = flown.track, flown.facts, flown.parameters
         require_rotors(track, model.airframe)
-        claim = airframe_claim(track, identified_airframe(model), facts, parameters, given=given)
-        wrong = claim.withheld or [w for w in [wrong_speeds(track, model.airframe)] if w]
+        airframe_match = match_airframe(
+            track, identified_airframe(model), facts, parameters, given=given
+        )
+        wrong = airframe_match.no_verdict or [w for w in [wrong_speeds(track, model.airframe)] if w]
         reasons += [(track.name, one) for one in wrong]
     if reasons:
         raise UnlikeFlightError(reasons)

@@ -353,9 +353,9 @@ def _trend(sums: SeasonSums, place: int, found: _SeasonModel, fit: _Fit, penalty
     if place in found.shapes:
         entries = _value_changes(sums, place, found, curves, penalty)[0]
         rest = found.with_shape(place, None)
-        beside = _joint_fit(sums, rest)[0]
+        baseline = _joint_fit(sums, rest)[0]
         places = (int(k) for k in sums.main if k != place)
-        shapes = {k: _change_curve(sums, k, rest, penalty, beside) for k in places}
+        shapes = {k: _change_curve(sums, k, rest, penalty, baseline) for k in places}
         others = {k: rest.with_shape(k, s) for k, s in shapes.items() if s is not None}
         instead = _equivalent_values(sums, rest, squares, others)
     recent = min(RECENT, where.size // 2)

@@ -290,12 +290,12 @@ def collect_evidence(
 
 
 def accept_newest(shown: LoadEvidence, airframe: Airframe) -> LoadEvidence:
-    """Add the newest rows to the sums of `shown`, or set them aside if their load disagrees.
+    """Add the newest rows to the sums of `shown`, or keep them apart if their load disagrees.
 
-    Rows whose load is more than JUMP standard errors from the earlier fit's are set aside. If the
+    Rows whose load is more than JUMP standard errors from the earlier fit's are kept apart. If the
     next rows disagree as much in the same direction, a load was dropped or taken up, and both sets
     of rows begin a new leg with its own load. Fewer than LEAST_BLOCK rows are only compared with
-    rows set aside before them.
+    rows kept apart before them.
     """
     rows = sum(shown.newest.values(), np.zeros(6))
     if not shown.newest or (rows[0] < LEAST_BLOCK and not shown.parted):

@@ -145,9 +145,9 @@ def test_without_a_terminal_every_event_is_a_line_with_its_time(monitor):
         printer.on_round(fleet, vehicle.stamp_us)
     *said, in_vain = said
     assert "vehicle 3: does not send as asked: WIND 0.2 of 1 Hz" in in_vain
-    claim = "vehicle 3: the vehicle restarted"
+    airframe_match = "vehicle 3: the vehicle restarted"
     times, words = zip(*((line[:19], line[20:]) for line in said), strict=True)
-    assert list(words) == ["vehicle 3: Thrust left 39%", "vehicle 3: heard", claim]
+    assert list(words) == ["vehicle 3: Thrust left 39%", "vehicle 3: heard", airframe_match]
     local = [time.mktime(time.strptime(stamp, "%Y-%m-%d %H:%M:%S")) for stamp in times]
     first_s, now_s = (int(us * 1e-6) for us in (fleet.vehicles[3].link.first_us, vehicle.stamp_us))
     assert local == [1e9, first_s, now_s]

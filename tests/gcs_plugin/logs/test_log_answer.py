@@ -23,7 +23,7 @@ from thrustmargin.gcs_plugin.wording.report_words import (
     contact_headline,
 )
 from thrustmargin.gcs_plugin.workshop.learn.season_flight import IngestSettings, season_flights
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.statement import state
@@ -31,8 +31,8 @@ from thrustmargin.models.statement import state
 ROOT = Path(__file__).resolve().parents[3]
 PATH = ROOT / "sitl_logs/campaign/v2_m4_q1.5.tlog"
 LOG = read_log(PATH)
-UNKNOWN = AirframeClaim(
-    basis="not known", withheld=(state("no airframe given"),), source=shlex.quote(str(PATH))
+UNKNOWN = AirframeMatch(
+    basis="not known", no_verdict=(state("no airframe given"),), source=shlex.quote(str(PATH))
 )
 #: What each option of the line to copy is replaced by, for the simulated sprayer of the log.
 TRUTH = {
@@ -73,7 +73,7 @@ def test_without_outputs_speeds_are_a_share_of_the_highest_seen():
 
 
 def test_of_a_known_aircraft_or_of_nothing_that_flies_there_is_no_first_contact():
-    assert first_contact_of(LOG, AirframeClaim()) is None
+    assert first_contact_of(LOG, AirframeMatch()) is None
     ground = replace(LOG.track, flying=np.zeros_like(LOG.track.flying))
     assert first_contact_of(replace(LOG, track=ground), UNKNOWN) is None
 

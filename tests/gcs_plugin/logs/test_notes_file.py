@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import HOSTILE, log
-from thrustmargin.gcs_plugin.logs.notes_file import notes_beside, with_notes
+from thrustmargin.gcs_plugin.logs.notes_file import notes_file_of, with_notes
 from thrustmargin.models.errors import LogError
 
 
@@ -88,7 +88,7 @@ def test_bytes_that_are_no_text_are_refused(tmp_path: Path):
 
 def test_the_file_beside_a_log_is_found(tmp_path: Path):
     flight = tmp_path / "flight.tlog"
-    assert notes_beside(flight) is None
+    assert notes_file_of(flight) is None
     path = written(tmp_path, "time,text\n")
-    assert notes_beside(flight) == path
-    assert notes_beside(path) is None
+    assert notes_file_of(flight) == path
+    assert notes_file_of(path) is None

@@ -22,7 +22,7 @@ from thrustmargin.gcs_plugin.telemetry.vehicle_events import (
     text_events,
 )
 from thrustmargin.gcs_plugin.wording.language import speaking
-from thrustmargin.gcs_plugin.wording.vehicle_words import KINDS, beside_words
+from thrustmargin.gcs_plugin.wording.vehicle_words import KINDS, corroboration_words
 from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.fault_test import RotorFault
@@ -66,7 +66,11 @@ THRUST = said((30.0, "Potential Thrust Loss (6)"))
 
 def test_the_vehicle_names_the_motor_that_works_hardest_and_speeds_another():
     found = one(THRUST, FIVE_IS_WEAK)
-    assert (found.beside, found.named, found.found) == (Corroboration.OTHER_MOTOR, (5,), (4,))
+    assert (found.corroboration, found.named, found.found) == (
+        Corroboration.OTHER_MOTOR,
+        (5,),
+        (4,),
+    )
     assert statement_words(found, None) == (
         "the vehicle names motor 6; speeds say 5: 6 works harder because 5 gives less"
     )
@@ -74,51 +78,51 @@ def test_the_vehicle_names_the_motor_that_works_hardest_and_speeds_another():
 
 def test_a_fault_that_was_found_near_the_report_decides():
     other = one(THRUST, HARDEST, faults=[weak(4, 40.0)])
-    assert (other.beside, other.found) == (Corroboration.OTHER_MOTOR, (4,))
+    assert (other.corroboration, other.found) == (Corroboration.OTHER_MOTOR, (4,))
     same = one(THRUST, HARDEST, faults=[weak(5, 20.0)])
-    assert (same.beside, same.found) == (Corroboration.AGREES, (5,))
+    assert (same.corroboration, same.found) == (Corroboration.AGREES, (5,))
     assert statement_words(same, None) == "the log says the same: motor 6"
     long_over = one(THRUST, HARDEST, faults=[weak(4, 0.0, -5.0)])
-    assert long_over.beside is Corroboration.HARDEST
+    assert long_over.corroboration is Corroboration.HARDEST
 
 
 def test_a_sound_motor_that_works_hardest_is_not_blamed():
     found = one(THRUST, HARDEST)
-    assert (found.beside, found.found) == (Corroboration.HARDEST, ())
+    assert (found.corroboration, found.found) == (Corroboration.HARDEST, ())
     words = statement_words(found, None)
     assert words.startswith("motor 6 had the highest output, 90 %, and its speed follows")
     assert words.endswith("nothing shows that it is bad")
 
 
 def test_when_all_motors_are_near_full_output_none_is_blamed():
-    assert one(THRUST, flown([0.93] * 6, [4300.0] * 6)).beside is Corroboration.ALL_HARD
+    assert one(THRUST, flown([0.93] * 6, [4300.0] * 6)).corroboration is Corroboration.ALL_HARD
 
 
 def test_without_speeds_it_is_not_compared():
     found = one(THRUST, flown([0.6] * 6, [float("nan")] * 6))
-    assert found.beside is Corroboration.NOT_COMPARED
+    assert found.corroboration is Corroboration.NOT_COMPARED
 
 
 def test_exchanged_motors_make_the_name_worthless():
     outputs = [0.35, 0.6, 0.9, 0.7]
     speeds = [4000.0 * share**0.9 for share in (0.9, 0.6, 0.35, 0.7)]
     found = one(said((30.0, "Potential Thrust Loss (3)")), flown(outputs, speeds))
-    assert (found.beside, found.found) == (Corroboration.EXCHANGED, (0, 2))
+    assert (found.corroboration, found.found) == (Corroboration.EXCHANGED, (0, 2))
     assert "motors 1 and 3 each follow" in statement_words(found, None)
 
 
 def test_a_report_without_a_motor_gets_the_one_that_the_log_shows():
     event = [VehicleEvent(EventKind.MOTOR_FAILURE, 30.0)]
-    assert one(event, FIVE_IS_WEAK).beside is Corroboration.MOTOR_FOUND
-    assert one(event, SOUND).beside is Corroboration.FOLLOWS
+    assert one(event, FIVE_IS_WEAK).corroboration is Corroboration.MOTOR_FOUND
+    assert one(event, SOUND).corroboration is Corroboration.FOLLOWS
 
 
 def test_a_crash_report_beside_the_control_that_was_lost_or_kept():
     crash = said((30.0, "Crash: Disarming: AngErr=95>30, Accel=1.0<3.0"))
     lost = [LossOfControl(kind=LossKind.SPUN, time_s=29.0, value=7.0)]
-    assert one(crash, SOUND, losses=lost).beside is Corroboration.CONTROL_LOST
+    assert one(crash, SOUND, losses=lost).corroboration is Corroboration.CONTROL_LOST
     kept = one(crash, SOUND)
-    assert kept.beside is Corroboration.CONTROL_KEPT
+    assert kept.corroboration is Corroboration.CONTROL_KEPT
     assert statement_words(kept, None) == "the log shows no loss of control"
 
 
@@ -126,14 +130,14 @@ def test_yaw_imbalance_beside_the_yaw_authority_that_was_left():
     event = said((30.0, "Yaw Imbalance 87%"))
     reserve = np.where(np.abs(TIME - 30.0) < 6.0, 0.2, 0.9)
     found = one(event, SOUND, yaw_reserve=reserve)
-    assert (found.beside, found.value) == (Corroboration.YAW, pytest.approx(0.2))
+    assert (found.corroboration, found.value) == (Corroboration.YAW, pytest.approx(0.2))
     assert statement_words(found, None) == "20 % of the yaw authority was left then"
-    assert one(event, SOUND).beside is Corroboration.NOT_COMPARED
+    assert one(event, SOUND).corroboration is Corroboration.NOT_COMPARED
 
 
 def test_reports_of_other_parts_are_listed_without_a_view():
     found = one(said((30.0, "EKF variance: pos horiz, vel"), (35.0, "EKF variance")), SOUND)
-    assert (found.beside, found.times_s) == (Corroboration.NOTHING, (30.0, 35.0))
+    assert (found.corroboration, found.times_s) == (Corroboration.NOTHING, (30.0, 35.0))
     assert statement_words(found, None) == ""
 
 
@@ -174,9 +178,9 @@ def test_findings_get_what_the_log_shows_behind_them():
 @pytest.mark.parametrize("beside", [b for b in Corroboration if b is not Corroboration.NOTHING])
 def test_every_view_has_words_in_german(beside: Corroboration):
     given: dict[str, Any] = {"named": (5,), "found": (4,), "value": 0.9, "losses": "x"}
-    english = beside_words(beside, **given)
+    english = corroboration_words(beside, **given)
     with speaking("de"):
-        german = beside_words(beside, **given)
+        german = corroboration_words(beside, **given)
     assert english
     assert german != english
     assert "{" not in english + german

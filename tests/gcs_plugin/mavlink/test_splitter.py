@@ -51,7 +51,7 @@ def test_a_flipped_byte_costs_only_the_frame_that_it_is_in(number, place, flip):
     hurt = bytearray(FRAMES[number])
     hurt[place % len(hurt)] ^= flip
     splitter = FrameSplitter()
-    # Frames enough after the damage to fill any length that the damaged header may claim.
+    # Frames enough after the damage to fill any length that the damaged header may airframe_match.
     stream = b"".join(FRAMES[:number]) + bytes(hurt) + b"".join(FRAMES[number + 1 :] + FRAMES)
     found = splitter.feed(stream, 0)
     # Damage in the id makes a frame that cannot be checked: kept, but never read.
@@ -85,7 +85,7 @@ def damaged_streams(draw) -> bytes:
     for place, change in draw(st.lists(st.tuples(st.integers(0, 2000), st.integers(1, 255)))):
         if stream:
             stream[place % len(stream)] ^= change
-    # Whole frames enough at the end to fill any length that a damaged header may claim.
+    # Whole frames enough at the end to fill any length that a damaged header may airframe_match.
     return bytes(stream) + b"".join(FRAMES[:12])
 
 

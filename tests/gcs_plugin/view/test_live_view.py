@@ -91,7 +91,7 @@ def test_the_page_is_told_of_all_and_the_gravest_is_its_first_line(heard):
     for figures, rpm in ((one, 2400), (two, 1700)):
         left = 1 - (rpm * 58.8 / 50 / 3000) ** 2
         assert [r["left"] for r in figures["rotors"]] == pytest.approx([left] * 4, abs=1e-3)
-        assert f"airframe {AIRFRAME.name}, given" in figures["claim"]
+        assert f"airframe {AIRFRAME.name}, given" in figures["airframe_match"]
     assert state["first"]["vehicle"] == 1
     assert state["first"]["headline"] == "FLY GENTLY"
     assert state["status"] == ["7 messages"]

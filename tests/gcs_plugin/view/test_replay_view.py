@@ -556,7 +556,7 @@ def test_without_rotors_told_all_that_needs_none_is_shown(tmp_path):
         level = round(float(track.tank_kg[200]), 3)
         settled(view, lambda: figures(view)["tank"]["kg"] == level)
         assert "NO VERDICT" in asked(view, "/screen.json")["first"]["headline"]
-        assert "this aircraft is not known" in figures(view)["withheld"][0]
+        assert "this aircraft is not known" in figures(view)["no_verdict"][0]
         assert figures(view)["height"] == 5.0
         assert figures(view)["rotors"] == charts(view) == []
         assert np.allclose(node(view, "/world/vehicle_1").position, enu(track.position_ned[200]))

@@ -15,7 +15,7 @@ from thrustmargin.gcs_plugin.wording.answer import answer_of
 from thrustmargin.gcs_plugin.wording.margin_verdict import verdict_facts
 from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
 from thrustmargin.models.model.advice import Advice, Battery, FlightLevel, RotorLost
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import ThrustUse
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.fill_limits import NextFill, unsound_fill
@@ -77,7 +77,7 @@ ADVICE = Advice(
     unsought_s=0.0,
     by_outputs_s=0.0,
     predicted_alone=False,
-    withheld=False,
+    no_verdict=False,
 )
 FAULT = RotorFault(kind="propeller", rotor=2, size=0.12, lower=0.11, upper=0.13)
 
@@ -180,7 +180,7 @@ def test_a_loss_of_control_stands_in_the_first_line_beside_the_rotor():
     alone = replace(ADVICE, levels=(FlightLevel.LOST,), losses=(loss,))
     assert headline(alone) == "LOST CONTROL AT 0:34"
     # Without a moment before it there is no line of it.
-    facts = verdict_facts(None, alone, AirframeClaim(airframe="x"), "readings")
+    facts = verdict_facts(None, alone, AirframeMatch(airframe="x"), "readings")
     assert [label for label, _ in facts] == ["what to do", "from", "airframe"]
 
 

@@ -8,12 +8,12 @@ import pytest
 
 from thrustmargin.gcs_plugin.wording.check_words import (
     SENTENCES,
-    claim_words,
+    airframe_match_words,
     remedy_words,
     statement_words,
 )
 from thrustmargin.gcs_plugin.wording.language import VARIABLE, translations
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.statement import state
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -81,8 +81,8 @@ def test_a_kind_without_a_sentence_is_an_error():
 
 
 def test_names_are_kept_and_the_grounds_of_a_claim_are_translated(monkeypatch):
-    given = AirframeClaim(airframe="octo-v1.5", guessed=("empty_mass",), source="a.1.tlog")
-    assert claim_words(given) == "airframe octo-v1.5, given; guessed in it: mass"
+    given = AirframeMatch(airframe="octo-v1.5", guessed=("empty_mass",), source="a.1.tlog")
+    assert airframe_match_words(given) == "airframe octo-v1.5, given; guessed in it: mass"
     monkeypatch.setenv(VARIABLE, "de")
-    assert claim_words(given) == "Fluggerät octo-v1.5, angegeben; geschätzt darin: Masse"
+    assert airframe_match_words(given) == "Fluggerät octo-v1.5, angegeben; geschätzt darin: Masse"
     assert "airframe new --from a.1.tlog`" in remedy_words(given)

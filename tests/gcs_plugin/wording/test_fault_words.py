@@ -138,8 +138,8 @@ def test_the_report_says_what_the_live_alarm_said(sitl_logs, worn, tmp_path, cap
 
 def test_the_replay_shows_it_from_when_it_was_found(worn):
     model = shipped_model()
-    ((log, claim),) = read_flights(worn, model, given=False)
-    view = ReplayView(analyse(log.track, model, claim=claim), port=0, paused=True)
+    ((log, airframe_match),) = read_flights(worn, model, given=False)
+    view = ReplayView(analyse(log.track, model, airframe_match=airframe_match), port=0, paused=True)
     shown = {at: view._summary_at(at).first_line[0] for at in (100.0, 147.0, 200.0)}
     assert shown[100.0] == ""
     # As it was found then, while it grew; nobody can land a recording.

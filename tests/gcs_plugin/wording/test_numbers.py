@@ -110,8 +110,11 @@ def test_amounts_of_a_small_aircraft_are_in_a_smaller_unit(
 
 def test_amounts_of_one_table_share_a_unit():
     small = (1.62e-6, 2.9e-7, 2.96e-6)
-    assert joined(within(*small, "kg m²", beside=0.3)) == "0.0000016 kg m² (0.0000003 to 0.0000030)"
-    assert joined(within(*small, "kg m²", beside=0.01)) == "16 g cm² (3 to 30)"
+    assert (
+        joined(within(*small, "kg m²", table_largest=0.3))
+        == "0.0000016 kg m² (0.0000003 to 0.0000030)"
+    )
+    assert joined(within(*small, "kg m²", table_largest=0.01)) == "16 g cm² (3 to 30)"
 
 
 def test_areas_are_in_hectares_from_a_tenth_of_one_on():

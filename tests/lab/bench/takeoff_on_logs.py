@@ -23,7 +23,7 @@ from thrustmargin.gcs_plugin.logs.read import log_endings
 from thrustmargin.models.checks.takeoff import TakeoffCheck, TakeoffWatch, takeoff_checks
 from thrustmargin.models.errors import ThrustMarginError
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.model.airframe_claim import airframe_claim
+from thrustmargin.models.model.airframe_match import match_airframe
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 
 KNOWN = "topxgun-f16-sitl"
@@ -53,8 +53,10 @@ def sorties(folders: list[Path]) -> Iterator[Flown]:
                 print(f"{path.name}: not read: {str(error)[:90]}")
                 continue
             for one, live in zip(read, heard, strict=False):
-                claim = airframe_claim(one.track, craft, one.facts, one.parameters, given=False)
-                known = None if claim.withheld else craft
+                airframe_match = match_airframe(
+                    one.track, craft, one.facts, one.parameters, given=False
+                )
+                known = None if airframe_match.no_verdict else craft
                 yield Flown(f"{path.parent.name}/{one.name}", one.track, live.track, known)
 
 

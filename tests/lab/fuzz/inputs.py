@@ -161,6 +161,6 @@ def kinds() -> Iterator[tuple[str, Kind]]:
     yield "isoxml", Kind(".xml", ISOXML.encode(), True, read_field)
     yield "options", Kind(".json", OPTIONS.encode(), True, _options)
     yield "columns", Kind(".toml", COLUMNS, True, _columns)
-    yield "conditions", Kind(".json", CONDITIONS.encode(), True, partial(read_assumed, beside=ROOT))
+    yield "conditions", Kind(".json", CONDITIONS.encode(), True, partial(read_assumed, plan=ROOT))
     yield "old_model", Kind(".safetensors", _without_digest(model), False, load_model)
     yield "key", Kind(".key", b"ab" * 32, True, read_signing_key)

@@ -8,7 +8,7 @@ import pytest
 from thrustmargin.mission.forecast.battery import FlightBattery
 from thrustmargin.mission.forecast.plan_flight import PlanConditions
 from thrustmargin.mission.plan_tracking.blame import Off, ShownDay, which_was_off
-from thrustmargin.mission.plan_tracking.stretches import Beside, Pair, StretchBeside
+from thrustmargin.mission.plan_tracking.stretches import Pair, PlanComparison, StretchComparison
 
 ALIKE = Pair(1.0, 1.0)
 GIVEN = PlanConditions(fill_kg=8.0, density=1.2, battery=FlightBattery(voltage=50.0))
@@ -16,9 +16,9 @@ GIVEN = PlanConditions(fill_kg=8.0, density=1.2, battery=FlightBattery(voltage=5
 STILL = ShownDay(wind_ned=(0.0, 0.0, 0.0), fill_kg=math.nan, density=math.nan)
 
 
-def differing(*, thrust: float = 0.0, volts: float = 0.0) -> Beside:
+def differing(*, thrust: float = 0.0, volts: float = 0.0) -> PlanComparison:
     """One stretch whose thrust and voltage are off by so much."""
-    stretch = StretchBeside(
+    stretch = StretchComparison(
         item=1,
         kind="leg",
         seconds=Pair(10.0, 10.0),
@@ -29,10 +29,12 @@ def differing(*, thrust: float = 0.0, volts: float = 0.0) -> Beside:
         tank_end_kg=ALIKE,
         voltage=Pair(50.0, 50.0 + volts),
     )
-    return Beside(stretches=(stretch,))
+    return PlanComparison(stretches=(stretch,))
 
 
-def blamed(wind: tuple[float, float, float], *, as_given: Beside, else_made: Beside) -> list[Off]:
+def blamed(
+    wind: tuple[float, float, float], *, as_given: PlanComparison, else_made: PlanComparison
+) -> list[Off]:
     """Who is blamed where any change of what was given makes `else_made` of `as_given`."""
     given = replace(GIVEN, wind_ned=wind)
     return list(which_was_off(lambda c: as_given if c == given else else_made, given, STILL))
@@ -75,10 +77,10 @@ def test_a_battery_is_shifted_from_what_was_stated_or_else_forecast(stated: floa
     """2 V less than was forecast: from the volts at rest, or from the mean under load."""
     given = replace(GIVEN, battery=FlightBattery(voltage=stated))
     low = differing(volts=-2.0)
-    low = Beside(stretches=(replace(low.stretches[0], voltage=Pair(51.5, 49.5)),))
+    low = PlanComparison(stretches=(replace(low.stretches[0], voltage=Pair(51.5, 49.5)),))
     flown: list[float] = []
 
-    def fly(conditions: PlanConditions) -> Beside:
+    def fly(conditions: PlanConditions) -> PlanComparison:
         flown.append(conditions.battery.voltage)
         return low if conditions is given else differing()
 

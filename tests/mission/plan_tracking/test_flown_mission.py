@@ -13,7 +13,7 @@ from thrustmargin.mission.forecast.way import course, plan_legs
 from thrustmargin.mission.plan_tracking.flown_mission import flown_mission
 from thrustmargin.mission.steps import plan_steps
 from thrustmargin.models.flight import Origin
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import physics_model
@@ -41,7 +41,7 @@ def flown(*, power: float = 1.0, speed: float = 1.0, seconds: float = 1e9) -> Fl
         origin=Origin(latitude_deg=latitude, longitude_deg=longitude, altitude=altitude),
     ).rows(made.track.time_s < seconds)
     density = made.density[: track.time_s.size]
-    return analyse(track, MODEL, density, claim=AirframeClaim())
+    return analyse(track, MODEL, density, airframe_match=AirframeMatch())
 
 
 def test_a_mission_flown_as_forecast_differs_in_nothing():
@@ -95,7 +95,7 @@ def test_the_forecast_turns_the_nose_from_where_it_was_before_take_off():
         rotor_speed_rpm=made.rotor_speed_rpm,
         origin=Origin(latitude_deg=latitude, longitude_deg=longitude, altitude=altitude),
     )
-    analysis = analyse(track, model, made.density, claim=AirframeClaim())
+    analysis = analyse(track, model, made.density, airframe_match=AirframeMatch())
     found = flown_mission(plan, parameters, model, analysis, BATTERY)
     assert found is not None
     assert found.peak_use.flown > 0.4

@@ -18,9 +18,9 @@ from thrustmargin.mission.forecast.plan_flight import PlanConditions, PlanFlight
 from thrustmargin.mission.forecast.way import Span, course, plan_legs
 from thrustmargin.mission.plan_tracking.blame import ShownDay, which_was_off
 from thrustmargin.mission.plan_tracking.stretches import (
-    Beside,
     FlownWay,
-    beside,
+    PlanComparison,
+    compare_with_plan,
     flown_way,
     stretch_ends,
     worst_smoothed,
@@ -28,7 +28,7 @@ from thrustmargin.mission.plan_tracking.stretches import (
 )
 from thrustmargin.mission.steps import plan_steps
 from thrustmargin.models.flight import Origin
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
@@ -37,7 +37,7 @@ MODEL = physics_model(load_airframe("topxgun-f16-sitl"))
 LIMITS = flight_limits({"WPNAV_ACCEL": 150.0})
 PLAN = plan_of(*TWO_LINES)
 COURSE = course(plan_legs(PLAN, plan_steps(PLAN), LIMITS), LIMITS)
-CLAIM = AirframeClaim()
+CLAIM = AirframeMatch()
 TRUE = PlanConditions(fill_kg=8.0, density=1.15, flow=0.05, battery=FlightBattery(voltage=54.0))
 FOUND = ShownDay(wind_ned=(0.0, 0.0, 0.0), fill_kg=8.0, density=1.15)
 
@@ -47,7 +47,7 @@ def flown_by(given: PlanConditions) -> PlanFlight:
 
 
 def forecast_of(flight: PlanFlight) -> FlightAnalysis:
-    return analyse(flight.track, MODEL, flight.density, claim=CLAIM)
+    return analyse(flight.track, MODEL, flight.density, airframe_match=CLAIM)
 
 
 @cache
@@ -67,20 +67,20 @@ def flight(
         origin=Origin(latitude_deg=latitude, longitude_deg=longitude, altitude=altitude),
     ).rows(made.track.time_s < seconds)
     density = made.density[: track.time_s.size]
-    return flown_way(analyse(track, MODEL, density, claim=CLAIM), HOME)
+    return flown_way(analyse(track, MODEL, density, airframe_match=CLAIM), HOME)
 
 
-def put_beside(given: PlanConditions, way: FlownWay) -> Beside:
+def compared(given: PlanConditions, way: FlownWay) -> PlanComparison:
     made = flown_by(given)
-    return beside(made, forecast_of(made), way)
+    return compare_with_plan(made, forecast_of(made), way)
 
 
 def off(given: PlanConditions, way: FlownWay, found: ShownDay = FOUND) -> list[str]:
-    return [one.what for one in which_was_off(lambda c: put_beside(c, way), given, found)]
+    return [one.what for one in which_was_off(lambda c: compared(c, way), given, found)]
 
 
 def test_a_flight_as_forecast_differs_in_nothing():
-    made = put_beside(TRUE, flight())
+    made = compared(TRUE, flight())
     assert made.left_at is None
     assert {s.kind for s in made.stretches} >= {"leg", "turn", "climb"}
     for stretch in made.stretches:
@@ -107,7 +107,7 @@ def test_a_flight_as_forecast_differs_in_nothing():
 def test_the_one_assumption_that_was_off_is_named_with_its_amounts(
     what: str, wrong: PlanConditions, forecast: float | None, flown: float | None
 ):
-    (one,) = which_was_off(lambda c: put_beside(c, flight()), wrong, FOUND)
+    (one,) = which_was_off(lambda c: compared(c, flight()), wrong, FOUND)
     assert one.what == what
     if forecast is not None:
         assert one.amount.forecast == pytest.approx(forecast, abs=0.2)
@@ -118,7 +118,7 @@ def test_the_one_assumption_that_was_off_is_named_with_its_amounts(
 
 def test_a_wind_that_takes_no_thrust_is_said_to_have_taken_none():
     blown = replace(TRUE, wind_ned=(5.0, 0.0, 0.0))
-    (one,) = which_was_off(lambda c: put_beside(c, flight()), blown, FOUND)
+    (one,) = which_was_off(lambda c: compared(c, flight()), blown, FOUND)
     assert not one.mattered
 
 
@@ -135,7 +135,7 @@ def test_two_that_were_off_by_as_much_do_not_hide_each_other():
 
 def test_what_no_assumption_explains_is_left_to_the_model():
     # Rotors 6 % faster take 12 % more thrust: of 40 % in use about five points.
-    (one,) = which_was_off(lambda c: put_beside(c, flight(1.06)), TRUE, FOUND)
+    (one,) = which_was_off(lambda c: compared(c, flight(1.06)), TRUE, FOUND)
     assert one.what == "model"
     assert one.amount.flown / one.amount.forecast == pytest.approx(1.1236, abs=0.02)
     assert one.item > 0
@@ -148,13 +148,13 @@ def test_a_gauge_that_is_silent_blames_no_fill():
 
 
 def test_a_flight_that_ends_early_leaves_the_plan_there():
-    made = put_beside(TRUE, flight(seconds=20.0))
+    made = compared(TRUE, flight(seconds=20.0))
     assert made.left_at is not None
-    assert 0 < len(made.stretches) < len(put_beside(TRUE, flight()).stretches)
+    assert 0 < len(made.stretches) < len(compared(TRUE, flight()).stretches)
 
 
 def test_a_flight_elsewhere_is_none_of_this_plan():
-    made = put_beside(TRUE, flight(aside=(0.0, 200.0, 0.0)))
+    made = compared(TRUE, flight(aside=(0.0, 200.0, 0.0)))
     assert made.stretches == ()
     assert made.left_at == COURSE.legs[0].leg.item
 
@@ -164,7 +164,7 @@ def test_a_flight_5_m_beside_or_10_m_above_its_way_is_still_on_it(
     aside: tuple[float, float, float],
 ):
     """5 m of 2 m that a flight is off are 2.5 of 3; 0.4 of 10 m are 2 of 3."""
-    assert put_beside(TRUE, flight(aside=aside)).left_at is None
+    assert compared(TRUE, flight(aside=aside)).left_at is None
 
 
 @pytest.mark.parametrize(("late_s", "ends"), [(20.0, 1), (22.0, 0)])
@@ -207,7 +207,7 @@ def test_a_peak_of_the_forecast_is_a_mean_of_half_a_second_like_the_flown_one():
     use = forecast.utilisation_predicted.copy()
     level = float(np.max(use[row]))
     use[row] *= 2.0
-    spiked = beside(made, replace(forecast, utilisation_predicted=use), flight())
+    spiked = compare_with_plan(made, replace(forecast, utilisation_predicted=use), flight())
     pair = spiked.stretches[3].utilisation_peak
     assert pair.forecast == pytest.approx(1.2 * level, rel=0.05)
 

@@ -12,7 +12,7 @@ from thrustmargin.models.checks.instruments import without_frozen
 from thrustmargin.models.checks.output_evidence import output_evidence
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.advice import advise
-from thrustmargin.models.model.airframe_claim import airframe_claim
+from thrustmargin.models.model.airframe_match import match_airframe
 from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
 from thrustmargin.models.model.inferred.prepared import fill_channels
 from thrustmargin.models.model.rotor_model import physics_model
@@ -58,7 +58,7 @@ def without(track: FlightTrack, *channels: str) -> FlightTrack:
 
 
 def claim_of(track: FlightTrack):
-    return airframe_claim(track, F16, FACTS, SQUARE, given=True)
+    return match_airframe(track, F16, FACTS, SQUARE, given=True)
 
 
 def test_outputs_lift_the_weight_and_agree_with_the_speeds():
@@ -92,20 +92,20 @@ def test_what_is_silent_for_half_of_the_flight_is_compared_with_the_load_of_its_
     assert found.share_beyond(31.1) == 0.0
 
 
-@pytest.mark.parametrize(("speeds", "withheld"), [(1.0, False), (0.9, False), (0.8, True)])
-def test_speeds_that_outputs_rule_out_leave_no_verdict(speeds, withheld):
+@pytest.mark.parametrize(("speeds", "no_verdict"), [(1.0, False), (0.9, False), (0.8, True)])
+def test_speeds_that_outputs_rule_out_leave_no_verdict(speeds, no_verdict):
     # 0.9² and 0.8² are ln -0.21 and -0.45 of thrust, where 2.6 errors are 0.37.
     track = without(hover(9.0, speeds=speeds), "tank_kg")
-    assert bool(claim_of(track).withheld) == withheld
+    assert bool(claim_of(track).no_verdict) == no_verdict
 
 
-@pytest.mark.parametrize(("gauge", "withheld"), [(16.0, False), (9.0, False), (0.0, True)])
-def test_without_speeds_a_gauge_that_outputs_rule_out_leaves_no_verdict(gauge, withheld):
+@pytest.mark.parametrize(("gauge", "no_verdict"), [(16.0, False), (9.0, False), (0.0, True)])
+def test_without_speeds_a_gauge_that_outputs_rule_out_leaves_no_verdict(gauge, no_verdict):
     # 37.1 kg over 21.1 is ln 0.56, over 30.1 is 0.21; 2.6 errors are 0.30.
     track = without(hover(16.0, gauge=gauge), "rotor_speed_rpm")
-    assert bool(claim_of(track).withheld) == withheld
+    assert bool(claim_of(track).no_verdict) == no_verdict
     # With speeds of its own the load that thrust shows is taken, and the verdict stands.
-    assert not claim_of(hover(16.0, gauge=gauge)).withheld
+    assert not claim_of(hover(16.0, gauge=gauge)).no_verdict
 
 
 def test_a_load_from_slow_speeds_reaches_to_what_the_outputs_lift():
@@ -125,7 +125,9 @@ def test_a_load_from_slow_speeds_reaches_to_what_the_outputs_lift():
 
 def test_gauge_and_speeds_that_are_both_wrong_do_not_reassure():
     track = hover(16.0, speeds=0.9, gauge=0.0)
-    analysis = analyse(fill_channels(track, F16, SQUARE), physics_model(F16), claim=claim_of(track))
+    analysis = analyse(
+        fill_channels(track, F16, SQUARE), physics_model(F16), airframe_match=claim_of(track)
+    )
     judged = analysis_for_verdict(analysis)
     low = judged.redundancy_yaw_uncontrolled * np.exp(-1.645 * judged.redundancy_error)
     true = analyse(hover(16.0), physics_model(F16)).redundancy_yaw_uncontrolled
@@ -167,8 +169,8 @@ def test_what_outputs_show_beyond_gauge_or_speeds_lies_within_the_interval(chann
     # and less than the 0.30 or so beyond which nothing would be said. Truth: 37.1 x 9.80665 / 724.
     wrong = hover(16.0, gauge=9.0) if what == "gauge" else hover(16.0, speeds=np.sqrt(30.1 / 37.1))
     track = fill_channels(without(wrong, channel), F16, SQUARE)
-    found = analyse(track, physics_model(F16), claim=claim_of(without(wrong, channel)))
-    assert not found.withheld
+    found = analyse(track, physics_model(F16), airframe_match=claim_of(without(wrong, channel)))
+    assert not found.no_verdict
     row = 450
     use, error = found.utilisation[row, 0], found.utilisation_error[row, 0]
     assert use == pytest.approx(30.1 * G0 / FULL, rel=0.01)
@@ -176,15 +178,19 @@ def test_what_outputs_show_beyond_gauge_or_speeds_lies_within_the_interval(chann
     if what == "gauge":
         # What holds 30.1 kg so often holds 37.1 kg as much less often.
         assert np.exp(1.645 * found.redundancy_error[row]) > 37.1 / 30.1
-    sound = analyse(hover(16.0), physics_model(F16), claim=claim_of(hover(16.0)))
+    sound = analyse(hover(16.0), physics_model(F16), airframe_match=claim_of(hover(16.0)))
     assert sound.utilisation_error[row, 0] == 0.0
 
 
 def redundancy_low(track: FlightTrack, airframe=F16) -> float:
     """The low end of the least redundancy that is told of a flight."""
-    claim = airframe_claim(track, airframe, FACTS, SQUARE, given=True)
+    airframe_match = match_airframe(track, airframe, FACTS, SQUARE, given=True)
     made = analysis_for_verdict(
-        analyse(fill_channels(track, airframe, SQUARE), physics_model(airframe), claim=claim)
+        analyse(
+            fill_channels(track, airframe, SQUARE),
+            physics_model(airframe),
+            airframe_match=airframe_match,
+        )
     )
     low = made.redundancy_yaw_uncontrolled * np.exp(-1.645 * made.redundancy_error)
     return float(np.nanmin(low))
@@ -199,13 +205,15 @@ def changed(**values: float):
 def test_what_is_shown_beyond_makes_an_answer_graver_and_never_better():
     # By the gauge 34 kg, by outputs and speeds 37.1: too heavy either way, and as surely so.
     track = hover(16.0, gauge=13.0)
-    claim = claim_of(track)
+    airframe_match = claim_of(track)
     made = [
-        advise(analyse(fill_channels(track, F16, SQUARE), physics_model(F16), claim=one)).advice
-        for one in (claim, replace(claim, outputs=None))
+        advise(
+            analyse(fill_channels(track, F16, SQUARE), physics_model(F16), airframe_match=one)
+        ).advice
+        for one in (airframe_match, replace(airframe_match, outputs=None))
     ]
-    assert claim.outputs is not None
-    assert claim.outputs.share_beyond(34.1) == pytest.approx(3.0 / 34.1, rel=0.02)
+    assert airframe_match.outputs is not None
+    assert airframe_match.outputs.share_beyond(34.1) == pytest.approx(3.0 / 34.1, rel=0.02)
     shown, without_it = made
     assert shown.level is without_it.level
     assert shown.rotor_lost.redundancy_min_high == pytest.approx(

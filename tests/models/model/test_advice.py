@@ -10,7 +10,7 @@ from thrustmargin.gcs_plugin.wording.advice_words import facts, headline
 from thrustmargin.gcs_plugin.wording.margin_verdict import basis_words
 from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.model.advice import FlightLevel, advise
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.model_file import shipped_model
@@ -49,7 +49,7 @@ def test_what_is_mostly_predicted_is_never_good(sound, silent_from_s):
 
 
 def test_a_flight_with_motors_in_another_order_is_never_good(sound):
-    other = replace(sound, claim=replace(sound.claim, other_order=True))
+    other = replace(sound, airframe_match=replace(sound.airframe_match, other_order=True))
     advice = advise(other).advice
     assert advice.levels == (FlightLevel.ORDER, FlightLevel.UNDER)
     assert headline(advice) == "MOTOR ORDER DIFFERS: ROTOR NAMES ARE WRONG"
@@ -64,7 +64,9 @@ def test_pauses_are_counted_where_they_are_much_of_the_flight_together(sound, ev
     # 200 s in flight: 20 pauses of 4.1 s, of which 0.25 s belong to the row before; 4 are too few.
     track = sound.track
     there = track.time_s % every_s < (every_s - 4.0) if every_s else track.time_s >= 0.0
-    made = advise(analyse(track.rows(there), sound.model, claim=sound.claim)).advice
+    made = advise(
+        analyse(track.rows(there), sound.model, airframe_match=sound.airframe_match)
+    ).advice
     assert made.paused_s == pytest.approx(says_s, abs=5.0 if says_s else 0.0)
     assert made.complete is (says_s == 0.0)
 
@@ -97,9 +99,13 @@ def test_speeds_alone_are_no_emergency_where_outputs_ask_for_less(sound, share, 
     """Outputs that make 0.75 times the thrust of the speeds: 0.97 in use would be 0.73."""
     rows = sound.track.flying & (sound.track.time_s > 60.0) & (sound.track.time_s < 63.0)
     use = np.where(rows[:, None], 0.97, sound.utilisation)
-    assert sound.claim.outputs is not None
-    outputs = replace(sound.claim.outputs, over_speeds=np.log(share), error=0.1, shows=0.05)
-    made = replace(sound, utilisation=use, claim=replace(sound.claim, outputs=outputs))
+    assert sound.airframe_match.outputs is not None
+    outputs = replace(
+        sound.airframe_match.outputs, over_speeds=np.log(share), error=0.1, shows=0.05
+    )
+    made = replace(
+        sound, utilisation=use, airframe_match=replace(sound.airframe_match, outputs=outputs)
+    )
     assert (FlightLevel.NO_THRUST not in levels(made)) is left
 
 
@@ -118,11 +124,13 @@ def test_a_battery_that_collapses_comes_before_that(sound):
 
 def test_a_battery_collapses_in_an_aircraft_that_is_not_known_too(sound):
     track = sound.track
-    unknown = replace(sound, claim=AirframeClaim(withheld=(state("no airframe given"),)))
+    unknown = replace(sound, airframe_match=AirframeMatch(no_verdict=(state("no airframe given"),)))
 
     def volts(healthy: float, later: float) -> FlightAnalysis:
         read = np.where(track.time_s > 100.0, later, healthy)
-        return analyse(replace(track, voltage=read), unknown.model, claim=unknown.claim)
+        return analyse(
+            replace(track, voltage=read), unknown.model, airframe_match=unknown.airframe_match
+        )
 
     made = advise(volts(58.0, 41.0)).advice
     # 58.0 V are 13 cells of at most 4.5 V, or more: 41.0 V are at most 3.15 V each.
@@ -141,7 +149,7 @@ def test_a_bad_rotor_comes_first_and_is_named_where_its_name_is_known(sitl_logs)
     assert made.levels == (FlightLevel.DAMAGED, FlightLevel.UNDER)
     assert [episode.fault.rotor for episode in made.faults] == [2]
     assert made.rotor_names[2] == "front left"
-    other = replace(worn, claim=replace(worn.claim, other_order=True))
+    other = replace(worn, airframe_match=replace(worn.airframe_match, other_order=True))
     assert advise(other).advice.rotor_names == ()
     assert other.places == ("",) * 4
 
@@ -199,7 +207,7 @@ def test_a_rotor_that_stood_still_is_never_below_the_limit(sound):
         both = advise(replace(sound, track=stood), history=[(found_s, (pair,))]).advice
         assert [one.fault.kind for one in both.faults] == kinds
     # It needs no airframe, and of one that is not known it has no place.
-    unknown = replace(sound, claim=AirframeClaim(withheld=(state("no voltage"),)))
+    unknown = replace(sound, airframe_match=AirframeMatch(no_verdict=(state("no voltage"),)))
     made = advise(replace(unknown, track=stood)).advice
     assert made.level is FlightLevel.DAMAGED
     assert headline(made).startswith("ROTOR 3: STOOD STILL IN FLIGHT")

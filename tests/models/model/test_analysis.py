@@ -8,7 +8,7 @@ import pytest
 from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
@@ -183,8 +183,8 @@ def test_a_flight_with_another_number_of_rotors_is_refused_with_both_counts():
 
 
 def test_with_a_reason_to_withhold_no_margin_is_claimed_and_the_speeds_stay():
-    claim = AirframeClaim(basis="not known", withheld=(state("no voltage"),))
-    flight = analyse(hovering(), MODEL, claim=claim)
+    airframe_match = AirframeMatch(basis="not known", no_verdict=(state("no voltage"),))
+    flight = analyse(hovering(), MODEL, airframe_match=airframe_match)
     for number in (
         flight.utilisation,
         flight.utilisation_predicted,
@@ -200,7 +200,7 @@ def test_with_a_reason_to_withhold_no_margin_is_claimed_and_the_speeds_stay():
     ):
         assert np.isnan(number).all()
     assert not flight.above_limit(0.0).any()
-    assert flight.withheld == (state("no voltage"),)
+    assert flight.no_verdict == (state("no voltage"),)
     assert np.isfinite(flight.track.rotor_speed_rpm).all()
     assert "airframe: no margin: no voltage" in repr(flight)
 
@@ -208,7 +208,7 @@ def test_with_a_reason_to_withhold_no_margin_is_claimed_and_the_speeds_stay():
 def test_a_flight_of_another_aircraft_is_withheld_without_being_asked_for():
     # The speeds and the battery of a small quad, analysed as an F16.
     flight = analyse(hovering(voltage=np.full(ROWS, 16.0)), MODEL)
-    assert "16.0 V in flight" in statement_words(flight.withheld[0])
+    assert "16.0 V in flight" in statement_words(flight.no_verdict[0])
     assert np.isnan(flight.utilisation).all()
 
 

@@ -94,7 +94,7 @@ def test_a_log_without_a_flight_shows_no_rotor(sound):
 
 
 def test_without_a_margin_there_is_no_answer(sound):
-    assert clearance([with_levels(sound, "unknown", withheld=True)]).level is FlightLevel.UNKNOWN
+    assert clearance([with_levels(sound, "unknown", no_verdict=True)]).level is FlightLevel.UNKNOWN
     against = with_levels(sound, "unknown", caveats=(Caveat.MODEL,))
     assert clearance([against]).level is FlightLevel.UNKNOWN
     assert clearance([]).level is None

@@ -10,7 +10,7 @@ import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
-from thrustmargin.models.model.hover_arms import arms_beside_model
+from thrustmargin.models.model.hover_arms import arms_against_model
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import physics_model
 
@@ -28,7 +28,7 @@ def lift_s(analysis: FlightAnalysis) -> float:
 
 
 def test_a_sound_aircraft_is_within_its_earlier_flights(sound: FlightAnalysis):
-    arms = arms_beside_model(sound, lift_s(sound))
+    arms = arms_against_model(sound, lift_s(sound))
     assert [arm.ratio for arm in arms] == pytest.approx([1.0] * 4, abs=0.03)
     assert not any(arm.outside for arm in arms)
     assert all(arm.low < 1.0 < arm.high for arm in arms)
@@ -37,16 +37,16 @@ def test_a_sound_aircraft_is_within_its_earlier_flights(sound: FlightAnalysis):
 def test_a_rotor_that_was_changed_is_outside(sound: FlightAnalysis):
     faster = sound.track.rotor_speed_rpm * np.array([1.0, 1.0, 1.12, 1.0])
     made = analyse(replace(sound.track, rotor_speed_rpm=faster), MODEL)
-    assert [arm.outside for arm in arms_beside_model(made, lift_s(made))] == [
+    assert [arm.outside for arm in arms_against_model(made, lift_s(made))] == [
         *(False, False, True, False)
     ]
 
 
 def test_a_model_of_no_flights_says_nothing(sound: FlightAnalysis):
     curve = analyse(sound.track, physics_model(MODEL.airframe))
-    arms = arms_beside_model(curve, lift_s(curve))
+    arms = arms_against_model(curve, lift_s(curve))
     assert all(np.isnan(arm.ratio) and not arm.outside for arm in arms)
 
 
 def test_without_lift_off_nothing_is_compared(sound: FlightAnalysis):
-    assert all(np.isnan(arm.ratio) for arm in arms_beside_model(sound, float("nan")))
+    assert all(np.isnan(arm.ratio) for arm in arms_against_model(sound, float("nan")))

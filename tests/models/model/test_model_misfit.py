@@ -8,7 +8,7 @@ import pytest
 
 from thrustmargin.gcs_plugin.logs.read import read_log
 from thrustmargin.models.model.advice import FlightLevel, advise
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.model_misfit import Caveat, ModelMisfit, model_misfit, with_misfit
@@ -19,12 +19,14 @@ MODEL = shipped_model()
 LIGHT = read_log(ROOT / "sitl_logs/campaign/v4_m4_q2.5.tlog", airframe=MODEL.airframe).track
 RNG = np.random.default_rng(4)
 #: As by motor outputs that nobody reports, so that the flight's own evidence alone speaks.
-ALONE = AirframeClaim()
+ALONE = AirframeMatch()
 
 
 def analysed(scale: float = 1.0, **channels):
     speeds = scale * LIGHT.rotor_speed_rpm
-    return analyse(replace(LIGHT, **{"rotor_speed_rpm": speeds, **channels}), MODEL, claim=ALONE)
+    return analyse(
+        replace(LIGHT, **{"rotor_speed_rpm": speeds, **channels}), MODEL, airframe_match=ALONE
+    )
 
 
 def test_a_sound_flight_agrees_with_its_model_in_level_and_gain():
@@ -59,8 +61,8 @@ def test_the_gain_of_manoeuvres_shows_the_scale_of_the_speeds_without_any_load(s
 
 def test_where_outputs_are_known_they_and_not_manoeuvres_speak_of_the_scale():
     track = replace(LIGHT, rotor_speed_rpm=0.9 * LIGHT.rotor_speed_rpm)
-    by_outputs = analyse(track, MODEL)  # its claim is made of the flight, with its outputs
-    assert np.isnan(model_misfit(by_outputs).gain_low) or by_outputs.withheld
+    by_outputs = analyse(track, MODEL)  # its airframe_match is made of the flight, with its outputs
+    assert np.isnan(model_misfit(by_outputs).gain_low) or by_outputs.no_verdict
 
 
 def test_what_may_be_hidden_widens_use_to_the_high_side_alone():
@@ -85,8 +87,8 @@ def test_heavier_than_reported_is_a_misfit_that_hides_nothing_of_the_use():
 def test_half_a_minute_of_flight_is_enough_and_ten_seconds_are_not():
     long = LIGHT.rows(slice(600, 900))
     made = replace(long, rotor_speed_rpm=0.9 * long.rotor_speed_rpm)
-    assert model_misfit(analyse(made, MODEL, claim=ALONE)).interval_fails
-    assert not model_misfit(analyse(made.rows(slice(0, 99)), MODEL, claim=ALONE)).found
+    assert model_misfit(analyse(made, MODEL, airframe_match=ALONE)).interval_fails
+    assert not model_misfit(analyse(made.rows(slice(0, 99)), MODEL, airframe_match=ALONE)).found
 
 
 def test_readings_that_scatter_are_held_against_the_model_by_their_mean():

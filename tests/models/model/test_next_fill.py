@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse, thrust_use
 from thrustmargin.models.model.fill_limits import (
     NextFill,
@@ -83,5 +83,5 @@ def test_nothing_is_advised_without_an_airframe_or_a_flight():
     analysis = flown()
     grounded = replace(analysis.track, flying=np.zeros(ROWS, dtype=np.bool_))
     assert np.isnan(filled(replace(analysis, track=grounded)).kg)
-    doubted = replace(analysis, claim=AirframeClaim(withheld=(state("no voltage"),)))
+    doubted = replace(analysis, airframe_match=AirframeMatch(no_verdict=(state("no voltage"),)))
     assert np.isnan(filled(doubted).kg)

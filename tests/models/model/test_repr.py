@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.models.model.test_windows import lively
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import physics_model
@@ -42,7 +42,7 @@ def test_they_say_what_matters(analysis):
     assert repr(analysis.prediction).endswith("), interval of 90%")
     physics = analyse(analysis.track, physics_model(load_airframe("topxgun-f16-sitl")))
     assert repr(physics.prediction).endswith("50 by physics)")
-    plain = analyse(analysis.track, analysis.model, claim=AirframeClaim())
+    plain = analyse(analysis.track, analysis.model, airframe_match=AirframeMatch())
     assert repr(plain).splitlines()[-1].startswith("  ceiling: ")
     assert "effects: none" in repr(physics.model)
     silent = replace(analysis.track, rotor_speed_rpm=np.full((50, 4), np.nan))

@@ -13,7 +13,7 @@ from tests.lab.undeclared.crafts import CRAFTS
 from tests.lab.undeclared.recorded import CAMPAIGN
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.fault_test import RotorFault, block_scatter
 from thrustmargin.models.model.model_file import shipped_model
@@ -247,8 +247,8 @@ def test_the_history_of_a_flight_has_every_change_once():
     assert all(a < b for a, b in pairwise(times))
     assert all(a != b for a, b in pairwise(standing))
     assert {(f.kind, f.rotor) for faults in standing for f in faults} == {("propeller", 2)}
-    withheld = AirframeClaim(withheld=(state("no voltage"),))
-    assert fault_history(analyse(flown, MODEL, claim=withheld)) == []
+    no_verdict = AirframeMatch(no_verdict=(state("no voltage"),))
+    assert fault_history(analyse(flown, MODEL, airframe_match=no_verdict)) == []
 
 
 def test_an_episode_begins_when_it_is_found_ends_when_it_is_cleared_and_keeps_its_last_size():

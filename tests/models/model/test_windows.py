@@ -9,7 +9,7 @@ from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
@@ -21,7 +21,7 @@ DRAG = ForwardFlight(rotor_drag=0.2, drag_area=0.3, lift_gain=0.1, known_airspee
 EFFECTS = CATALOGUE
 
 #: Its motion is made to excite every effect, and is that of no body.
-GIVEN = AirframeClaim()
+GIVEN = AirframeMatch()
 
 
 def carrier(effect: Effect) -> Airframe:
@@ -89,19 +89,19 @@ def row_at(track: FlightTrack, time_s: float) -> int:
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.key)
 def test_a_flight_in_windows_is_the_flight_in_one_piece(effect):
     track, model = lively(), having(effect)
-    whole = analyse(track, model, claim=GIVEN)
+    whole = analyse(track, model, airframe_match=GIVEN)
     assert np.isfinite(whole.prediction.rotor_speed_rpm[30:-30]).all()
-    plain = analyse(track, replace(model, effects=()), claim=GIVEN)
+    plain = analyse(track, replace(model, effects=()), airframe_match=GIVEN)
     moved = whole.prediction.rotor_speed_rpm - plain.prediction.rotor_speed_rpm
     assert np.abs(moved).max() > 1.0  # rpm: or the test would say nothing
-    done = analyse(track.rows(slice(0, row_at(track, 6.3))), model, claim=GIVEN)
+    done = analyse(track.rows(slice(0, row_at(track, 6.3))), model, airframe_match=GIVEN)
     first, rng = 0, np.random.default_rng(3)
     for cut in np.cumsum(rng.uniform(1.0, 4.0, 8)) + 4.0:
         begins = row_at(track, cut - model.look_back_s)
         state = done.state_at(max(begins, first) - first)
         first = max(begins, first)
         ends = row_at(track, cut + 4.0 + model.look_ahead_s)
-        done = analyse(track.rows(slice(first, ends)), model, start=state, claim=GIVEN)
+        done = analyse(track.rows(slice(first, ends)), model, start=state, airframe_match=GIVEN)
         judged = slice(row_at(track, cut) + 1, row_at(track, cut + 3.9))
         here = slice(judged.start - first, judged.stop - first)
         for of in ("rotor_speed_rpm", "thrust", "partial"):
@@ -114,7 +114,7 @@ def test_a_flight_in_windows_is_the_flight_in_one_piece(effect):
 
 
 def test_the_state_of_a_row_that_is_not_there_is_refused():
-    analysis = analyse(lively(5.0), having(EFFECTS[0]), claim=GIVEN)
+    analysis = analyse(lively(5.0), having(EFFECTS[0]), airframe_match=GIVEN)
     with pytest.raises(IndexError):
         analysis.state_at(50)
 

@@ -12,7 +12,7 @@ from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.logs import FlightLog, read_log
 from thrustmargin.gcs_plugin.logs.inspection import as_json, inspect_log
 from thrustmargin.models.flight import TRACK_CHANNELS
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.physics.airframe import Airframe, airframe_names, load_airframe
 from thrustmargin.models.statement import state
 
@@ -121,8 +121,10 @@ def test_what_does_not_fit_the_airframe_given_is_a_warning(log):
 
 
 def test_a_flight_of_no_known_airframe_is_compared_with_none(log):
-    claim = AirframeClaim(basis="not known", withheld=(state("no voltage"),), source="my.tlog")
-    found = inspect_log(log, F16, claim)
+    airframe_match = AirframeMatch(
+        basis="not known", no_verdict=(state("no voltage"),), source="my.tlog"
+    )
+    found = inspect_log(log, F16, airframe_match)
     assert {f.check for f in found.findings}.isdisjoint({"motor order", "voltage", "rotor speed"})
     assert (
         next(f.words for f in found.findings if f.check == "airframe")
@@ -130,7 +132,7 @@ def test_a_flight_of_no_known_airframe_is_compared_with_none(log):
     )
     told = as_json(found)
     assert (told["airframe"], told["airframe_basis"]) == (None, "not known")
-    assert told["withheld"] == ["no battery voltage in flight"]
+    assert told["no_verdict"] == ["no battery voltage in flight"]
 
 
 def test_damage_is_a_warning_and_a_torn_end_is_not(tmp_path):

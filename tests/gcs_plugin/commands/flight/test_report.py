@@ -143,7 +143,7 @@ def test_a_flight_of_another_aircraft_has_no_verdict_but_its_reason_and_what_hel
     assert f"thrustmargin airframe new --from {LOG}" in said
     (flight,) = json.loads(out.with_suffix(".json").read_text())["flights"]
     assert flight["airframe_basis"] == "given"
-    assert flight["withheld"]
+    assert flight["no_verdict"]
     assert flight["verdict"]["worst"] is None
     assert {r["measured_max"] for r in flight["rotors"]} == {None}
     assert flight["redundancy"]["fill_limit_start_kg"] is None

@@ -176,9 +176,9 @@ def test_a_file_that_no_forecast_wrote_is_refused_in_one_line(tmp_path, content)
     file = tmp_path / "assumed.json"
     file.write_text(content)
     with pytest.raises(PlanError, match=r"assumed.json (does not hold|has)") as refused:
-        read_assumed(file, beside=file)
+        read_assumed(file, plan=file)
     assert "\n" not in str(refused.value)
     with pytest.raises(PlanError, match="give the plan with --plan"):
-        read_assumed(file, beside=None)
+        read_assumed(file, plan=None)
     with pytest.raises(PlanError, match="cannot be read"):
-        read_assumed(tmp_path / "none.json", beside=file)
+        read_assumed(tmp_path / "none.json", plan=file)

@@ -19,7 +19,7 @@ from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.tank_balance import TankBalance, virtual_gauge
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import Basis, analyse
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.model_file import shipped_model
@@ -381,7 +381,7 @@ def flown(pieces: list[tuple[FlightTrack, dict]], alarms: Alarms) -> list[tuple]
     """(kind, name, reason) of what changed in pieces that follow each other."""
     found = []
     for track, options in pieces:
-        analysis = analyse(track, MODEL, claim=options.get("claim"))
+        analysis = analyse(track, MODEL, airframe_match=options.get("airframe_match"))
         nothing = np.full(track.time_s.size, np.nan)
         events = alarms.rows(
             analysis,
@@ -403,12 +403,12 @@ def test_a_bad_rotor_stays_listed_without_a_verdict_speeds_or_link_and_is_confir
     track = replace(track, throttle=track.throttle * np.nan)
     part = lambda a, b: track.rows(slice(a, b))  # noqa: E731
     blind = replace(part(900, 960), rotor_speed_rpm=np.full((60, 4), np.nan))
-    doubted = AirframeClaim(withheld=(state("no voltage"),))
+    doubted = AirframeMatch(no_verdict=(state("no voltage"),))
     alarms = Alarms()
     assert flown([(part(0, 900), {})], alarms) == [("raised", "rotor", "")]
     assert flown([(blind, {})], alarms) == [("unconfirmed", "rotor", "speeds")]
     assert flown([(part(960, 1000), {})], alarms) == [("confirmed", "rotor", "")]
-    assert flown([(part(1000, 1060), {"claim": doubted})], alarms) == [
+    assert flown([(part(1000, 1060), {"airframe_match": doubted})], alarms) == [
         ("unconfirmed", "rotor", "verdict")
     ]
     assert flown([(part(1060, 1100), {})], alarms) == [("confirmed", "rotor", "")]
@@ -570,21 +570,21 @@ def stopping(carried: float) -> FlightTrack:
     return with_rotors(hover(90.0), factor)
 
 
-@pytest.mark.parametrize("claim", [None, AirframeClaim(withheld=(state("no voltage"),))])
-def test_a_rotor_that_stands_still_is_named_within_seconds_and_kept_until_it_turns(claim):
+@pytest.mark.parametrize("airframe_match", [None, AirframeMatch(no_verdict=(state("no voltage"),))])
+def test_a_rotor_that_stands_still_is_named_within_seconds_and_kept_until_it_turns(airframe_match):
     track, alarms, found = stopping(1.0), Alarms(), []
     for first in range(0, 900, 5):
         part = track.rows(slice(first, first + 5))
         # It owes no speed, so that nobody looks for a broken wire.
         unheard = np.zeros((5, 4))
         unheard[:, 2] = max(first / 10.0 - 30.0, 0.0) if first < 700 else 0.0
-        made = flown([(part, {"claim": claim, "unheard_s": unheard})], alarms)
+        made = flown([(part, {"airframe_match": airframe_match, "unheard_s": unheard})], alarms)
         assert "rotor speeds" not in [name for _, name, _ in made]
         found += [(kind, float(part.time_s[-1])) for kind, name, _ in made if name == "stopped"]
         listed = [a for a in alarms.listed.values() if a.name == "stopped"]
         if 330 <= first < 700:
             (one,) = listed
-            place = "" if claim else " front left"  # which is known of a known airframe
+            place = "" if airframe_match else " front left"  # which is known of a known airframe
             assert one.line == f"Rotor 3{place} stands still: land"
             assert (one.severity, one.rotor) == (CRITICAL, 3)
     (kind, at_s), (over, over_s) = found

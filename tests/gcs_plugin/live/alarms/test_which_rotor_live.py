@@ -6,7 +6,7 @@ import pytest
 from tests.changed_speeds import changed_speeds
 from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import shipped_model
 
@@ -16,8 +16,8 @@ MODEL = shipped_model()
 def rotor_alarms(log, *, open_pairs=()):
     """The rotor alarms that stand at the end, and all that were ever raised: rotor and rotors."""
     track = read_log(log, airframe=MODEL.airframe, sampling="hold").track
-    claim = AirframeClaim(open_pairs=open_pairs)
-    analysis, alarms = analyse(track, MODEL, claim=claim), Alarms()
+    airframe_match = AirframeMatch(open_pairs=open_pairs)
+    analysis, alarms = analyse(track, MODEL, airframe_match=airframe_match), Alarms()
     nothing = np.full(track.time_s.size, np.nan)
     events = alarms.rows(analysis, 0, clock_s=track.time_s, pumped_kg=nothing, virtual_kg=nothing)
     raised = {

@@ -254,7 +254,7 @@ def test_a_file_system_without_room_is_survived(tmp_path):
 def test_only_its_owner_reads_where_people_flew(tmp_path):
     before = os.umask(0o022)
     try:
-        recorder = Recorder(tmp_path, beside={"options.json": b"{}"})
+        recorder = Recorder(tmp_path, extra_files={"options.json": b"{}"})
         recorder.frames(flight(1.0))
         record(recorder, rows(0, 5))
         recorder.event({"kind": "note"})

@@ -23,13 +23,13 @@ from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figur
 from thrustmargin.gcs_plugin.view.figures.charts import Speeds, chart_images
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording.check_words import (
-    claim_words,
+    airframe_match_words,
     described_words,
+    no_verdict_words,
     statement_words,
-    withheld_words,
 )
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.statement import state
 
 AIRFRAME_NOT_YET = "airframe not known yet: hover 5 s"
@@ -42,7 +42,7 @@ def watched(*, given: bool) -> AirframeWatch:
     return AirframeWatch(MODEL, given=given, source="udpin:127.0.0.1:14550")
 
 
-def claims(watch: AirframeWatch, track: FlightTrack, first: int, end: int) -> list[AirframeClaim]:
+def matches(watch: AirframeWatch, track: FlightTrack, first: int, end: int) -> list[AirframeMatch]:
     """What is decided after each half second of the rows from `first` to `end`."""
     return [
         watch.look(track.rows(slice(at, at + 5)), LOG.facts, LOG.parameters)
@@ -57,14 +57,20 @@ def with_volts(volts: float, first: int, end: int) -> FlightTrack:
 
 
 def test_an_airframe_that_nobody_gave_is_known_after_some_seconds_in_flight_and_stays():
-    made = claims(watched(given=False), LOG.track, 0, LOG.track.time_s.size)
-    waiting = [withheld_words(claim) == [AIRFRAME_NOT_YET] for claim in made]
+    made = matches(watched(given=False), LOG.track, 0, LOG.track.time_s.size)
+    waiting = [no_verdict_words(airframe_match) == [AIRFRAME_NOT_YET] for airframe_match in made]
     changes = np.flatnonzero(np.diff(waiting))
     assert changes.size == 1
     seconds = 0.5 * (changes[0] + 1) - 0.1 * START
     assert 4.0 < seconds < 8.0
-    known = [claim for claim in made if withheld_words(claim) != [AIRFRAME_NOT_YET]]
-    assert all(replace(claim, outputs=known[0].outputs) == known[0] for claim in known)
+    known = [
+        airframe_match
+        for airframe_match in made
+        if no_verdict_words(airframe_match) != [AIRFRAME_NOT_YET]
+    ]
+    assert all(
+        replace(airframe_match, outputs=known[0].outputs) == known[0] for airframe_match in known
+    )
     assert known[0].basis == "recognised"
 
 
@@ -72,28 +78,28 @@ def test_an_airframe_that_nobody_gave_is_known_after_some_seconds_in_flight_and_
 def test_a_voltmeter_that_reads_too_much_at_rest_widens_the_margin_in_flight(given):
     # 58.8 V at rest are 14 cells at 4.20 V; 4 % more is 8.2 % of thrust. In flight they read less.
     track = replace(LOG.track, voltage=1.04 * LOG.track.voltage)
-    made = claims(watched(given=given), track, 0, LOG.track.time_s.size)
+    made = matches(watched(given=given), track, 0, LOG.track.time_s.size)
     assert made[-1].outputs is not None
     assert made[-1].outputs.ceiling_high == pytest.approx(0.082, abs=0.002)
-    assert not any(claim.misfit for claim in made)
-    sound = claims(watched(given=given), LOG.track, 0, LOG.track.time_s.size)
+    assert not any(airframe_match.misfit for airframe_match in made)
+    sound = matches(watched(given=given), LOG.track, 0, LOG.track.time_s.size)
     assert sound[-1].outputs is not None
     assert sound[-1].outputs.ceiling_high == 0.0
 
 
 def test_on_the_ground_nothing_is_decided():
     ground = replace(LOG.track, flying=np.zeros_like(LOG.track.flying))
-    waiting = claims(watched(given=False), ground, 0, 600)
-    assert {tuple(withheld_words(c)) for c in waiting} == {(AIRFRAME_NOT_YET,)}
-    assert {c.withheld for c in claims(watched(given=True), ground, 0, 600)} == {()}
+    waiting = matches(watched(given=False), ground, 0, 600)
+    assert {tuple(no_verdict_words(c)) for c in waiting} == {(AIRFRAME_NOT_YET,)}
+    assert {c.no_verdict for c in matches(watched(given=True), ground, 0, 600)} == {()}
 
 
 @pytest.mark.parametrize("given", [True, False])
 def test_another_battery_from_the_start_withholds_the_margin(given):
     track = with_volts(16.0, 0, LOG.track.time_s.size)
-    made = claims(watched(given=given), track, START, START + 200)
-    assert made[-1].withheld
-    why = made[-1].withheld[0] if given else made[-1].unlike
+    made = matches(watched(given=given), track, START, START + 200)
+    assert made[-1].no_verdict
+    why = made[-1].no_verdict[0] if given else made[-1].unlike
     assert why is not None
     assert "16.0 V in flight" in statement_words(why)
     assert made[-1].basis == ("given" if given else "not known")
@@ -102,53 +108,56 @@ def test_another_battery_from_the_start_withholds_the_margin(given):
 @pytest.mark.parametrize("given", [True, False])
 def test_a_battery_that_collapses_later_is_a_finding_and_takes_no_identity_away(given):
     watch = watched(given=given)
-    before = claims(watch, LOG.track, 0, START + 200)[-1]
+    before = matches(watch, LOG.track, 0, START + 200)[-1]
     track = with_volts(30.0, START + 200, START + 1400)
-    made = claims(watch, track, START + 200, START + 1400)
-    assert not any(claim.withheld for claim in made)
+    made = matches(watch, track, START + 200, START + 1400)
+    assert not any(airframe_match.no_verdict for airframe_match in made)
     assert "30.0 V in flight" in statement_words(made[-1].misfit[0])
     assert "no longer fits" in described_words(made[-1])
-    assert (made[-1].basis, claim_words(made[-1])) == (before.basis, claim_words(before))
-    assert np.count_nonzero(np.diff([bool(claim.misfit) for claim in made])) == 1
-    # The battery is well again: so is the claim.
+    assert (made[-1].basis, airframe_match_words(made[-1])) == (
+        before.basis,
+        airframe_match_words(before),
+    )
+    assert np.count_nonzero(np.diff([bool(airframe_match.misfit) for airframe_match in made])) == 1
+    # The battery is well again: so is the match.
     size = LOG.track.time_s.size
-    assert claims(watch, LOG.track, START + 1400, min(START + 2600, size))[-1].misfit == ()
+    assert matches(watch, LOG.track, START + 1400, min(START + 2600, size))[-1].misfit == ()
 
 
 def test_the_next_flight_is_decided_anew_and_a_bounce_is_none():
-    for rest, withheld in ((40, False), (60, True)):
+    for rest, no_verdict in ((40, False), (60, True)):
         flying = LOG.track.flying.copy()
         flying[START + 200 : START + 200 + rest] = False
         track = replace(with_volts(16.0, START + 200, START + 700), flying=flying)
-        made = claims(watched(given=True), track, 0, START + 700)
-        assert bool(made[-1].withheld) == withheld
-        assert bool(made[-1].misfit) != withheld
+        made = matches(watched(given=True), track, 0, START + 700)
+        assert bool(made[-1].no_verdict) == no_verdict
+        assert bool(made[-1].misfit) != no_verdict
 
 
 def test_a_doubt_that_has_gone_for_long_is_taken_back():
     watch = watched(given=True)
-    assert claims(watch, with_volts(16.0, 0, START + 200), START, START + 200)[-1].withheld
-    made = claims(watch, LOG.track, START + 200, START + 1600)
-    assert made[-1].withheld == ()
-    flips = np.flatnonzero(np.diff([bool(claim.withheld) for claim in made]))
+    assert matches(watch, with_volts(16.0, 0, START + 200), START, START + 200)[-1].no_verdict
+    made = matches(watch, LOG.track, START + 200, START + 1600)
+    assert made[-1].no_verdict == ()
+    flips = np.flatnonzero(np.diff([bool(airframe_match.no_verdict) for airframe_match in made]))
     assert flips.size == 1
 
 
 def test_two_looks_on_end_speak_against_an_airframe_and_four_for_it_again(monkeypatch):
-    doubted = AirframeClaim(basis="given", withheld=(state("no voltage"),))
+    doubted = AirframeMatch(basis="given", no_verdict=(state("no voltage"),))
     looks = iter([True] * 3 + [False] * 3 + [True] + [False] * 5)
     made: list[bool] = []
 
-    def compared(*_, **__) -> AirframeClaim:
-        return doubted if next(looks) else AirframeClaim(basis="given")
+    def compared(*_, **__) -> AirframeMatch:
+        return doubted if next(looks) else AirframeMatch(basis="given")
 
-    monkeypatch.setattr(airframe_watch, "airframe_claim", compared)
+    monkeypatch.setattr(airframe_watch, "match_airframe", compared)
     monkeypatch.setattr(airframe_watch, "FEWEST_ROWS", 1)
     monkeypatch.setattr(airframe_watch, "OPENING", 99.0)
     watch = watched(given=True)
     for at in range(START, START + 12 * 26, 26):  # 2.6 s each, and 2.5 s lie between looks
         part = LOG.track.rows(slice(at, at + 26))
-        made.append(bool(watch.look(part, LOG.facts, LOG.parameters).withheld))
+        made.append(bool(watch.look(part, LOG.facts, LOG.parameters).no_verdict))
     assert made == [False, *[True] * 9, False, False]
 
 
@@ -157,8 +166,8 @@ def test_another_number_of_rotors_is_certain_at_once():
     wide = np.tile(six.rotor_speed_rpm[:, :1], 6)
     six = replace(six, **{n: wide for n, one in TRACK_CHANNELS.items() if one.per_rotor})
     watch = watched(given=True)
-    assert watch.look(six, LOG.facts, LOG.parameters).withheld
-    assert not watch.look(LOG.track.rows(slice(5, 10)), LOG.facts, LOG.parameters).withheld
+    assert watch.look(six, LOG.facts, LOG.parameters).no_verdict
+    assert not watch.look(LOG.track.rows(slice(5, 10)), LOG.facts, LOG.parameters).no_verdict
 
 
 def monitored(changed=lambda frame: frame, share=0.33, **settings) -> tuple[VehicleMonitor, list]:
@@ -192,7 +201,7 @@ def test_motors_in_another_order_are_an_alarm_and_take_the_places_away():
     page = aircraft_figures(ShownRow(updates[-1].analysis, -1), np.nan)
     assert {rotor["place"] for rotor in page["rotors"]} == {""}
     last = updates[-1].analysis
-    charts = chart_images(last.places, Speeds.of(last), 0.0, window_s=20.0, ahead=0.0)
+    charts = chart_images(last.places, Speeds.of(last), 0.0, window_s=20.0, future_share=0.0)
     assert (
         {chart["place"] for chart in charts}
         == {labels["name"] for labels, _ in metrics_of(vehicle)["thrustmargin_margin_ratio"]}
@@ -224,7 +233,7 @@ def test_a_gauge_that_stood_still_is_left_out_of_the_flight_so_far_from_its_star
 def test_margins_are_withheld_on_every_screen_until_the_airframe_is_recognised():
     vehicle, updates = monitored(airframe_given=False)
     first = next(u for u in updates if u.analysis.track.flying[-1])
-    assert withheld_words(first.analysis.claim) == [AIRFRAME_NOT_YET]
+    assert no_verdict_words(first.analysis.airframe_match) == [AIRFRAME_NOT_YET]
     assert np.isnan(first.analysis.margin).all()
     assert numbers(first, 0.5)[0].plain == "NO VERDICT"
     assert AIRFRAME_NOT_YET in first.remarks[0]
@@ -233,10 +242,10 @@ def test_margins_are_withheld_on_every_screen_until_the_airframe_is_recognised()
     assert AIRFRAME_NOT_YET in summary(shown, 0.5, 0.0)[0]
     assert "NO VERDICT" in fields(shown, 0.5, 0.0)["Margin"][0]
     page = aircraft_figures(ShownRow(first.analysis, -1), np.nan)
-    assert page["withheld"] == [AIRFRAME_NOT_YET]
+    assert page["no_verdict"] == [AIRFRAME_NOT_YET]
     assert {rotor["left"] for rotor in page["rotors"]} == {None}
     last = updates[-1]
-    assert last.analysis.claim.basis == "recognised"
+    assert last.analysis.airframe_match.basis == "recognised"
     assert np.isfinite(last.analysis.margin[-1]).all()
     assert "nobody named it, and the flight fits it" in last.remarks[0]
     assert "the flight fits it" in summary(reading(last, 0.0), 0.5, 0.0)[-1]
@@ -246,15 +255,15 @@ def test_margins_are_withheld_on_every_screen_until_the_airframe_is_recognised()
 def test_an_alarm_about_the_margin_cannot_be_confirmed_when_the_margin_is_withheld():
     vehicle, updates = monitored()
     track = updates[-1].analysis.track
-    doubted = AirframeClaim(withheld=(state("no voltage"),))
+    doubted = AirframeMatch(no_verdict=(state("no voltage"),))
     analysis = updates[-1].analysis
     rows = track.time_s.size
     heavy = replace(analysis, utilisation=np.full_like(analysis.utilisation, 0.8))
     lost = np.full_like(analysis.utilisation, np.nan)
-    withheld = replace(analysis, utilisation=lost, claim=doubted)
+    no_verdict = replace(analysis, utilisation=lost, airframe_match=doubted)
     for second in range(30):
         vehicle.alarms.rows(
-            heavy if second < 10 else withheld,
+            heavy if second < 10 else no_verdict,
             rows - 1,
             clock_s=np.full(rows, 1000.0 + second),
             pumped_kg=np.full(rows, np.nan),

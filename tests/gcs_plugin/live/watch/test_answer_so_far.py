@@ -20,12 +20,12 @@ LOG = ROOT / "sitl_logs" / "campaign" / "v4_m16_q2.5.tlog"
 CLIMB = OutputEvidence(lifted_kg=38.0, load_kg=13.0, over_speeds=0.003, error=0.105)
 
 
-def flown_so_far(log, claim, **more) -> FlightSoFar:
+def flown_so_far(log, airframe_match, **more) -> FlightSoFar:
     return FlightSoFar(
         track=replace(log.track, **more),
         state=VehicleState(system=1, parameters=log.parameters),
         model=MODEL,
-        claim=claim,
+        airframe_match=airframe_match,
         faults=[],
         limit=0.5,
         goes_on=False,
@@ -33,8 +33,8 @@ def flown_so_far(log, claim, **more) -> FlightSoFar:
 
 
 def test_a_gauge_that_stood_still_is_left_out_of_the_whole_flight():
-    ((log, claim),) = read_flights(LOG, MODEL, given=False)
-    stuck = flown_so_far(log, claim, tank_kg=np.zeros_like(log.track.tank_kg))
+    ((log, airframe_match),) = read_flights(LOG, MODEL, given=False)
+    stuck = flown_so_far(log, airframe_match, tank_kg=np.zeros_like(log.track.tank_kg))
     # The rotors carried 16 kg at first, so nothing is asked about the gauge and the empty mass.
     assert stuck.beyond_gauge_kg == 0.0
     assert np.nanmax(stuck.so_far.advice.fill.kg) == pytest.approx(8.69, abs=0.8)
@@ -42,10 +42,10 @@ def test_a_gauge_that_stood_still_is_left_out_of_the_whole_flight():
 
 @pytest.mark.parametrize("outputs", [None, CLIMB])
 def test_the_fill_rests_on_the_outputs_of_the_whole_flight_not_of_its_first_climb(outputs):
-    ((log, claim),) = read_flights(LOG, MODEL, given=False)
-    so_far = flown_so_far(log, replace(claim, outputs=outputs))
+    ((log, airframe_match),) = read_flights(LOG, MODEL, given=False)
+    so_far = flown_so_far(log, replace(airframe_match, outputs=outputs))
     reported = advise(
-        analysis_for_verdict(analyse(log.track, MODEL, claim=claim)), limit=0.5
+        analysis_for_verdict(analyse(log.track, MODEL, airframe_match=airframe_match)), limit=0.5
     ).advice
     assert so_far.advice.fill.kg == pytest.approx(reported.fill.kg, abs=0.05)
     assert so_far.advice.fill.kg == pytest.approx(8.69, abs=0.1)

@@ -18,7 +18,7 @@ from thrustmargin.gcs_plugin.live.watch.update import WatchSettings, in_backgrou
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.sorties import flight_spans
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.provenance import NOT_REPORTED
 
 FLOWN, DOWN = 40.0, 20.0  # s of each flight, and of the stay between them
@@ -44,11 +44,11 @@ def day(*, tank: float, voltage: float, down: float) -> FlightTrack:
 
 def begins(track: FlightTrack, *, armed: bool) -> float:
     """s at which the flight that goes on began, followed in pieces of a second."""
-    sorties, claim = SortieRows(MODEL, Alarms(), lambda _: lambda: None), AirframeClaim()
+    sorties, airframe_match = SortieRows(MODEL, Alarms(), lambda _: lambda: None), AirframeMatch()
     for first in range(0, track.time_s.size, 10):
         part = track.rows(slice(first, first + 10))
         on = armed or bool(part.flying.any())
-        sorties.add(part, part.time_s, claim, VehicleState(system=1, armed=on), ())
+        sorties.add(part, part.time_s, airframe_match, VehicleState(system=1, armed=on), ())
     sorties.make()
     assert sorties.now is not None
     return float(track.time_s[-1] - sorties.now.track.time_s[-1])

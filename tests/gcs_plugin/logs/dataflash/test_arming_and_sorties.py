@@ -11,7 +11,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import EventKind
 from thrustmargin.models.checks.loss_of_control import loss_of_control
 from thrustmargin.models.model.advice import advise
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import analyse, unknown_aircraft
 from thrustmargin.models.statement import state
 
@@ -68,9 +68,9 @@ class Boot(DataFlashWriter):
 
 
 def advice(log: FlightLog):
-    claim = AirframeClaim(basis="not known", withheld=(state("no airframe given"),))
+    airframe_match = AirframeMatch(basis="not known", no_verdict=(state("no airframe given"),))
     model = unknown_aircraft(log.track.rotor_count)
-    return advise(analyse(log.track, model, claim=claim)).advice
+    return advise(analyse(log.track, model, airframe_match=airframe_match)).advice
 
 
 def two_flights(*, disarmed: bool) -> Boot:

@@ -99,8 +99,8 @@ def test_litres_need_one_density_of_all_flights():
     one = flight()
     thick = replace(one[0].model.airframe, liquid_density=1.2)
     other = replace(one[0], model=replace(one[0].model, airframe=thick)), one[1]
-    claim = replace(one[0].claim, withheld=("another aircraft",))
-    unknown = replace(one[0], claim=claim), one[1]
+    airframe_match = replace(one[0].airframe_match, no_verdict=("another aircraft",))
+    unknown = replace(one[0], airframe_match=airframe_match), one[1]
     assert common_density([one, one]) == 1.0
     assert common_density([other]) == 1.2
     assert common_density([one, other]) is common_density([one, unknown]) is None

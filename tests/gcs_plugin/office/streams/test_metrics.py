@@ -237,10 +237,12 @@ def test_on_the_ground_no_rotor_has_a_margin(watched, monkeypatch):
 
 
 def test_an_aircraft_that_is_not_known_has_no_margin_and_says_so(watched, monkeypatch):
-    claim = replace(watched.fleet.vehicles[1].last.analysis.claim, withheld=("another aircraft",))
-    found = figures(watched, monkeypatch, claim=claim)
+    airframe_match = replace(
+        watched.fleet.vehicles[1].last.analysis.airframe_match, no_verdict=("another aircraft",)
+    )
+    found = figures(watched, monkeypatch, airframe_match=airframe_match)
     assert found["thrustmargin_margin_ratio"] == []
-    assert found["thrustmargin_verdict_withheld"] == [({"vehicle": "1"}, 1.0)]
+    assert found["thrustmargin_no_verdict"] == [({"vehicle": "1"}, 1.0)]
     assert found["thrustmargin_flying"] == [({"vehicle": "1"}, 1.0)]
 
 

@@ -41,7 +41,7 @@ def test_entries_of_all_three_are_in_order_of_time():
     ]
     thrust = made["vehicle_said"][1]
     assert (thrust["kind"], thrust["motors"], thrust["times_s"]) == ("thrust loss", [2], [60.0])
-    assert thrust["beside"] in ("follows", "hardest")
+    assert thrust["corroboration"] in ("follows", "hardest")
     assert thrust["words"]
 
 

@@ -122,10 +122,10 @@ def test_within_the_error_of_what_can_be_held_it_cannot_be_told():
     assert lost["low"] < 1.0 < lost["high"]
 
 
-@pytest.mark.parametrize("wrong", [{"other_order": True}, {"withheld": (state("not yet"),)}])
+@pytest.mark.parametrize("wrong", [{"other_order": True}, {"no_verdict": (state("not yet"),)}])
 def test_rotors_of_unknown_places_stand_in_a_row_by_number(wrong):
     analysis = flight()
-    other = replace(analysis, claim=replace(analysis.claim, **wrong))
+    other = replace(analysis, airframe_match=replace(analysis.airframe_match, **wrong))
     figures = aircraft_figures(ShownRow(other, 10), math.nan, {3})
     assert not figures["placed"]
     assert [(r["x"], r["y"]) for r in figures["rotors"]] == [(k - 1.5, 0.0) for k in range(4)]

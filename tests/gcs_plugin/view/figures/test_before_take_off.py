@@ -72,8 +72,8 @@ def test_nothing_is_advised_in_flight_or_where_no_airframe_is_known():
     assert FillAdvice(0.5).fill(on_ground) is not None
     flying = replace(on_ground.track, flying=np.ones(ROWS, dtype=bool))
     assert FillAdvice(0.5).fill(replace(on_ground, track=flying)) is None
-    unknown = replace(on_ground.claim, withheld=("another aircraft",))
-    assert FillAdvice(0.5).fill(replace(on_ground, claim=unknown)) is None
+    unknown = replace(on_ground.airframe_match, no_verdict=("another aircraft",))
+    assert FillAdvice(0.5).fill(replace(on_ground, airframe_match=unknown)) is None
 
 
 def test_it_is_worked_out_anew_when_the_air_or_the_battery_changes():

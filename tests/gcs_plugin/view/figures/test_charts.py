@@ -21,7 +21,7 @@ def drawn(made, now_s: float, name: str, rotor: int = 0) -> list[tuple[float, fl
     """Seconds and rpm of the points of a line in a chart of 20 s, half of it ahead."""
     speeds = Speeds.of(made)
     low, high = speed_range(speeds)
-    svg = chart_images(made.places, speeds, now_s, window_s=20.0, ahead=0.5)[rotor]["svg"]
+    svg = chart_images(made.places, speeds, now_s, window_s=20.0, future_share=0.5)[rotor]["svg"]
     found = re.search(rf'class="{name}" d="([^"]*)"', svg)
     assert found
     points = re.findall(r"([\d.-]+),([\d.-]+)", found[1])
@@ -42,7 +42,7 @@ def test_every_point_of_a_chart_is_a_row_of_the_flight(rotor):
 @pytest.mark.parametrize("now", [0.0, 39.9, 20.0])
 def test_now_is_one_upright_line_through_the_chart_also_past_both_ends(now):
     made = flight()
-    shown = {"window_s": 40.0, "ahead": 0.25}
+    shown = {"window_s": 40.0, "future_share": 0.25}
     for one in chart_images(made.places, Speeds.of(made), now, **shown):
         assert '<path class="now" d="M300.0,0V100"/>' in one["svg"]
 
@@ -70,7 +70,7 @@ def test_a_drawing_has_the_rows_as_points_and_gaps_between_them():
     rpm[150:200, 1] = np.nan
     made = flight(rotor_speed_rpm=rpm)
     airframe, speeds = made.model.airframe, Speeds.of(made)
-    images = chart_images(airframe.rotor_names, speeds, 20.0, window_s=20.0, ahead=0.5)
+    images = chart_images(airframe.rotor_names, speeds, 20.0, window_s=20.0, future_share=0.5)
     assert [one["place"] for one in images] == list(airframe.rotor_names)
     whole, gap = (re.search(r'class="measured" d="([^"]*)"', images[k]["svg"]) for k in (0, 1))
     assert whole

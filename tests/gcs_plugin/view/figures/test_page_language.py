@@ -63,7 +63,7 @@ def test_alarms_history_and_gauges_are_in_the_readers_language(flown):
     assert german_page["history"][-1]["text"].endswith("sanft fliegen")
     assert german_page["first"]["because"].startswith("Schubreserve")
     (one,) = german_page["vehicles"]
-    shown = [one["stale"], one["figures"]["claim"], *one["figures"]["remarks"]]
+    shown = [one["stale"], one["figures"]["airframe_match"], *one["figures"]["remarks"]]
     text = " ".join([*shown, german_page["field"]["legend"]["note"]])
     assert not re.search(r"\b(the|of|is|not|with|by|measured)\b", text), text
     assert [50.0, "Grenze 50 %"] in german_page["field"]["legend"]["marks"]

@@ -24,7 +24,7 @@ from thrustmargin.gcs_plugin.wording.check_words import remedy_words
 from thrustmargin.gcs_plugin.wording.palette import MARGIN, css
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.advice import FlightLevel
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.statement import state
@@ -130,7 +130,7 @@ def landed(answer: FlightAnswer = BAD, **changes) -> VehicleSummary:
     track = hover(2.0, tank=0.0)
     on_ground = replace(track, flying=np.zeros_like(track.flying))
     update: Any = SimpleNamespace(
-        answer=answer, landed_us=LANDED_US, outlook=None, beside_the_airframe=(), takeoff=None
+        answer=answer, landed_us=LANDED_US, outlook=None, airframe_remarks=(), takeoff=None
     )
     return replace(standing_of(on_ground), update=update, **changes)
 
@@ -225,10 +225,10 @@ def test_a_replay_says_what_to_do_now_and_not_what_its_alarm_asked_then():
 
 
 def test_no_verdict_is_never_green():
-    claim = AirframeClaim(withheld=(state("not yet"),))
+    airframe_match = AirframeMatch(no_verdict=(state("not yet"),))
     track = hover(2.0)
     on_ground = replace(track, flying=np.zeros_like(track.flying))
-    assert standing_of(on_ground, claim=claim).first_line[2] == "grey"
+    assert standing_of(on_ground, airframe_match=airframe_match).first_line[2] == "grey"
 
 
 @pytest.mark.parametrize(
@@ -268,12 +268,12 @@ ONE_WITHOUT_ROWS = replace(ONE, alarms=())
 
 
 def test_without_a_verdict_the_page_is_told_why():
-    claim = AirframeClaim(withheld=(state("not yet"),))
-    standing = standing_of(hover(2.0), claim=claim)
+    airframe_match = AirframeMatch(no_verdict=(state("not yet"),))
+    standing = standing_of(hover(2.0), airframe_match=airframe_match)
     (shown,) = screen_of(standing).state()["vehicles"]
-    assert shown["figures"]["withheld"] == ["airframe not known yet: hover 5 s"]
+    assert shown["figures"]["no_verdict"] == ["airframe not known yet: hover 5 s"]
     assert shown["figures"]["why"] == "airframe not known yet: hover 5 s"
-    assert shown["figures"]["remedy"] == remedy_words(claim)
+    assert shown["figures"]["remedy"] == remedy_words(airframe_match)
     assert standing.first_line[2] == "grey"
 
 

@@ -86,7 +86,7 @@ def test_discs_and_page_turn_at_the_limit_and_keep_the_colour_of_too_little(leas
 
 def test_where_places_are_not_known_no_number_ring_or_colour_is_at_one():
     known = flight()
-    other = replace(known, claim=replace(known.claim, other_order=True))
+    other = replace(known, airframe_match=replace(known.airframe_match, other_order=True))
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
         node = VehicleNode(server.scene, "/world", "1", known.model.airframe)

@@ -43,7 +43,7 @@ class KnownFrom:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AirframeClaim:
+class AirframeMatch:
     """The grounds on which a flight is analysed with an airframe, or the reasons why it is not."""
 
     basis: AirframeBasis = "given"
@@ -51,7 +51,9 @@ class AirframeClaim:
     known_from: KnownFrom | None = None  # if the aircraft is a known one
     guessed: tuple[str, ...] = ()  # quantities of `RESTS_ON` that the airframe file guesses
     recognised_by: tuple[Statement, ...] = ()  # what matches it, if nobody gave it
-    withheld: tuple[Statement, ...] = ()  # why no margin is reported; empty if nothing contradicts
+    no_verdict: tuple[
+        Statement, ...
+    ] = ()  # why no margin is reported; empty if nothing contradicts
     contradicted: tuple[str, ...] = ()  # names of the comparisons that contradict a given airframe
     unlike: Statement | None = None  # why the flight is not recognised, if no airframe was given
     source: str = "LOG"  # log or link of the flight, as a shell takes it
@@ -68,8 +70,8 @@ class AirframeClaim:
 
         Empty without either.
         """
-        if self.withheld:
-            return f"no margin: {'; '.join(map(str, self.withheld))}"
+        if self.no_verdict:
+            return f"no margin: {'; '.join(map(str, self.no_verdict))}"
         return f"{self.airframe} {self.basis}" if self.airframe else ""
 
     @property
@@ -78,35 +80,35 @@ class AirframeClaim:
         return self.contradicted == ("voltage",)
 
 
-def airframe_claim(
+def match_airframe(
     track: FlightTrack,
     airframe: Airframe,
     facts: VehicleFacts,
     parameters: Mapping[str, float],
     *,
     given: bool,
-) -> AirframeClaim:
+) -> AirframeMatch:
     """Decide whether a flight may be analysed with `airframe`, and return decision and reasons.
 
     With `given` (the user stated the airframe) it is accepted unless a comparison contradicts it;
     otherwise only if the flight is recognised as this airframe's. `parameters` are the autopilot's,
-    by name. `withheld` of the result lists why not; empty if accepted.
+    by name. `no_verdict` of the result lists why not; empty if accepted.
     """
     found = comparisons(track, airframe, facts, parameters)
     outputs = output_evidence(track, airframe, parameters)
     against = [c for c in found if c.verdict == "contradicts"]
     guessed = tuple(name for name in RESTS_ON if name in airframe.guessed)
     if given:
-        return AirframeClaim(
+        return AirframeMatch(
             airframe=airframe.name,
             guessed=guessed,
-            withheld=tuple(c.found for c in against),
+            no_verdict=tuple(c.found for c in against),
             contradicted=tuple(c.check for c in against),
             source=track.name,
             outputs=outputs,
         )
     if by := recognition(found):
-        return AirframeClaim(
+        return AirframeMatch(
             basis="recognised",
             airframe=airframe.name,
             guessed=guessed,
@@ -115,9 +117,9 @@ def airframe_claim(
         )
     unlike = [c for c in found if c.verdict != "close" and c.check != "frame"]
     first = (*against, *unlike)[:1]
-    return AirframeClaim(
+    return AirframeMatch(
         basis="not known",
-        withheld=(state("no airframe given"),),
+        no_verdict=(state("no airframe given"),),
         unlike=state(
             "not recognised",
             airframe=airframe.name,

@@ -8,14 +8,14 @@ import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.wording.check_words import (
-    claim_words,
+    airframe_match_words,
     described_words,
+    no_verdict_words,
     remedy_words,
     statement_words,
-    withheld_words,
 )
 from thrustmargin.models.flight import TRACK_CHANNELS
-from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim, unknown_aircraft
+from thrustmargin.models.model.airframe_match import AirframeMatch, match_airframe, unknown_aircraft
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
@@ -29,70 +29,72 @@ LOG = read_log(ROOT / "sitl_logs/campaign/v4_m10_q2.5.tlog", airframe=F16)
 SMALL = replace(LOG.track, voltage=np.full_like(LOG.track.voltage, 16.0))
 
 
-def claim(track=LOG.track, *, given: bool):
-    return airframe_claim(track, F16, LOG.facts, LOG.parameters, given=given)
+def match_log(track=LOG.track, *, given: bool):
+    return match_airframe(track, F16, LOG.facts, LOG.parameters, given=given)
 
 
-def unlike_words(made: AirframeClaim) -> str:
+def unlike_words(made: AirframeMatch) -> str:
     assert made.unlike is not None
     return statement_words(made.unlike)
 
 
 def test_an_airframe_that_nobody_gave_is_taken_when_it_is_recognised_and_this_is_said():
-    found = claim(given=False)
-    assert (found.basis, found.withheld) == ("recognised", ())
-    assert claim_words(found).startswith(
+    found = match_log(given=False)
+    assert (found.basis, found.no_verdict) == ("recognised", ())
+    assert airframe_match_words(found).startswith(
         "airframe topxgun-f16-sitl: nobody named it, and the flight fits it (4 rotors by FRAME"
     )
-    assert described_words(found) == claim_words(found)
+    assert described_words(found) == airframe_match_words(found)
     assert "name one with" in remedy_words(found)
 
 
 def test_without_grounds_there_is_no_airframe_and_the_reason_and_the_command_are_said():
-    found = claim(SMALL, given=False)
+    found = match_log(SMALL, given=False)
     assert found.basis == "not known"
-    assert withheld_words(found) == ["this aircraft is not known: no airframe was given"]
+    assert no_verdict_words(found) == ["this aircraft is not known: no airframe was given"]
     assert "not recognised as one of topxgun-f16-sitl: 16.0 V in flight" in unlike_words(found)
     assert f"`thrustmargin airframe new --from {SMALL.name}`" in remedy_words(found)
 
 
 def test_the_reason_is_the_first_thing_that_is_not_close():
     silent = replace(LOG.track, voltage=np.full(LOG.track.time_s.size, np.nan))
-    assert ": no battery voltage in flight" in unlike_words(claim(silent, given=False))
+    assert ": no battery voltage in flight" in unlike_words(match_log(silent, given=False))
 
 
 def test_of_several_contradictions_the_first_is_the_reason_and_a_given_airframe_hears_all():
     plus = {**LOG.parameters, "FRAME_TYPE": 0.0}
-    unknown = airframe_claim(SMALL, F16, LOG.facts, plus, given=False)
+    unknown = match_airframe(SMALL, F16, LOG.facts, plus, given=False)
     assert ": FRAME_CLASS 1 and FRAME_TYPE 0 are quad-plus" in unlike_words(unknown)
-    given = airframe_claim(SMALL, F16, LOG.facts, plus, given=True)
-    assert [words.split()[0] for words in withheld_words(given)] == ["FRAME_CLASS", "16.0"]
+    given = match_airframe(SMALL, F16, LOG.facts, plus, given=True)
+    assert [words.split()[0] for words in no_verdict_words(given)] == ["FRAME_CLASS", "16.0"]
 
 
 def test_what_is_guessed_of_the_airframe_and_widens_the_margin_is_said():
     real = load_airframe("topxgun-f16")
-    found = airframe_claim(LOG.track, real, LOG.facts, LOG.parameters, given=True)
-    assert claim_words(found).endswith("given; guessed in it: voltage of the largest rotor speed")
+    found = match_airframe(LOG.track, real, LOG.facts, LOG.parameters, given=True)
+    assert airframe_match_words(found).endswith(
+        "given; guessed in it: voltage of the largest rotor speed"
+    )
 
 
 def test_a_given_airframe_stays_unless_something_speaks_against_it():
-    assert claim(given=True).withheld == ()
+    assert match_log(given=True).no_verdict == ()
     nothing = replace(LOG.track, flying=np.zeros_like(LOG.track.flying))
-    assert claim(nothing, given=True).withheld == ()
-    doubted = claim(SMALL, given=True)
+    assert match_log(nothing, given=True).no_verdict == ()
+    doubted = match_log(SMALL, given=True)
     assert doubted.basis == "given"
-    assert "16.0 V" in withheld_words(doubted)[0]
-    assert described_words(doubted) == f"NO VERDICT: {withheld_words(doubted)[0]}"
+    assert "16.0 V" in no_verdict_words(doubted)[0]
+    assert described_words(doubted) == f"NO VERDICT: {no_verdict_words(doubted)[0]}"
     assert "name another with --airframe" in remedy_words(doubted)
 
 
 def test_a_voltage_of_no_battery_of_the_airframe_asks_for_voltmeter_and_cells():
     """An airframe made anew from the same log has the same voltage: no way out."""
-    remedy = remedy_words(claim(SMALL, given=True))
+    remedy = remedy_words(match_log(SMALL, given=True))
     assert remedy.startswith("set the voltmeter's scale right")
     assert "--cells COUNT" in remedy
     hexacopter = replace(LOG.facts, rotor_count=6)
-    other = airframe_claim(SMALL, F16, hexacopter, LOG.parameters, given=True)
+    other = match_airframe(SMALL, F16, hexacopter, LOG.parameters, given=True)
     assert remedy_words(other).startswith("set right what reads wrong")
 
 
@@ -105,11 +107,13 @@ def test_no_number_of_a_withheld_analysis_needs_an_airframe(rotors):
         changed = {n: wide for n, channel in TRACK_CHANNELS.items() if channel.per_rotor}
         track = replace(track, **changed | {"throttle": wide / 3000.0})
     facts = VehicleFacts(rotor_count=rotors, rotor_evidence="a test")
-    doubted = airframe_claim(SMALL, F16, facts, {}, given=True)
+    doubted = match_airframe(SMALL, F16, facts, {}, given=True)
     flight = analyse(
-        track, physics_model(F16), claim=replace(doubted, withheld=(state("no voltage"),))
+        track,
+        physics_model(F16),
+        airframe_match=replace(doubted, no_verdict=(state("no voltage"),)),
     )
-    plain = {"track", "model", "claim", "start", "density_error", "density_given"}
+    plain = {"track", "model", "airframe_match", "start", "density_error", "density_given"}
     plain |= {"density", "density_basis", "voltage_basis", "beyond_gauge_kg", "bad_part", "change"}
     for field in fields(flight):
         if field.name == "prediction":

@@ -11,7 +11,7 @@ from tests.gcs_plugin.reports.margin.report_flight import LOG, flight
 from thrustmargin.gcs_plugin.commands.shared.plan_source import read_assumed, read_plan
 from thrustmargin.gcs_plugin.reports.forecast.forecast_page import json_text
 from thrustmargin.gcs_plugin.reports.margin import build_report
-from thrustmargin.gcs_plugin.reports.margin.plan_beside import plan_beside
+from thrustmargin.gcs_plugin.reports.margin.plan_comparison import plan_comparison
 from thrustmargin.gcs_plugin.reports.margin.render import html_text
 from thrustmargin.mission.forecast.battery import FlightBattery, stated_capacity
 from thrustmargin.mission.forecast.plan_flight import TakeOff
@@ -20,7 +20,7 @@ from thrustmargin.mission.forecast.plan_forecast import forecast
 
 @pytest.fixture(scope="module")
 def made():
-    return plan_beside(*flight(), read_plan(LOG))
+    return plan_comparison(*flight(), read_plan(LOG))
 
 
 def test_every_stretch_of_the_mission_is_there_with_time_and_liquid_near(made):
@@ -43,7 +43,7 @@ def test_a_pump_that_the_file_has_too_large_is_named_as_what_was_off():
     analysis, log = flight()
     craft = replace(analysis.model.airframe, pump_max_flow_l_min=4.5)
     wrong = replace(analysis, model=replace(analysis.model, airframe=craft))
-    made = plan_beside(wrong, log, read_plan(LOG))
+    made = plan_comparison(wrong, log, read_plan(LOG))
     (one,) = [o for o in made["off"] if o["what"] == "flow"]
     assert one["forecast"] / one["flown"] == pytest.approx(4.5 / 3.5, abs=0.03)
     assert "of the flow assumed" in made["words"]
@@ -58,7 +58,7 @@ def test_the_page_and_the_verdict_say_it(made):
 
 def test_without_a_plan_nothing_is_said_of_one():
     report = build_report([flight()])
-    assert report.flights[0].json["beside_plan"] is None
+    assert report.flights[0].json["plan_comparison"] is None
     assert "Beside the plan" not in html_text(report, None)
 
 
@@ -79,13 +79,13 @@ def test_what_was_assumed_wrongly_before_the_job_is_named(tmp_path, changed, wha
     day = TakeOff(**{"fill_kg": 10.0, "flow": 2.5 / 60.0, "battery": battery, **changed})
     file = tmp_path / "forecast.json"
     file.write_text(json_text(forecast(plan, analysis.model, day, parameters=log.parameters)))
-    assumed = read_assumed(file, beside=LOG)
-    made = plan_beside(analysis, log, plan, assumed)
+    assumed = read_assumed(file, plan=LOG)
+    made = plan_comparison(analysis, log, plan, assumed)
     assert made["assumed"]["tank_start_kg"] == assumed.fill_kg
     older = json.loads(file.read_text())  # thrustmargin.forecast/1 called it fill_kg
     older["conditions"]["fill_kg"] = older["conditions"].pop("tank_start_kg")
     file.write_text(json.dumps(older))
-    assert read_assumed(file, beside=LOG) == assumed
+    assert read_assumed(file, plan=LOG) == assumed
     causes = [o["what"] for o in made["off"]]
     assert what in causes
     assert words in made["words"]

@@ -11,7 +11,7 @@ from dataclasses import asdict, replace
 
 from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.reports.margin.data import JsonObject
-from thrustmargin.gcs_plugin.wording.plan_words import beside_words
+from thrustmargin.gcs_plugin.wording.plan_words import comparison_words
 from thrustmargin.mission.forecast.plan_flight import PlanConditions
 from thrustmargin.mission.plan_items import MissionPlan
 from thrustmargin.mission.plan_tracking.blame import Off, shown_day, which_was_off
@@ -27,7 +27,7 @@ from thrustmargin.models.model.flight_lessons import flight_power
 from thrustmargin.models.physics.electric_power import power_law
 
 
-def plan_beside(
+def plan_comparison(
     analysis: FlightAnalysis,
     log: FlightLog,
     plan: MissionPlan,
@@ -60,7 +60,7 @@ def plan_beside(
     if made.stretches:
         off = which_was_off(lambda changed: to_fly.compare(changed, way), given, found)
     return {
-        "words": beside_words(off, made.stretches, left_at=made.left_at),
+        "words": comparison_words(off, made.stretches, left_at=made.left_at),
         "left_at": made.left_at,
         "off": [
             {"what": o.what, **asdict(o.amount), "item": o.item, "mattered": o.mattered}

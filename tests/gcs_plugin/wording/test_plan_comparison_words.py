@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 from thrustmargin.gcs_plugin.wording.plan_words import (
-    beside_words,
+    comparison_words,
     off_sentence,
     stretch_words,
 )
 from thrustmargin.mission.plan_tracking.blame import Off
-from thrustmargin.mission.plan_tracking.stretches import Pair, StretchBeside
+from thrustmargin.mission.plan_tracking.stretches import Pair, StretchComparison
 
 
 def off(what, forecast, flown, *, item, mattered):
@@ -20,7 +20,7 @@ def test_a_pump_that_gives_less_is_said_as_a_share_of_what_was_assumed():
     assert said == "used 7.5 kg, 10.0 kg forecast: the pump gave 75 % of the flow assumed"
 
 
-TURN = StretchBeside(
+TURN = StretchComparison(
     item=9,
     kind="turn",
     seconds=Pair(9.9, 10.2),
@@ -61,15 +61,15 @@ def test_what_nothing_explains_names_the_stretch_and_what_to_do():
 
 
 def test_a_plan_that_was_left_is_never_flown_as_forecast_to_its_end():
-    assert beside_words((), [TURN] * 9, left_at=None) == "flown as forecast"
-    assert beside_words((), [BLIND, TURN], left_at=7) == (
+    assert comparison_words((), [TURN] * 9, left_at=None) == "flown as forecast"
+    assert comparison_words((), [BLIND, TURN], left_at=7) == (
         "the plan was left on the way to item 7; until then flown as forecast"
     )
-    assert beside_words((), (), left_at=None) == "nothing of the plan was flown"
+    assert comparison_words((), (), left_at=None) == "nothing of the plan was flown"
 
 
 def test_a_flight_of_which_no_thrust_is_known_was_not_flown_as_forecast():
-    assert beside_words((), [BLIND] * 9, left_at=None) == "its thrust left is not known"
-    assert beside_words([off("fill", 9.0, 3.0, item=0, mattered=True)], [BLIND], left_at=None) == (
-        "took off with 3.0 kg, 9.0 kg assumed"
-    )
+    assert comparison_words((), [BLIND] * 9, left_at=None) == "its thrust left is not known"
+    assert comparison_words(
+        [off("fill", 9.0, 3.0, item=0, mattered=True)], [BLIND], left_at=None
+    ) == ("took off with 3.0 kg, 9.0 kg assumed")
