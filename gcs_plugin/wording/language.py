@@ -238,8 +238,8 @@ def within(
 
     The last digit is that of the first digit of the half width, with at most `most` decimals. One
     more is used if both ends would look alike or one would look like 0. Amounts below SMALL have a
-    smaller unit, `2.7 g` for 0.0027 kg, unless `table_largest`, the largest amount in the same table, is
-    not below it. The second text is empty without an interval.
+    smaller unit, `2.7 g` for 0.0027 kg, unless `table_largest`, the largest amount in the same
+    table, is not below it. The second text is empty without an interval.
     """
     largest = max(abs(value), abs(low), abs(high)) * abs(factor)
     if unit in SMALLER and largest < SMALL:
