@@ -12,6 +12,7 @@ import inspect
 import io
 import os
 import re
+import shlex
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -59,6 +60,8 @@ def _extras() -> Iterator[tuple[str, str, str]]:
 _OF_EXTRAS = tuple(_extras())
 #: Subcommand -> the first words of the docstring of its function, in the order of the names.
 COMMANDS = dict(sorted({**CORE, **{name: words for name, _, words in _OF_EXTRAS}}.items()))
+#: Subcommand of an older version -> the function of its words that returns those to type now.
+RETIRED = {name: now for extra in extras() for name, now in getattr(extra, "RETIRED", {}).items()}
 #: Subcommand -> the module that holds the function of its name.
 MODULES = {
     "aircraft": f"{HERE}.commands.aircraft",
@@ -148,6 +151,10 @@ def not_a_command(name: str) -> str:
 
 def run(argv: Sequence[str]) -> int:
     """Run one subcommand; returns the exit code. Raises SystemExit(2) for a wrong command line."""
+    if argv and argv[0] in RETIRED:
+        now = shlex.join(RETIRED[argv[0]](argv[1:]))
+        _complain(f"{argv[0]} is no command any more; type: thrustmargin {now}")
+        return 2
     argv = _in_language(argv)
     options = list(argv[: argv.index("--")] if "--" in argv else argv)
     if "--quiet" in options:

@@ -170,7 +170,7 @@ def test_the_readme_fits_one_screen():
 PRINTED: dict[str, str] = {}
 #: Commands that end by themselves and need nothing but the bundled flights.
 SHOWN = (
-    *("report", "fill", "inspect", "install", "forecast", "identify", "airframe", "ingest"),
+    *("report", "fill", "inspect", "install", "forecast", "identify", "airframe", "learn"),
     *("fleet", "match"),
 )
 

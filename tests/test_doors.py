@@ -25,7 +25,7 @@ COMMANDS = {
     "office/stations": {"install"},
     "office/streams": {"export"},
     "workshop/identify": {"identify"},
-    "workshop/learn": {"ingest", "learn", "match", "train"},
+    "workshop/learn": {"learn", "match", "train"},
 }
 #: Imports every module that is there, then names the commands.
 LOOK = """

@@ -43,7 +43,7 @@ WITH_EXTRAS = [
     (["fetch", "mission", LINK, "-o", "a.plan"], "talking to a vehicle needs mavsdk", "vehicle"),
     (["airframe", "new", "--from", LINK], "talking to a vehicle needs mavsdk", "vehicle"),
     (["monitor", FLIGHT, "--fetch-mission"], "--fetch-mission needs mavsdk", "vehicle"),
-    (["ingest", FLIGHT, "--store", "s"], "ingest needs fsspec", "fleet"),
+    (["learn", FLIGHT, "--store", "s"], "learn --store needs fsspec", "fleet"),
     (["fleet", "s"], "a season's store needs fsspec", "fleet"),
 ]
 #: Hides what only extras hold from every finder, so that Python sees it as not installed.

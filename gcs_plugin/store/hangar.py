@@ -128,6 +128,12 @@ class AircraftFlight:
             object.__setattr__(self, "fault_rotors", self.suspects)
 
     @property
+    def can_be_kept(self) -> bool:
+        """Return True if the flight has a date and a verdict, without which it is not stored."""
+        dated = math.isfinite(self.started_unix_s)
+        return dated and self.not_taught is not NotTaught.NO_VERDICT
+
+    @property
     def trusted(self) -> bool:
         """Return True if the flight may be used to learn the power and the missions of the sound
         aircraft."""

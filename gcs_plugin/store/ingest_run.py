@@ -8,22 +8,10 @@ The main process keeps only names in memory, so its memory grows with the number
 from __future__ import annotations
 
 import hashlib
-import multiprocessing
-import os
-import signal
-import sys
-import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-    wait,
-)
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -39,6 +27,7 @@ from thrustmargin.gcs_plugin.store.staging import (
     stage,
     staged_partitions,
 )
+from thrustmargin.gcs_plugin.store.worker_processes import end_now
 from thrustmargin.gcs_plugin.store.writer_lock import writer_lock
 from thrustmargin.models.errors import DataError, ThrustMarginError
 
@@ -100,7 +89,10 @@ def local_file(path: str) -> Iterator[Path]:
 
 
 def content_of(path: str) -> str:
-    """Return the first 16 hexadecimal digits of a log's SHA-256, by which the store knows it."""
+    """Return the first 16 hexadecimal digits of a log's SHA-256, by which it is known."""
+    if not is_address(path):
+        with Path(path).open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()[:DIGITS]
     import fsspec
 
     opened: Any = fsspec.open(path, "rb")
@@ -117,38 +109,6 @@ def known_contents(store: SeasonStore) -> set[str]:
     names = store.table("flights", columns=["flight"])["flight"].to_pylist()
     names += [Path(key).stem for keys in staged_partitions(store).values() for key in keys]
     return {name for name in names if len(name) == DIGITS}
-
-
-def own_cores() -> int:
-    """Return the number of cores that this process may use."""
-    if sys.platform == "linux":
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
-def local_processes(cores: int) -> tuple[Callable[[], Executor], int]:
-    """Return a function that starts `cores` processes, and the number of logs to submit at once."""
-
-    def make() -> Executor:
-        fresh = multiprocessing.get_context("spawn")  # no lock or socket of this process in them
-        return ProcessPoolExecutor(cores, mp_context=fresh, initializer=_begin_worker)
-
-    return make, 2 * cores
-
-
-def _begin_worker() -> None:
-    """Ignore Ctrl-C in a worker process, and end the worker when its parent has ended.
-
-    The parent receives Ctrl-C and ends its workers.
-    """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent: Any = multiprocessing.parent_process()
-
-    def follow() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=follow, daemon=True).start()
 
 
 def ingest_logs(
@@ -243,9 +203,7 @@ def ingest_logs(
         known |= known_contents(store)
         _write_rejected(store, outcome, known, hidden=hide is not None)
     except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for process in multiprocessing.active_children():
-            process.terminate()  # a large log takes long, and what is staged is whole
+        end_now(pool)
         raise
     pool.shutdown()
     outcome.seconds = time.monotonic() - begun

@@ -1,6 +1,6 @@
 """Keep the flights of a season as a data set in a folder or bucket, and query it with SQL.
 
-For `ingest`, which writes it, and `fleet`, which reads it. Objects are written whole and read as
+For `learn`, which writes it, and `fleet`, which reads it. Objects are written whole and read as
 tables:
 
     flights/aircraft=A/month=2026-05/flights.parquet   one row a flight
@@ -379,7 +379,7 @@ def other_layout(where: str, error: Exception) -> str:
     """Return the error message, with its remedy, for a table with another version's columns."""
     return (
         f"{where} is not in the layout of this version ({str(error).splitlines()[0]}); take its "
-        "logs in with thrustmargin ingest --again, into it or another --store"
+        "logs in with thrustmargin learn --again --store, into it or another one"
     )
 
 

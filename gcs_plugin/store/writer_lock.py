@@ -41,7 +41,7 @@ def writer_lock(store: SeasonStore, *, wait_s: float = 0.0) -> Iterator[Callable
 def _refusal(store: SeasonStore, holder: str) -> DataError:
     """Return the error for a store that `holder` is writing."""
     return DataError(
-        f"{store.url} is being written by another ingest ({holder}); wait until it has finished"
+        f"{store.url} is being written by another command ({holder}); wait until it has finished"
     )
 
 
@@ -118,7 +118,7 @@ def _bucket_lease(store: SeasonStore) -> Iterator[Callable[[], None]]:
 
     def check_lock() -> None:
         if not mine():
-            raise DataError(f"{store.url} was taken over by another ingest; run this one again")
+            raise DataError(f"{store.url} was taken over by another command; run this one again")
 
     thread = threading.Thread(target=renew, name="store lease", daemon=True)
     thread.start()

@@ -112,7 +112,8 @@ CHECK_AIRSPEED = disarmed("airspeed sensor", "check its tube and its calibration
 CHECK_WIND = disarmed("airspeed sensor", "check the airspeed sensor")
 TEST_BATTERY = hands_on("battery", "take the battery out and test it, or retire it")
 CONNECT_GAUGE = hands_on(
-    "tank gauge", "connect a tank gauge; or take the logs in with ingest --again --load KG"
+    "tank gauge",
+    "connect a tank gauge; or take the logs in with learn --store --again --load KG",
 )
 KEEP = at_desk("model", "nothing to repair; keep it in the model with --out-model")
 REPAIRED = at_desk("model", "nothing to do")

@@ -122,6 +122,11 @@ def not_learnt_words(log: str, reason: str) -> str:
     return say("not learnt: {log}: {reason}", log=Verbatim(log), reason=Verbatim(say(reason)))
 
 
+def owner_words() -> str:
+    """Return the one command that an owner types instead of `airframe new` and `train`."""
+    return say("airframe and model in one command: thrustmargin learn LOGS --aircraft NAME")
+
+
 def card_lines(
     name: str, folder: str, *, flights: int, days: int, held: Sequence[float], day_step: float
 ) -> tuple[str, ...]:

@@ -1,7 +1,7 @@
 """A season of 12 aircraft made from recorded flights, as a store that `fleet` reads.
 
 What wears, is swapped, drifts and ages is put into the flights' reports by the tests' own plant
-(`tests.lab.undeclared.recorded`), and they go into the store as `ingest` puts any flight there.
+(`tests.lab.undeclared.recorded`), and they go into the store as `learn` puts any flight there.
 
     python -m tests.lab.season_plant STORE [--flights 40] [--aircraft 12]
 """

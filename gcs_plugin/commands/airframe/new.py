@@ -80,6 +80,7 @@ class AirframeNew:
 
     def run(self) -> int:
         from thrustmargin.gcs_plugin.commands.airframe.check import print_airframe
+        from thrustmargin.gcs_plugin.wording.aircraft_words import owner_words
 
         console = Terminal()
         made = self.made(console)
@@ -91,6 +92,7 @@ class AirframeNew:
             console.print("note: its hover is not used, for the load is not known: give --load KG")
         if made.log is not None:
             print_answer(console, made.log, self.out, made.reading)
+        console.print(owner_words(), soft_wrap=True)
         return 0 if made.fits or not self.hover else 1
 
     def made(self, console: Console) -> MadeAirframe:

@@ -61,7 +61,8 @@ def flights_of(
     from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
 
     unread: list[UnusedLog] = []
-    learnt = [] if inputs.by_file else known_flights(inputs, unread, console)
+    known = [] if inputs.by_file else known_flights(inputs, unread, console)
+    learnt = [(flight.analysis, log) for flight, log in known]
     of_known = {log.path for _, log in learnt}
     rest = tuple(path for path in inputs.logs if path not in of_known)
     if rest or not learnt:

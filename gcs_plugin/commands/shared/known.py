@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -14,16 +15,15 @@ from rich.markup import escape
 from thrustmargin.models.errors import DataError, LogError, PlanError, ThrustMarginError
 
 if TYPE_CHECKING:
-    from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
+    from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs, ReadingOptions
     from thrustmargin.gcs_plugin.logs import FlightLog
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-    from thrustmargin.gcs_plugin.store.aircraft_marks import Recognition
+    from thrustmargin.gcs_plugin.store.aircraft_marks import Marks, Recognition
     from thrustmargin.gcs_plugin.store.hangar import AircraftFlight, Hangar, KnownAircraft
     from thrustmargin.gcs_plugin.store.learnt_flight import LearntFlight
     from thrustmargin.mission.forecast.experience import FlownMission
     from thrustmargin.models.model.aircraft_change import AircraftChange
     from thrustmargin.models.model.airframe_match import AirframeMatch
-    from thrustmargin.models.model.analysis import FlightAnalysis
     from thrustmargin.models.model.rotor_model import RotorModel
 
 
@@ -41,19 +41,49 @@ def named_aircraft(inputs: Inputs) -> KnownAircraft | None:
     return hangar_of(inputs).load(inputs.known.aircraft)
 
 
-def recognised(path: Path, inputs: Inputs, hangar: Hangar) -> Recognition:
-    """Return which known aircraft flew a log: the one named by the options, else by the log's
-    marks.
+def marks_of_logs(
+    logs: Sequence[Path], reading: ReadingOptions, *, processes: int = 1
+) -> Iterator[Marks | LogError]:
+    """Yield the marks of the aircraft in each log, or the error with which it cannot be read.
 
-    Raises LogError if the log cannot be read.
+    Raises DataError if a process dies while it reads a log.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import reading_keywords
+    from thrustmargin.gcs_plugin.store.worker_processes import in_processes
+
+    read = partial(_marks_of_log, options=reading_keywords(reading))
+    yield from in_processes(read, logs, processes)
+
+
+def _marks_of_log(path: Path, options: Mapping[str, Any]) -> Marks | LogError:
+    """Return the marks of the aircraft in a log, or the error with which it cannot be read."""
     from thrustmargin.gcs_plugin.logs.read import read_sorties
-    from thrustmargin.gcs_plugin.store.aircraft_marks import Recognition, marks_of
+    from thrustmargin.gcs_plugin.store.aircraft_marks import marks_of
+
+    try:
+        return marks_of(read_sorties(path, **options)[0])
+    except LogError as error:
+        return error
+
+
+def recognised_logs(
+    inputs: Inputs, hangar: Hangar, *, processes: int = 1
+) -> Iterator[tuple[Path, Recognition]]:
+    """Yield each readable log with the known aircraft that flew it: the one named by the options,
+    else by the log's marks.
+
+    Unreadable logs are left out, because the caller reads all logs again and reports these.
+    """
+    from thrustmargin.gcs_plugin.store.aircraft_marks import Recognition
 
     if inputs.known.aircraft is not None:
-        return Recognition(name=hangar.load(inputs.known.aircraft).name)
-    return hangar.recognise(marks_of(read_sorties(path, **reading_keywords(inputs.reading))[0]))
+        seen = Recognition(name=hangar.load(inputs.known.aircraft).name)
+        yield from ((path, seen) for path in inputs.logs)
+        return
+    found = marks_of_logs(inputs.logs, inputs.reading, processes=processes)
+    for path, marks in zip(inputs.logs, found, strict=True):
+        if not isinstance(marks, LogError):
+            yield path, hangar.recognise(marks)
 
 
 def with_recognised(inputs: Inputs, console: Console) -> Inputs:
@@ -64,12 +94,7 @@ def with_recognised(inputs: Inputs, console: Console) -> Inputs:
     hangar = hangar_of(inputs)
     if inputs.given or not hangar.names():
         return inputs
-    names = set()
-    for path in inputs.logs:
-        try:
-            names.add(recognised(path, inputs, hangar).name)
-        except LogError:
-            continue  # the caller reads it again and reports why it cannot be read
+    names = {seen.name for _, seen in recognised_logs(inputs, hangar)}
     name = next(iter(names)) if len(names) == 1 else None
     if name is None:
         return inputs
@@ -78,14 +103,19 @@ def with_recognised(inputs: Inputs, console: Console) -> Inputs:
 
 
 def known_flights(
-    inputs: Inputs, unread: list[UnusedLog], console: Console
-) -> list[tuple[FlightAnalysis, FlightLog]]:
+    inputs: Inputs,
+    unread: list[UnusedLog],
+    console: Console,
+    *,
+    must_keep: bool = False,
+    processes: int = 1,
+) -> list[tuple[LearntFlight, FlightLog]]:
     """Return the flights in logs of known aircraft, each analysed with the aircraft's state before
     it.
 
     The flights of an aircraft are processed in order of time, and each updates the state before the
     next, unless the options exclude that. A log whose aircraft the user must state is reported on
-    the console and left out, like one of an unknown aircraft.
+    the console and left out, like one of an unknown aircraft. `must_keep`: see `learn_logs`.
     """
     from thrustmargin.gcs_plugin.wording.aircraft_words import open_words
 
@@ -93,20 +123,15 @@ def known_flights(
     if inputs.known.aircraft is None and not hangar.names():
         return []
     of_aircraft: dict[str, list[Path]] = {}
-    for path in inputs.logs:
-        try:
-            found = recognised(path, inputs, hangar)
-        except LogError:
-            continue  # the caller reads it again and reports why it cannot be read
+    for path, found in recognised_logs(inputs, hangar, processes=processes):
         if found.name is not None:
             of_aircraft.setdefault(found.name, []).append(path)
         elif found.open:
             console.print(escape(f"{path.name}: {open_words(found.open)}"), soft_wrap=True)
-    flights: list[tuple[FlightAnalysis, FlightLog]] = []
+    flights: list[tuple[LearntFlight, FlightLog]] = []
     for name, paths in of_aircraft.items():
-        learnt, _ = learn_logs(hangar.load(name), paths, inputs, hangar, unread, console)
-        for flight, log in learnt:
-            flights.append((flight.analysis, log))
+        known = hangar.load(name)
+        flights += learn_logs(known, paths, inputs, hangar, unread, console, must_keep=must_keep)[0]
     return flights
 
 
@@ -127,7 +152,6 @@ def learn_logs(
     `must_keep` raises DataError instead.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import read_logs
-    from thrustmargin.gcs_plugin.store.hangar import NotTaught
     from thrustmargin.gcs_plugin.store.learnt_flight import learnt_flight
     from thrustmargin.models.model.airframe_match import KnownFrom
 
@@ -149,12 +173,9 @@ def learn_logs(
             flight = with_change(flight, explained(flight, earlier, aircraft, flight.advice.change))
         flight = replace(flight, row=replace(flight.row, mission=mission_of(log, flight, aircraft)))
         made.append((flight, log))
-        if not math.isfinite(flight.row.started_unix_s):
-            continue
-        if flight.row.not_taught is NotTaught.NO_VERDICT or inputs.known.no_learn:
-            continue
-        aircraft = with_flight(aircraft, flight.row)
-        kept.append((flight, log))
+        if flight.row.can_be_kept and not inputs.known.no_learn:
+            aircraft = with_flight(aircraft, flight.row)
+            kept.append((flight, log))
     try:
         keep(kept, aircraft, hangar)
     except DataError as error:  # the flights are reported all the same
@@ -283,10 +304,9 @@ def model_of_log(inputs: Inputs, log: Path, console: Console) -> RotorModel:
 
 def flight_key(log: FlightLog) -> str:
     """Return the digest of a log's file; from the second sortie on with the sortie's number."""
-    from hashlib import file_digest
+    from thrustmargin.gcs_plugin.store.ingest_run import content_of
 
-    with log.path.open("rb") as file:
-        content = file_digest(file, "sha256").hexdigest()[:16]
+    content = content_of(str(log.path))
     return content if log.sortie == 1 else f"{content}-sortie-{log.sortie}"
 
 

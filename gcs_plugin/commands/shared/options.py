@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import re
+import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from thrustmargin.models.errors import DataError
+from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
     from thrustmargin.models.physics.airframe import Airframe
@@ -53,17 +55,51 @@ def refuse_renamed(argv: Sequence[str]) -> None:
             )
 
 
-def require_logs(logs: Sequence[Path]) -> tuple[Path, ...]:
-    """Return the logs, with each folder replaced by the logs in it and below it, 2 before 10.
+def given_options(options: Any) -> list[str]:
+    """Return the options, as typed, whose fields in a dataclass of options differ from the
+    defaults."""
+    return [
+        f"--{field.name.replace('_', '-')}"
+        for field in fields(options)
+        if getattr(options, field.name) != field.default
+    ]
 
-    Raises UsageError when none is named, DataError when a folder has none.
+
+def require_logs(logs: Sequence[Path]) -> tuple[Path, ...]:
+    """Return the log files at some paths; see `logs_at`.
+
+    Raises UsageError when none is named, DataError when a folder or pattern has none.
     """
     if not logs:
         raise UsageError("no log given; name one or more recorded flights, or a folder of them")
-    return tuple(log for path in logs for log in (_logs_in(path) if path.is_dir() else [path]))
+    return tuple(log for path in logs for log in logs_at(path) if log == path or log.is_file())
+
+
+def logs_at(path: Path) -> list[Path]:
+    """Return the logs of a folder and those below it, or the files of a pattern, 2 before 10.
+
+    A link to nothing or a pipe whose name is that of a log is among them. Any other path is
+    returned as it is, also a missing one. Raises DataError if a folder or pattern has no log.
+    """
+    import glob
+
+    if path.is_dir():
+        if found := _logs_in(path):
+            return found
+        from thrustmargin.gcs_plugin.logs.read import log_endings
+
+        raise DataError(f"no log in {path}; its endings are {', '.join(sorted(log_endings()))}")
+    if path.exists() or not glob.has_magic(str(path)):
+        return [path]
+    matches = sorted(map(Path, glob.glob(str(path), recursive=True)), key=_natural)
+    found = [log for one in matches for log in (_logs_in(one) if one.is_dir() else [one])]
+    if not found:
+        raise DataError(f"no log at {path}; give a log, a folder with logs or a pattern")
+    return list(dict.fromkeys(found))
 
 
 def _logs_in(folder: Path) -> list[Path]:
+    """Return the files with the ending of a log in a folder and below it; empty without any."""
     from thrustmargin.gcs_plugin.logs.read import log_endings
 
     endings = log_endings()
@@ -71,12 +107,10 @@ def _logs_in(folder: Path) -> list[Path]:
         path
         for path in folder.rglob("*")
         if path.suffix.lower() in endings
-        and path.is_file()
+        and not path.is_dir()
         # The rows of a report are no log of their own.
         and not (path.suffix == ".csv" and path.with_suffix(".html").exists())
     ]
-    if not found:
-        raise DataError(f"no log in {folder}; its endings are {', '.join(sorted(endings))}")
     return sorted(found, key=_natural)
 
 
@@ -158,6 +192,15 @@ def check_outputs(outputs: Iterable[OutputFile], *, inputs: Iterable[Path | str 
             raise DataError(
                 f"{path} is already there; give another {output.option}, or --force to replace it"
             )
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text to a file in one step, or to standard output where the path is `-`."""
+    if path == STDOUT:
+        sys.stdout.write(text)
+        return
+    with whole_file(path) as draft:
+        draft.write_text(text, encoding="utf-8")
 
 
 def json_apart(out: Path | None, json: Path | None) -> tuple[Path | None, Path | None]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,12 +16,13 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     OutputFile,
     UsageError,
     check_outputs,
+    write_text,
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.reports.shared.page_shell import csv_text, grid
 from thrustmargin.gcs_plugin.wording.language import say
 from thrustmargin.models.errors import DataError
-from thrustmargin.models.whole_file import regular, whole_file
+from thrustmargin.models.whole_file import regular
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.office.season.fleet_page import FleetSeason
@@ -56,8 +57,8 @@ def fleet(
     Example: thrustmargin fleet season --out fleet.html
 
     Args:
-        store: Folder or address of the store, as given to `ingest`; without it that of the known
-            aircraft, which `learn` and `report` fill.
+        store: Folder or address of the store, as given to `learn --store`; without it that of the
+            known aircraft, which `learn` and `report` fill.
         aircraft: Only this aircraft, with all its flights.
         parts: File that says which part was where and when (.csv: part, aircraft, position,
             installed_at, removed_at); without it parts.csv in the store, if there is one.
@@ -82,7 +83,8 @@ def fleet(
     )
     opened = SeasonStore.open(store or str(open_hangar().folder))
     if not opened.keys("flights"):
-        raise DataError(f"no flights in {opened.url}; take logs in with: thrustmargin ingest")
+        how = shlex.join(["thrustmargin", "learn", "LOGS", *(("--store", store) if store else ())])
+        raise DataError(f"no flights in {opened.url}; take logs in with: {how}")
     if sql is not None:
         from thrustmargin.gcs_plugin.office.season.stored_words import SQL_WORDS
         from thrustmargin.gcs_plugin.store.season_store import query
@@ -112,18 +114,9 @@ def fleet(
     )
     for path, text in texts:
         if path is not None:
-            _write(path, text())
+            write_text(path, text())
             if path != STDOUT:
                 console.print(f"wrote {path}")
-
-
-def _write(path: Path, text: str) -> None:
-    """Write a text to a file in one step, or to standard output."""
-    if path == STDOUT:
-        sys.stdout.write(text)
-        return
-    with whole_file(path) as draft:
-        draft.write_text(text, encoding="utf-8")
 
 
 def _parts(store: SeasonStore, file: Path | None) -> list[Part]:
@@ -171,7 +164,7 @@ def _side_by_side(store: SeasonStore, names: tuple[str, str]) -> list[list[Any]]
 def _print_rows(heads: Sequence[str], rows: Sequence[Sequence[Any]], file: Path | None) -> None:
     """Print a table, or write it to a CSV file if one is given."""
     if file is not None:
-        _write(file, csv_text(heads, rows))
+        write_text(file, csv_text(heads, rows))
         return
     shown = [
         ["" if c is None else f"{c:g}" if isinstance(c, float) else str(c) for c in row]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import as_completed
+from functools import partial
 
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal, steps
 from thrustmargin.gcs_plugin.office.season.aircraft_season import AircraftSeason, aircraft_season
@@ -11,8 +11,8 @@ from thrustmargin.gcs_plugin.office.season.fleet_page import FleetSeason, rank_a
 from thrustmargin.gcs_plugin.office.season.part_history import with_parts
 from thrustmargin.gcs_plugin.office.season.parts import Part
 from thrustmargin.gcs_plugin.office.season.same_aircraft import group_by_frame
-from thrustmargin.gcs_plugin.store.ingest_run import local_processes, own_cores
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, read_flights, read_sums
+from thrustmargin.gcs_plugin.store.worker_processes import in_processes, own_cores
 from thrustmargin.models.errors import DataError
 
 #: Number of aircraft from which on other processes save time, and aircraft per task of a process.
@@ -44,18 +44,10 @@ def fleet_season(
 def _seasons(
     store: SeasonStore, names: Sequence[str], parts: Sequence[Part]
 ) -> Iterator[list[AircraftSeason]]:
-    """Yield the seasons of GIVEN aircraft at a time, in the order in which they are computed."""
+    """Yield the seasons of GIVEN aircraft at a time."""
     groups = [names[k : k + GIVEN] for k in range(0, len(names), GIVEN)]
-    if len(names) < MANY or own_cores() < 2:
-        yield from (seasons_of(store.url, group, parts) for group in groups)
-        return
-    pool = local_processes(own_cores())[0]()
-    try:
-        running = [pool.submit(seasons_of, store.url, group, parts) for group in groups]
-        for future in as_completed(running):
-            yield future.result()
-    finally:
-        pool.shutdown(cancel_futures=True)
+    processes = own_cores() if len(names) >= MANY else 1
+    yield from in_processes(partial(seasons_of, store.url, parts=parts), groups, processes)
 
 
 def seasons_of(url: str, names: Sequence[str], parts: Sequence[Part]) -> list[AircraftSeason]:

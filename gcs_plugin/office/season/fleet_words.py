@@ -76,7 +76,7 @@ TRENDS = ("yaw_trim.moment", "cg_offset.x", "cg_offset.y", "extra_mass.mass", "t
 SWAP_UNKNOWN = "as after a new propeller or motor; enter it into parts.csv"
 SILENT = "nothing was reported then"
 HEALTHY = "nothing changed"
-NAME_EACH = "take its logs in with ingest --again --aircraft, a name for each aircraft"
+NAME_EACH = "take its logs in with learn --store --again --aircraft, a name for each aircraft"
 MIXED = (
     "no change is followed: most flights are at the time of another one, so several aircraft have "
     "this name"
@@ -85,11 +85,11 @@ BETTER_BATTERY = "nothing: a newer battery or a warmer day"
 NO_SUMS = "no flight has sums: they need measured rotor speeds and a model"
 SET_AIRFRAME = (
     "set the airframe: thrustmargin airframe new --from one of its logs, then "
-    "thrustmargin ingest --again --airframe with that file"
+    "thrustmargin learn --store --again --airframe with that file"
 )
 OTHER_AIRFRAME = (
     "set the airframe: these flights do not fit the one given; take them in with "
-    "ingest --again --airframe and their own"
+    "learn --store --again --airframe and their own"
 )
 
 
@@ -231,7 +231,7 @@ def older_model(flights: int) -> str:
     """Return the remark that sums of older models or versions are left out, and the remedy."""
     return say(
         "{count} flights are about an older model, or of an older version, and are left out; "
-        "ingest --again takes them in",
+        "learn --store --again takes them in",
         count=flights,
     )
 

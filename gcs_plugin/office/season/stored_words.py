@@ -64,7 +64,7 @@ def _stored(flight: Mapping[str, Any]) -> StoredAnswer | None:
 
 
 def mark_old_text(text: str) -> str:
-    """Return a stored text, marked as worded on the day when its log was ingested.
+    """Return a stored text, marked as worded on the day when its log was taken in.
 
     Empty for an empty text.
     """

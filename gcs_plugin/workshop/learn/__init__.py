@@ -13,11 +13,22 @@ if TYPE_CHECKING:
 
 #: Subcommand -> the first words of the docstring of its function.
 COMMANDS = {
-    "ingest": "Take logs into the store of a season",
-    "learn": "Make aircraft known from their logs",
+    "learn": "Make aircraft known from their logs, or take the logs of a season into its store",
     "match": "Match an aircraft's load with its power system",
     "train": "Train the rotor speed model of one aircraft on its own good flights",
 }
+
+
+def _learn_words(words: Sequence[str]) -> list[str]:
+    """Return the words of `learn` that take logs into the store as `ingest` did with `words`."""
+    from thrustmargin.gcs_plugin.store.hangar import open_hangar
+
+    stored = any(word.partition("=")[0] == "--store" for word in words)
+    return ["learn", *(() if stored else ("--store", str(open_hangar().folder))), *words]
+
+
+#: Subcommand of an older version -> the command line that does the same now, by its words.
+RETIRED = {"ingest": _learn_words}
 #: Libraries of the season's store and of the sums that it keeps.
 NEEDED = ("fsspec", "pyarrow", "filelock", "scipy")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -23,7 +22,14 @@ from thrustmargin.gcs_plugin.commands.shared.inputs import (
     Known,
     Reading,
 )
+from thrustmargin.gcs_plugin.commands.shared.options import UsageError, given_options
 from thrustmargin.gcs_plugin.wording.language import Verbatim, say
+from thrustmargin.gcs_plugin.workshop.learn.season_intake import (
+    NO_SEASON,
+    SeasonOptions,
+    find_logs,
+    take_logs_in,
+)
 from thrustmargin.models.errors import DataError, LogError, require
 
 if TYPE_CHECKING:
@@ -39,6 +45,8 @@ if TYPE_CHECKING:
 
 
 NOTHING_STATED = OwnerStatement()
+#: Logs from which on several processes read them sooner than one, unless --workers says otherwise.
+MANY_LOGS = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,61 +60,101 @@ class _Group:
 
 def learn(
     logs: Positional[
-        Annotated[tuple[Path, ...], tyro.conf.arg(metavar="LOG|FOLDER...", help_behavior_hint="")]
+        Annotated[tuple[str, ...], tyro.conf.arg(metavar="LOGS...", help_behavior_hint="")]
     ],
     *,
     owner: Annotated[OwnerStatement, tyro.conf.OmitArgPrefixes] = NOTHING_STATED,
     reading: Reading = AS_HEARD,
     known: Known = ANY_KNOWN,
+    season: Annotated[SeasonOptions, tyro.conf.OmitArgPrefixes] = NO_SEASON,
     again: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False,
     seed: int = 0,
 ) -> int:
-    """Make aircraft known from their logs: who they are, their airframes, their models.
+    """Make aircraft known from their logs, or take the logs of a season into its store.
 
     Groups the logs by aircraft. Of a new one it asks for what no log says, makes its airframe from
     the hover in its flights, and trains its model on those that are sound, three or more. A known
     one is followed: each flight is compared with what was known before it, and then taught.
     Afterwards `report`, `replay` and the others know the aircraft of a log by themselves.
 
+    With --store it takes many logs of many aircraft into the store of a season, a folder of Parquet
+    files that duckdb, polars and pandas read as it is: a flight once, whatever its file is called.
+    The same command again goes on where it was stopped. A log that cannot be read is listed with
+    the reason, and the others go on.
+
     Example: thrustmargin learn flights --aircraft north-field-2 --mass 18 --arm 0.74
     --tank-litres 0 --power-set hobbywing-x6-plus
     (flights is the folder of your logs)
 
     Args:
-        logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv; or folders of
-            them.
+        logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv; folders of them,
+            or patterns such as 'logs/**/*.BIN'; for a season also addresses such as
+            s3://season/logs.
         owner: What no log says of a new aircraft; asked for in a terminal.
         reading: How the logs are read.
-        known: The name of the aircraft, and where it is kept.
+        known: The name of the aircraft that flew the logs, and where it is kept.
+        season: The logs of a season, into its store.
         again: Make a known aircraft again from these logs: its airframe too where the options state
             what no log says. What other flights taught is set aside until they are learnt again.
+            In a season's store: read logs that are stored too, and replace what is stored, for
+            another model, airframe or name.
         seed: Number from which all chance of the training is drawn.
     """
-    require("train", "torch", "scipy")
-    from thrustmargin.gcs_plugin.commands.shared.known import hangar_of, learn_logs
-    from thrustmargin.gcs_plugin.commands.shared.options import check_range, require_logs
-    from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+    from thrustmargin.gcs_plugin.commands.shared.options import check_range
 
     check_range("--seed", seed, 0, 2**32 - 1)
     check_numbers(owner)
+    season.check()
+    inputs = Inputs(reading=reading, known=known)
+    if season.store is None:
+        return _learn_aircraft(logs, owner, inputs, season.workers, again=again, seed=seed)
+    of_one = [*given_options(owner), *given_options(replace(known, aircraft=None))]
+    if of_one or seed:
+        raise UsageError(
+            f"{(*of_one, '--seed')[0]} is about making one aircraft known, --store about the "
+            "flights of a season; give one of them"
+        )
+    return take_logs_in(logs, season, inputs, again=again)
+
+
+def _learn_aircraft(
+    words: Sequence[str],
+    owner: OwnerStatement,
+    inputs: Inputs,
+    workers: int | None,
+    *,
+    again: bool,
+    seed: int,
+) -> int:
+    """Learn the aircraft of all logs that `words` name. Return the exit code: 1 if one is not
+    used."""
+    require("train", "torch", "scipy")
+    from thrustmargin.gcs_plugin.commands.shared.known import hangar_of, learn_logs
+    from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.gcs_plugin.store.ingest_run import is_address
+    from thrustmargin.gcs_plugin.store.worker_processes import own_cores
+    from thrustmargin.gcs_plugin.wording.aircraft_words import not_learnt_words
+
+    if afar := [word for word in words if is_address(word)]:
+        raise UsageError(f"{afar[0]}: logs at an address are taken into a season; add --store")
     progress, console = Terminal(stderr=True), Terminal(soft_wrap=True)
-    inputs = Inputs(logs=require_logs(logs), reading=reading, known=known)
+    found, refused = find_logs(words)
+    inputs = replace(inputs, logs=tuple(Path(log.path) for log in found))
     hangar = hangar_of(inputs)
-    unread: list[UnusedLog] = []
-    groups = _groups(inputs, hangar, unread)
-    new = [group for group in groups if group.name is None or group.name not in hangar.names()]
-    if len(new) > 1 and known.aircraft is None and owner != NOTHING_STATED:
+    unread = [UnusedLog(name=name, reason=reason) for name, reason in refused]
+    processes = workers or (own_cores() if len(found) >= MANY_LOGS else 1)
+    groups = _groups(inputs, hangar, unread, processes)
+    new = [group for group in groups if group.name not in hangar.names()]
+    if len(new) > 1 and inputs.known.aircraft is None and owner != NOTHING_STATED:
         raise DataError(
             f"the logs are of {len(new)} new aircraft, and the options state one; learn the logs "
             "of one aircraft at a time"
         )
     for group in groups:
-        if group in new:
-            known_one, trained = _make(group, owner, inputs, hangar, progress, seed=seed)
-        else:
-            known_one, trained = _follow(
-                group, owner, inputs, hangar, progress, again=again, seed=seed
-            )
+        known_one, trained = _known_with_model(
+            group, owner, inputs, hangar, progress, again=again, seed=seed
+        )
         paths = [path for path in group.paths if _untrained(path, known_one)]
         learnt, known_one = learn_logs(
             known_one, paths, inputs, hangar, unread, progress, must_keep=True
@@ -117,8 +165,6 @@ def learn(
                 console.print(escape(line))
         for line in card(known_one):
             console.print(escape(line))
-    from thrustmargin.gcs_plugin.wording.aircraft_words import not_learnt_words
-
     for one in unread:
         console.print(escape(not_learnt_words(one.name, one.reason)))
     return 1 if unread else 0
@@ -147,12 +193,14 @@ def _flight_lines(flight: LearntFlight, log_name: str) -> tuple[str, ...]:
     return (first, f"  {second}", *changed)
 
 
-def _groups(inputs: Inputs, hangar: Hangar, unread: list[UnusedLog]) -> list[_Group]:
+def _groups(
+    inputs: Inputs, hangar: Hangar, unread: list[UnusedLog], processes: int
+) -> list[_Group]:
     """Group the logs by aircraft; logs that cannot be read or assigned are added to `unread`."""
-    from thrustmargin.gcs_plugin.commands.shared.inputs import reading_keywords, unnamed
-    from thrustmargin.gcs_plugin.logs.read import read_sorties
+    from thrustmargin.gcs_plugin.commands.shared.inputs import unnamed
+    from thrustmargin.gcs_plugin.commands.shared.known import marks_of_logs
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-    from thrustmargin.gcs_plugin.store.aircraft_marks import Recognition, marks_of, recognise
+    from thrustmargin.gcs_plugin.store.aircraft_marks import Recognition, recognise
     from thrustmargin.gcs_plugin.wording.aircraft_words import open_words
 
     found: dict[str, _Group] = {}
@@ -165,11 +213,10 @@ def _groups(inputs: Inputs, hangar: Hangar, unread: list[UnusedLog]) -> list[_Gr
         marked = (*group.marks, marks)
         found[key] = replace(group, marks=marked, paths=(*group.paths, path))
 
-    for path in inputs.logs:
-        try:
-            marks = marks_of(read_sorties(path, **reading_keywords(inputs.reading))[0])
-        except LogError as error:
-            unread.append(UnusedLog(name=path.name, reason=unnamed(error, path)))
+    found_marks = marks_of_logs(inputs.logs, inputs.reading, processes=processes)
+    for path, marks in zip(inputs.logs, found_marks, strict=True):
+        if isinstance(marks, LogError):
+            unread.append(UnusedLog(name=path.name, reason=unnamed(marks, path)))
             continue
         named = inputs.known.aircraft
         seen = Recognition(name=named) if named is not None else hangar.recognise(marks)
@@ -211,32 +258,7 @@ def _chosen(logs: Sequence[str], open_ones: Sequence[tuple[str, MarksMatch]]) ->
     return None
 
 
-def _make(
-    group: _Group,
-    owner: OwnerStatement,
-    inputs: Inputs,
-    hangar: Hangar,
-    console: Console,
-    *,
-    seed: int,
-) -> tuple[KnownAircraft, list[tuple[LearntFlight, FlightLog]]]:
-    """Make a new aircraft: its airframe from hovers, its model from the fault-free flights.
-
-    Return it with the flights that its model was trained on.
-    """
-    from thrustmargin.gcs_plugin.store.hangar import checked_name
-
-    name = checked_name(group.name or _folder_name(group, hangar) or _new_name(group.marks[0]))
-    group = replace(group, marks=group.marks[:1])
-    with TemporaryDirectory(prefix="thrustmargin-") as drafts:
-        draft = Path(drafts) / "airframe.toml"
-        inputs = replace(
-            inputs, reading=_draft_airframe(draft, name, group, owner, inputs, console)
-        )
-        return _make_model(name, group, inputs, hangar, console, airframe=draft, seed=seed)
-
-
-def _follow(
+def _known_with_model(
     group: _Group,
     owner: OwnerStatement,
     inputs: Inputs,
@@ -246,30 +268,38 @@ def _follow(
     again: bool,
     seed: int,
 ) -> tuple[KnownAircraft, list[tuple[LearntFlight, FlightLog]]]:
-    """Return a known aircraft, with the flights that its model was made from now.
+    """Return the aircraft of a group of logs, with the flights that its model was made from now.
 
-    A model is made where no flights have made one, or `again`; an airframe where the owner states
-    it. Raise DataError where a statement contradicts what flights have taught.
+    A model is made where no flights have made one, or `again`; an airframe of a new aircraft, or
+    where the owner states it. Raise DataError where a statement contradicts what flights have
+    taught.
     """
-    known = hangar.load(str(group.name))
+    from thrustmargin.gcs_plugin.store.hangar import checked_name
+
+    known = hangar.load(str(group.name)) if group.name in hangar.names() else None
     stated = owner != NOTHING_STATED
-    taught = known.model().taught
-    if stated and taught and not again:
+    if known is not None and known.model().taught and not again:
+        if not stated:
+            return known, []
         count = len(known.sound_flights)
         raise DataError(
             f"{known.name} is known from {count} flight{'s' * (count != 1)} with the airframe of "
             f"{known.airframe_file}; to make both again by these statements and logs, add --again"
         )
-    if taught and not again:
-        return known, []
-    group = replace(group, marks=known.marks)
+    if known is None:
+        named = group.name or _folder_name(group, hangar) or _new_name(group.marks[0])
+        name, marks = checked_name(named), group.marks[:1]
+    else:
+        name, marks = known.name, known.marks
+    group = replace(group, marks=marks)
     with TemporaryDirectory(prefix="thrustmargin-") as drafts:
-        draft = known.airframe_file
-        if stated:
-            draft = Path(drafts) / "airframe.toml"
-            reading = _draft_airframe(draft, known.name, group, owner, inputs, console)
+        draft = Path(drafts) / "airframe.toml"
+        if known is None or stated:
+            reading = _draft_airframe(draft, name, group, owner, inputs, console)
             inputs = replace(inputs, reading=reading)
-        return _make_model(known.name, group, inputs, hangar, console, airframe=draft, seed=seed)
+        else:
+            draft = known.airframe_file
+        return _make_model(name, group, inputs, hangar, console, airframe=draft, seed=seed)
 
 
 def _with_marks(
@@ -413,7 +443,7 @@ def _make_model(
         if flight.row.flight not in known.training:
             continue
         made.append((flight, log))
-        if math.isfinite(flight.row.started_unix_s):
+        if flight.row.can_be_kept:
             dated.append((flight, log))
             known = with_flight(known, flight.row)
     keep(dated, known, hangar)
@@ -422,10 +452,9 @@ def _make_model(
 
 def _untrained(path: Path, aircraft: KnownAircraft) -> bool:
     """Return True if the model of an aircraft was not made from a log."""
-    from hashlib import file_digest
+    from thrustmargin.gcs_plugin.store.ingest_run import content_of
 
-    with path.open("rb") as file:
-        content = file_digest(file, "sha256").hexdigest()[:16]
+    content = content_of(str(path))
     return not any(flight.startswith(content) for flight in aircraft.training)
 
 

@@ -1,4 +1,4 @@
-"""Turn one log into the flights that the season's store keeps, in a process of `ingest`."""
+"""Turn one log into the flights that the season's store keeps, in a process of `learn`."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ WAIT_S = 20.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IngestSettings:
-    """The settings of one run of `ingest`, in values that another machine can use."""
+    """The settings of one run of `learn --store`, in values that another machine can use."""
 
     store: str
     model: str | None = None

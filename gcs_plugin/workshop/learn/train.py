@@ -86,6 +86,7 @@ def train(
         require_logs,
     )
     from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+    from thrustmargin.gcs_plugin.wording.aircraft_words import owner_words
     from thrustmargin.gcs_plugin.wording.language import Verbatim, say
     from thrustmargin.gcs_plugin.workshop.learn.model_figures import loss_paths, write_loss_curves
     from thrustmargin.gcs_plugin.workshop.learn.training_tables import training_tables
@@ -131,6 +132,7 @@ def train(
         console.print(words, soft_wrap=True)
     for path in written:
         console.print(say("wrote {file}", file=path), soft_wrap=True)
+    console.print(owner_words(), soft_wrap=True)
     return 1 if unread else 0
 
 

@@ -43,7 +43,7 @@ def test_a_second_writer_of_a_bucket_is_refused_until_the_first_ends(season_buck
     with writer_lock(store) as check_lock:
         check_lock()
         with (
-            pytest.raises(DataError, match="written by another ingest \\(process"),
+            pytest.raises(DataError, match="written by another command \\(process"),
             writer_lock(store),
         ):
             pass

@@ -22,7 +22,7 @@ def test_a_worker_that_dies_loses_nothing_and_the_result_is_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     alone, shared = tmp_path / "alone", tmp_path / "shared"
-    assert run(["ingest", *LOGS, "--store", str(alone), "--workers", "2"]) == 0
+    assert run(["learn", *LOGS, "--store", str(alone), "--workers", "2"]) == 0
     with bucket("fleet", monkeypatch) as url, cluster(tmp_path, 2) as (scheduler, workers):
 
         def kill_one() -> None:
@@ -33,10 +33,10 @@ def test_a_worker_that_dies_loses_nothing_and_the_result_is_the_same(
         ended = threading.Event()
         killer = threading.Thread(target=kill_one)
         killer.start()
-        assert run(["ingest", *LOGS, "--store", str(shared), "--cluster", scheduler]) == 0
+        assert run(["learn", *LOGS, "--store", str(shared), "--cluster", scheduler]) == 0
         killer.join()
         assert workers[0].wait() != 0
-        assert run(["ingest", *LOGS[:2], "--store", f"{url}/s", "--cluster", scheduler]) == 0
+        assert run(["learn", *LOGS[:2], "--store", f"{url}/s", "--cluster", scheduler]) == 0
         first = content(SeasonStore.open(f"{url}/s"))["flights"]
     assert files(shared) == files(alone)
     assert not list((shared / DRAFTS).rglob("*.parquet"))
@@ -49,7 +49,7 @@ def test_a_worker_that_dies_loses_nothing_and_the_result_is_the_same(
 @pytest.mark.slow
 def test_no_scheduler_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     words = [LOGS[0], "--store", str(tmp_path / "s"), "--cluster", "tcp://127.0.0.1:9"]
-    assert run(["ingest", *words]) == 1
+    assert run(["learn", *words]) == 1
     said = capsys.readouterr().err
     assert said.startswith("thrustmargin: no Dask scheduler answers at tcp://127.0.0.1:9")
     assert said.count("\n") == 1

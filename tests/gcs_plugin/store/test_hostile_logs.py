@@ -11,7 +11,7 @@ from tests.gcs_plugin.logs.log_files import UlogWriter
 from tests.import_graph import ROOT
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore
-from thrustmargin.gcs_plugin.workshop.learn.ingest import find_logs
+from thrustmargin.gcs_plugin.workshop.learn.season_intake import find_logs
 
 NO_FILE = "it is no file: a link to nothing, a pipe or a device"
 TLOG = ROOT / "sitl_logs/campaign/v4_m16_q2.5.tlog"
@@ -78,7 +78,7 @@ def test_hostile_files_are_each_listed_with_a_reason_and_the_good_ones_taken(tmp
     hostile_files(logs)
     (logs / "good.tlog").write_bytes(TLOG.read_bytes())
     (logs / "scratched.BIN").write_bytes(flipped(DATAFLASH.read_bytes(), 1e-5))
-    words = ["ingest", str(logs), "--store", str(tmp_path / "store"), "--json", str(said)]
+    words = ["learn", str(logs), "--store", str(tmp_path / "store"), "--json", str(said)]
     assert run([*words, "--workers", "2"]) == 1
     outcome = json.loads(said.read_text())
     taken = SeasonStore.open(str(tmp_path / "store")).table("flights").to_pylist()

@@ -21,7 +21,6 @@ from thrustmargin.gcs_plugin.store.ingest_run import (
     LogSource,
     ingest_logs,
     known_contents,
-    local_processes,
 )
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore
 from thrustmargin.gcs_plugin.store.staging import (
@@ -31,6 +30,7 @@ from thrustmargin.gcs_plugin.store.staging import (
     stage,
     staged_partitions,
 )
+from thrustmargin.gcs_plugin.store.worker_processes import process_pool
 from thrustmargin.gcs_plugin.store.writer_lock import writer_lock
 from thrustmargin.models.errors import DataError
 
@@ -57,7 +57,7 @@ def run(
     workers: tuple[Callable[[], Executor], int] | None = None,
 ) -> IngestOutcome:
     store = SeasonStore.open(str(folder))
-    make, at_once = workers or local_processes(2)
+    make, at_once = workers or (partial(process_pool, 2), 4)
     with writer_lock(store) as check_lock:
         return ingest_logs(
             store,
@@ -134,7 +134,7 @@ def test_a_second_writer_is_refused_with_who_writes(tmp_path: Path):
     store = SeasonStore.open(str(tmp_path))
     with writer_lock(store):
         other = SeasonStore.open(str(tmp_path))
-        mine = f"another ingest \\(process {os.getpid()} on "
+        mine = f"another command \\(process {os.getpid()} on "
         with pytest.raises(DataError, match=mine), writer_lock(other):
             pass
     with writer_lock(store):
@@ -166,7 +166,7 @@ def test_killed_and_run_again_it_is_as_if_never_killed(tmp_path: Path):
 @pytest.mark.slow
 def test_ctrl_c_ends_the_processes_too_and_the_rest_follows(tmp_path: Path):
     logs = sorted((ROOT / "sitl_logs/campaign").glob("v2*q2.5.tlog"))
-    command = [sys.executable, "-m", "thrustmargin.gcs_plugin.cli", "ingest", *map(str, logs)]
+    command = [sys.executable, "-m", "thrustmargin.gcs_plugin.cli", "learn", *map(str, logs)]
     command += ["--store", str(tmp_path), "--workers", "2"]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         while len(list(tmp_path.rglob("*.zip"))) < 1:

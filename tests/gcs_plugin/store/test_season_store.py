@@ -84,7 +84,7 @@ def test_a_second_writer_is_refused_with_who_writes_and_the_next_is_not(store: S
     with writer_lock(store) as check_lock:
         check_lock()
         with (
-            pytest.raises(DataError, match=rf"another ingest \(process {os.getpid()} on "),
+            pytest.raises(DataError, match=rf"another command \(process {os.getpid()} on "),
             writer_lock(store),
         ):
             pass
@@ -104,7 +104,7 @@ def test_a_lock_in_a_bucket_that_nobody_can_read_or_renews_is_taken_over(
             monkeypatch.setattr(lock_module, "STALE_S", -1.0)
             second = later.enter_context(writer_lock(store))
             second()
-            with pytest.raises(DataError, match="taken over by another ingest"):
+            with pytest.raises(DataError, match="taken over by another command"):
                 first()
         second()  # the first, when it ended, took nothing of the second's
     assert store.keys("") == []

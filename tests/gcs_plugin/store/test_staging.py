@@ -185,10 +185,10 @@ def test_a_store_in_another_layout_names_what_takes_it_in_again(tmp_path: Path, 
     words = pa.array([["in", "words"]] * pq.ParquetFile(path).metadata.num_rows)
     place = pq.ParquetFile(path).read().column_names.index(column)
     rewritten(path, lambda old: old.set_column(place, column, words))
-    with pytest.raises(DataError, match="thrustmargin ingest --again"):
+    with pytest.raises(DataError, match="thrustmargin learn --again --store"):
         store.table(table)
     fill(store, [8])
-    with pytest.raises(DataError, match="thrustmargin ingest --again"):
+    with pytest.raises(DataError, match="thrustmargin learn --again --store"):
         merge_all(store)
     fill(store, [2])
     merge_all(store)

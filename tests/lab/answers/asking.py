@@ -41,7 +41,7 @@ NO_ANSWER = {
     *("sha256", "software", "created", "created_utc", "generated", "generator"),
 }
 #: The same, of one file alone: how long it took is named as what a flight takes elsewhere.
-NO_ANSWER_OF = {"ingest.json": "seconds"}
+NO_ANSWER_OF = {"learn.json": "seconds"}
 
 
 def ask_all(questions: Sequence[Question], out: Path) -> None:

@@ -43,7 +43,7 @@ SELECTS = {
 OUT, STORE = "{out}", "{store}"
 
 CORE = ("cover", "export", "fill", "forecast", "inspect", "match", "record", "report")
-LONGER = ("fleet", "identify", "ingest", "replay", "train")
+LONGER = ("fleet", "identify", "learn", "replay", "train")
 #: Takes the answers of threads that race with each other: not the same twice.
 BY_THE_CLOCK = ("monitor",)
 COMMANDS = (*CORE, *LONGER, *BY_THE_CLOCK)
@@ -116,7 +116,7 @@ def questions(folders: Sequence[Path], only: Sequence[str]) -> Iterator[Question
     for question in (*_without_logs(), *_loop()):
         if question.command in only:
             yield question
-    if {"ingest", "fleet"} & {*only}:  # one needs the store of the other
+    if {"learn", "fleet"} & {*only}:  # one needs the store of the other
         yield from _season()
 
 
@@ -178,8 +178,8 @@ def _loop() -> Iterator[Question]:
 
 def _season() -> Iterator[Question]:
     logs = [str(BUNDLED / group) for group in ("campaign", "dev", "onset")]
-    taken = ("--store", STORE, "--workers", "1", "--json", f"{OUT}/ingest.json")
-    yield Question("season", ("ingest", *logs, *taken))
+    taken = ("--store", STORE, "--workers", "1", "--json", f"{OUT}/learn.json")
+    yield Question("season", ("learn", *logs, *taken))
     shown = ("--json", f"{OUT}/fleet.json", "--csv", f"{OUT}/fleet.csv")
     yield Question("season", ("fleet", STORE, *shown), ("*.json", "*.csv"))
     for name, asked in SELECTS.items():

@@ -1,26 +1,26 @@
-"""Processor seconds of `ingest` a flight and of `report`, beside pymavlink's reading of the logs.
+"""Processor seconds a flight of `learn --store` and `report`, and of pymavlink's reading alone.
 
-Each command is a process of its own, imports and all. What a flight adds to `ingest` is the
+Each command is a process of its own, imports and all. What a flight adds to `learn` is the
 difference of two runs, one of many flights and one of few.
 """
 
 from pathlib import Path
 
-from tests.lab.bench.bench_ingest import MODULE, make_logs, seconds_of_pymavlink, timed
+from tests.lab.bench.bench_intake import MODULE, make_logs, seconds_of_pymavlink, timed
 from tests.mission.fields_made import outline, rectangle
 from thrustmargin.gcs_plugin.office.cover.coverage_plan import CoverageOrder, cover_field
 
 FEW, MANY = 4, 34
 
 
-def test_ingest(benchmark, tmp_path):
+def test_learn_into_a_store(benchmark, tmp_path):
     logs = make_logs(tmp_path, FEW + MANY)
     store = ["--store", str(tmp_path / "store"), "--workers", "1", "--quiet"]
     spent: list[float] = []
 
     def measure() -> None:
         for some in (logs[:FEW], logs[FEW:]):
-            code, _, core = timed([*MODULE, "ingest", *map(str, some), *store])
+            code, _, core = timed([*MODULE, "learn", *map(str, some), *store])
             assert code == 0
             spent.append(core)
 
@@ -28,7 +28,7 @@ def test_ingest(benchmark, tmp_path):
     each = (spent[1] - spent[0]) / (MANY - FEW)
     theirs = seconds_of_pymavlink(logs[:FEW]) / FEW
     print(
-        f"\ningest: {each:.3f} s of processor a flight beside {spent[0] - FEW * each:.1f} s a run; "
+        f"\nlearn: {each:.3f} s of processor a flight beside {spent[0] - FEW * each:.1f} s a run; "
         f"pymavlink reads such a log in {theirs:.3f} s: {each / theirs:.2f} x"
     )
 

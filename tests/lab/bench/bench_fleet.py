@@ -27,7 +27,7 @@ from thrustmargin.models.identification.season.flight_sums import to_arrays
 
 
 def make_store(folder: Path, aircraft: int, flights: int) -> None:
-    """A store of that many aircraft, as ingest leaves it but for the rows."""
+    """A store of that many aircraft, as `learn` leaves it but for the rows."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

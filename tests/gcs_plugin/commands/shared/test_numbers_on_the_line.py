@@ -19,8 +19,7 @@ NEEDED = {
     "monitor": ["udpin:127.0.0.1:0"],
     "export": ["no.tlog", "--mcap=made.mcap"],
     "record": ["no.tlog", "--out=made.pdf"],
-    "ingest": ["no.tlog", "--store=season"],
-    "learn": ["no.tlog"],
+    "learn": ["no.tlog", "--store=season"],
     "train": ["no.tlog", "--out-model=made.safetensors"],
 }
 #: Options for which a number below 0 makes sense.

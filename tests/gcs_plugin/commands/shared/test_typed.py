@@ -72,6 +72,10 @@ def test_a_folder_is_all_logs_in_it_in_the_order_of_people(tmp_path):
     found = [str(path.relative_to(tmp_path)) for path in require_logs([tmp_path])]
     assert found == ["2.BIN", "10.BIN", str(Path("day 2/a.tlog"))]
     assert require_logs([Path("x.BIN")]) == (Path("x.BIN"),)
+    by_pattern = require_logs([tmp_path / "*.BIN", tmp_path / "day*"])
+    assert [path.name for path in by_pattern] == ["2.BIN", "10.BIN", "a.tlog"]
+    with pytest.raises(DataError, match=r"no log at .*\*\.ulg"):
+        require_logs([tmp_path / "*.ulg"])
 
 
 def test_nothing_to_work_on_is_said(tmp_path):
@@ -91,7 +95,7 @@ def test_help_has_no_none_where_an_option_may_be_left_out(command, capsys):
 
 
 @pytest.mark.parametrize(
-    "command", ["report demo", "fill --airframe topxgun-f16", "ingest demo --store x"]
+    "command", ["report demo", "fill --airframe topxgun-f16", "learn demo --store x"]
 )
 def test_a_limit_that_is_none_is_a_wrong_command_line_everywhere(command, capsys):
     assert run([*command.split(), "--max-utilisation", "150%"]) == 2

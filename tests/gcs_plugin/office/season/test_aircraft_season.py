@@ -317,7 +317,7 @@ def test_sums_of_another_version_are_left_out_and_said():
     found = aircraft_season("a", rows_of(30), sums)
     assert found.counted == tuple(range(20))
     assert found.no_changes.startswith("10 flights are about an older model, or of an older")
-    assert "ingest --again" in found.no_changes
+    assert "learn --store --again" in found.no_changes
 
 
 def test_a_drifting_gauge_asks_for_scales():

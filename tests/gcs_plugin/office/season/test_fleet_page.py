@@ -159,11 +159,9 @@ def test_what_is_not_there_is_said(
     assert said in capsys.readouterr().err
 
 
-def test_a_folder_without_flights_asks_for_ingest(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-):
+def test_a_folder_without_flights_asks_for_logs(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert run(["fleet", str(tmp_path)]) == 1
-    assert "thrustmargin ingest" in capsys.readouterr().err
+    assert "thrustmargin learn" in capsys.readouterr().err
 
 
 def test_a_hexacopter_under_the_name_of_a_quad_has_a_season_of_its_own(tmp_path: Path):

@@ -104,12 +104,12 @@ def test_sql_answers_in_the_readers_language(
     assert "less thrust" not in said["de"]
 
 
-def test_report_ingest_and_sql_have_the_same_numbers_level_and_action(
+def test_report_store_and_sql_have_the_same_numbers_level_and_action(
     sitl_logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     log, store, report = sitl_logs / LOGS[1], tmp_path / "store", tmp_path / "r.json"
     assert run(["report", str(log), "--json", str(report)]) == 0
-    assert run(["ingest", str(log), "--store", str(store), "--workers", "1"]) == 0
+    assert run(["learn", str(log), "--store", str(store), "--workers", "1"]) == 0
     capsys.readouterr()
     asked = "select fill_kg, fill_limit_kg, verdict, levels, action, action_kinds from flights"
     assert run(["fleet", str(store), "--sql", asked, "--csv", str(tmp_path / "q.csv")]) == 0

@@ -59,8 +59,9 @@ def test_a_reported_flight_is_in_the_hangar_and_the_season_with_the_same_values(
     assert stored(hangar) == []
 
 
-def test_ingest_follows_known_aircraft_and_aircraft_lists_what_it_took_in(hangar, capsys):
-    assert run(["ingest", str(BOARD_LOG), str(OTHER), "--workers", "1"]) == 0
+def test_a_season_follows_known_aircraft_and_aircraft_lists_the_others(hangar, capsys):
+    store = str(hangar.folder)
+    assert run(["learn", str(BOARD_LOG), str(OTHER), "--workers", "1", "--store", store]) == 0
     (row,) = hangar.load("north").flights
     assert row.log_name == BOARD_LOG.name
     assert row.offsets is not None
@@ -73,6 +74,13 @@ def test_ingest_follows_known_aircraft_and_aircraft_lists_what_it_took_in(hangar
     said = capsys.readouterr().out
     assert "north: 1 flight on 1 day" in said
     assert "sysid-1: 1 flight taken in, no model of its own" in said
+    done = Path(store).parent / "done.json"
+    again = ["learn", str(BOARD_LOG), str(OTHER), "--store", store, "--json", str(done)]
+    for words, flights, already in ((again, 0, 2), ([*again, "--again"], 2, 0)):
+        assert run(words) == 0
+        said = json.loads(done.read_text())
+        assert (said["schema"], said["already_stored"]) == ("thrustmargin.learn/1", already)
+        assert len(said["flights"]) == flights
 
 
 def test_two_reports_at_once_lose_no_flight(hangar):

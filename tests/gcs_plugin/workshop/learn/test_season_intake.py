@@ -1,4 +1,4 @@
-"""`thrustmargin ingest` on recorded flights: what is stored, what is refused, who is named."""
+"""`learn --store` on recorded flights: what is stored, what is refused, who is named."""
 
 import json
 import os
@@ -18,11 +18,11 @@ from thrustmargin.gcs_plugin.office.season.stored_words import flight_reason
 from thrustmargin.gcs_plugin.store.ingest_run import content_of
 from thrustmargin.gcs_plugin.store.schema import FLIGHTS
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, read_flights, read_sums
-from thrustmargin.gcs_plugin.workshop.learn.ingest import find_logs
 from thrustmargin.gcs_plugin.workshop.learn.season_flight import (
     IngestSettings,
     season_flights,
 )
+from thrustmargin.gcs_plugin.workshop.learn.season_intake import find_logs
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.identification.season.flight_sums import from_arrays
 from thrustmargin.models.physics.resistance import battery_resistance
@@ -34,7 +34,7 @@ ALONE = ("--workers", "1")
 
 
 @pytest.fixture(scope="module")
-def ingested(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict, dict]:
+def taken_in(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict, dict]:
     """A store of two flights among files that are none, its JSON and the report's."""
     folder = tmp_path_factory.mktemp("season")
     logs = folder / "logs" / "deep"
@@ -48,7 +48,7 @@ def ingested(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict, dict
     (logs / "table.csv").write_text("a,b\n1,2\n")
     (logs / "notes.md").write_text("not a log")
     said, report = folder / "said.json", folder / "report.json"
-    words = ["ingest", str(folder / "logs"), "--store", str(folder / "store"), *ALONE]
+    words = ["learn", str(folder / "logs"), "--store", str(folder / "store"), *ALONE]
     words += ["--json", str(said)]
     assert run(words) == 1
     assert run(["report", str(FLIGHT), "--json", str(report)]) == 0
@@ -56,8 +56,8 @@ def ingested(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict, dict
 
 
 @pytest.mark.slow
-def test_a_flight_is_stored_once_and_bad_logs_are_listed(ingested: tuple[Path, dict, dict]):
-    _, said, _ = ingested
+def test_a_flight_is_stored_once_and_bad_logs_are_listed(taken_in: tuple[Path, dict, dict]):
+    _, said, _ = taken_in
     assert sorted(said["flights"]) == sorted(map(content_of, map(str, (FLIGHT, OTHER))))
     assert said["already_stored"] == 1
     reasons = {row["name"]: row["reason"] for row in said["rejected"]}
@@ -66,8 +66,8 @@ def test_a_flight_is_stored_once_and_bad_logs_are_listed(ingested: tuple[Path, d
     assert reasons["empty.tlog"] == "is empty (0 bytes); copy it from the vehicle again"
 
 
-def test_the_summary_is_what_the_report_says(ingested: tuple[Path, dict, dict]):
-    folder, _, report = ingested
+def test_the_summary_is_what_the_report_says(taken_in: tuple[Path, dict, dict]):
+    folder, _, report = taken_in
     rows = read_flights(SeasonStore.open(str(folder / "store"))).to_pylist()
     stored = {row["flight"]: row for row in rows}[content_of(str(FLIGHT))]
     flight = report["flights"][0]
@@ -97,7 +97,7 @@ def test_a_good_flight_that_is_predicted_alone_has_no_margin_and_no_good_rank(
     without(light, logs / "unseen.tlog", *silent)
     store = str(tmp_path / "store")
     airframe = ["--airframe", "topxgun-f16-sitl"]
-    assert run(["ingest", str(logs), "--store", store, "--aircraft", "A7", *airframe]) == 0
+    assert run(["learn", str(logs), "--store", store, "--aircraft", "A7", *airframe]) == 0
     (stored,) = read_flights(SeasonStore.open(store)).to_pylist()
     assert stored["verdict"] == "unknown"
     assert {stored[n] for n in ("worst_margin", "mean_margin", "worst_rotor")} == {None}
@@ -113,8 +113,8 @@ def test_a_good_flight_that_is_predicted_alone_has_no_margin_and_no_good_rank(
     assert "1 of 1 flights have no verdict: predicted: for most of" in said
 
 
-def test_rows_and_sums_are_those_of_the_flight(ingested: tuple[Path, dict, dict]):
-    folder, _, report = ingested
+def test_rows_and_sums_are_those_of_the_flight(taken_in: tuple[Path, dict, dict]):
+    folder, _, report = taken_in
     store = SeasonStore.open(str(folder / "store"))
     name = content_of(str(FLIGHT))
     rows = [row for row in content(store)["rows"] if row["flight"] == name]
@@ -128,13 +128,13 @@ def test_rows_and_sums_are_those_of_the_flight(ingested: tuple[Path, dict, dict]
     assert 150.0 < evidence.seconds < 230.0
 
 
-def test_again_nothing_is_read_or_changed(ingested: tuple[Path, dict, dict], tmp_path: Path):
-    folder, _, _ = ingested
+def test_again_nothing_is_read_or_changed(taken_in: tuple[Path, dict, dict], tmp_path: Path):
+    folder, _, _ = taken_in
     shutil.copytree(folder / "store", tmp_path / "store")
     before = files(tmp_path / "store")
     said = tmp_path / "said.json"
     words = [str(FLIGHT), str(OTHER), "--store", str(tmp_path / "store"), "--json", str(said)]
-    assert run(["ingest", *words]) == 0
+    assert run(["learn", *words]) == 0
     assert json.loads(said.read_text())["already_stored"] == 2
     after = files(tmp_path / "store")
     assert {k: v for k, v in after.items() if "rejected" not in k} == {
@@ -144,9 +144,9 @@ def test_again_nothing_is_read_or_changed(ingested: tuple[Path, dict, dict], tmp
 
 @pytest.mark.slow
 def test_again_under_another_name_it_is_as_if_taken_in_so_at_first(
-    ingested: tuple[Path, dict, dict], tmp_path: Path
+    taken_in: tuple[Path, dict, dict], tmp_path: Path
 ):
-    folder, _, _ = ingested
+    folder, _, _ = taken_in
     shutil.copytree(folder / "store", tmp_path / "store")
     logs = [str(FLIGHT), str(OTHER)]
     words = [
@@ -158,8 +158,8 @@ def test_again_under_another_name_it_is_as_if_taken_in_so_at_first(
         "12",
     ]  # with a load the rows differ too
     for _ in range(2):
-        assert run(["ingest", *words, "--store", str(tmp_path / "store"), "--again"]) == 0
-    assert run(["ingest", *words, "--store", str(tmp_path / "fresh")]) == 0
+        assert run(["learn", *words, "--store", str(tmp_path / "store"), "--again"]) == 0
+    assert run(["learn", *words, "--store", str(tmp_path / "fresh")]) == 0
     found, fresh = (
         {k: v for k, v in files(tmp_path / name).items() if "rejected" not in k}
         for name in ("store", "fresh")
@@ -170,7 +170,7 @@ def test_again_under_another_name_it_is_as_if_taken_in_so_at_first(
 
 @pytest.mark.slow
 def test_anonymised_nobody_and_no_place_is_named(
-    ingested: tuple[Path, dict, dict],
+    taken_in: tuple[Path, dict, dict],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -178,7 +178,7 @@ def test_anonymised_nobody_and_no_place_is_named(
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     log = tmp_path / "smith-north-field.tlog"
     shutil.copy(FLIGHT, log)
-    words = ["ingest", str(log), *ALONE, "--aircraft", "smith-7", "--anonymise", "--store"]
+    words = ["learn", str(log), *ALONE, "--aircraft", "smith-7", "--anonymise", "--store"]
     assert run([*words, str(tmp_path / "store")]) == 0
     store = SeasonStore.open(str(tmp_path / "store"))
     (row,) = read_flights(store).to_pylist()
@@ -193,7 +193,7 @@ def test_anonymised_nobody_and_no_place_is_named(
     placed = next(r for r in rows if r["position_ned_n"] is not None)
     assert (placed["position_ned_n"], placed["position_ned_e"]) == (0.0, 0.0)
     assert all(r["altitude"] is None for r in rows)
-    open_row = read_flights(SeasonStore.open(str(ingested[0] / "store"))).to_pylist()
+    open_row = read_flights(SeasonStore.open(str(taken_in[0] / "store"))).to_pylist()
     same = next(r for r in open_row if r["log_format"] == "tlog")
     for figure in (
         "worst_margin",
@@ -207,7 +207,7 @@ def test_anonymised_nobody_and_no_place_is_named(
     assert run([*words, str(tmp_path / "store")]) == 0  # known by its pseudonym
     assert read_flights(store).num_rows == 1
     capsys.readouterr()
-    assert run(["ingest", str(log), "--store", str(tmp_path / "store")]) == 1
+    assert run(["learn", str(log), "--store", str(tmp_path / "store")]) == 1
     assert "would be counted twice" in capsys.readouterr().err
 
     fleet = [tmp_path / f"fleet.{ending}" for ending in ("html", "json", "csv")]
@@ -234,7 +234,7 @@ def test_folders_patterns_and_live_recordings_name_logs(tmp_path: Path):
     assert refused == [
         (
             "20260501-080000/telemetry.tlog",
-            "it is still being recorded; run ingest again afterwards",
+            "it is still being recorded; learn it afterwards",
         )
     ]
     os.utime(recording / "telemetry.tlog", (1.0, 1.0))
@@ -248,7 +248,7 @@ def test_folders_patterns_and_live_recordings_name_logs(tmp_path: Path):
 def test_a_name_that_no_folder_may_have_is_refused(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
-    words = ["ingest", str(FLIGHT), "--store", str(tmp_path / "s"), "--aircraft", name]
+    words = ["learn", str(FLIGHT), "--store", str(tmp_path / "s"), "--aircraft", name]
     assert run(words) == 1
     assert "--aircraft" in capsys.readouterr().err
     assert not (tmp_path / "s").exists()
@@ -292,3 +292,62 @@ def test_a_flight_whose_escs_fall_silent_has_a_verdict_and_teaches_what_was_meas
     assert stored.summary["verdict"] == "under"
     assert stored.summary["sums_reason"] is None
     assert stored.sums is not None
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--cluster", "tcp://h:1"], "--cluster is about the store of a season; add --store"),
+        (["--anonymise"], "--anonymise is about the store"),
+        (["--model", "m.safetensors"], "--model is about the store"),
+        (["--airframe", "agras-t20"], "--airframe is about the store"),
+        (["--max-utilisation", "60%"], "--max-utilisation is about the store"),
+        (["--json", "-"], "--json is about the store"),
+        (["--store", "s", "--mass", "18"], "--mass is about making one aircraft known"),
+        (["--store", "s", "--hangar", "h"], "--hangar is about making"),
+        (["--store", "s", "--no-learn"], "--no-learn is about making"),
+        (["--store", "s", "--seed", "3"], "--seed is about making"),
+        (["--store", "s", "--cluster", "tcp://h:1", "--workers", "2"], "leave out --workers"),
+        (["--workers", "0"], "--workers 0 is not between"),
+    ],
+)
+def test_options_that_make_no_sense_together_are_a_wrong_command_line(
+    words: list[str], said: str, tmp_path: Path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    assert run(["learn", str(FLIGHT), *words]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_address_is_for_a_season_and_a_folder_without_logs_names_the_endings(
+    tmp_path: Path, capsys
+):
+    assert run(["learn", "s3://season/logs"]) == 2
+    assert "s3://season/logs: logs at an address are taken into a season" in capsys.readouterr().err
+    for store in ((), ("--store", str(tmp_path / "s"))):
+        assert run(["learn", str(tmp_path), *store]) == 1
+        assert f"no log in {tmp_path}; its endings are .bin" in capsys.readouterr().err
+        assert run(["learn", str(tmp_path / "gone.BIN"), *store]) == 1
+        assert "no log at" in capsys.readouterr().err
+    assert not (tmp_path / "s").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "now"),
+    [
+        (["a b/*.tlog", "--store", "s"], "learn 'a b/*.tlog' --store s"),
+        (["x", "--quiet", "--store=s"], "learn x --quiet --store=s"),
+        (["x", "--workers", "2"], "learn --store 'my hangar' x --workers 2"),
+    ],
+)
+def test_the_old_name_says_the_command_to_type_now(words, now, monkeypatch, capsys):
+    monkeypatch.setenv("THRUSTMARGIN_HANGAR", "my hangar")
+    assert run(["ingest", *words]) == 2
+    said = capsys.readouterr()
+    assert said.err == f"thrustmargin: ingest is no command any more; type: thrustmargin {now}\n"
+    assert said.out == ""
+    assert run(["--help"]) == 0
+    assert "ingest" not in capsys.readouterr().out

@@ -1,11 +1,11 @@
 """How a season's store grows: time beside bare pymavlink on the same bytes, memory, disk, queries.
 
-    python -m tests.lab.bench.bench_ingest FLIGHTS [FOLDER]
+    python -m tests.lab.bench.bench_intake FLIGHTS [FOLDER]
 
 makes FLIGHTS telemetry logs of 12 aircraft over half a year from the recorded ones (real bytes, so
 that every reader and check runs), takes them in with one process a core, and prints a line of JSON.
-Seconds are of the processor: those of every process of `ingest`, and those of pymavlink's
-`recv_match()` over 100 of the same files, which decodes and keeps nothing. An `ingest` that is
+Seconds are of the processor: those of every process of `learn`, and those of pymavlink's
+`recv_match()` over 100 of the same files, which decodes and keeps nothing. A `learn` that is
 ended by Ctrl-C counts with what it has taken by then, which the next one puts into the store.
 """
 
@@ -82,7 +82,7 @@ def main(flights: int, folder: Path) -> None:
     logs.mkdir()
     made = make_logs(logs, flights)
     megabytes = sum(path.stat().st_size for path in made) * 1e-6
-    words = [*MODULE, "ingest", str(logs), "--store", str(store), "--quiet"]
+    words = [*MODULE, "learn", str(logs), "--store", str(store), "--quiet"]
     whole, wall, core = timed(words)
     largest = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
     if whole:
