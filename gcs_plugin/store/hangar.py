@@ -53,7 +53,7 @@ SCHEMA = "thrustmargin.aircraft/1"
 FLIGHT_SCHEMA = "thrustmargin.aircraft-flight/1"
 EVENT_SCHEMA = "thrustmargin.aircraft-event/1"
 VARIABLE = "THRUSTMARGIN_HANGAR"
-NAME = re.compile(r"[A-Za-z0-9][\w.-]{0,79}")
+NAME = re.compile(r"\w[\w.-]{0,79}")
 NAN = math.nan
 #: Flights by whose current and battery a further one is forecast: parts and batteries age.
 RECENT = 20

@@ -59,17 +59,14 @@ def learnt_flight(
     start_unix_s = NAN if track.start_unix_s is None else track.start_unix_s
     longitude_deg = track.origin.longitude_deg if track.origin else NAN
     latitude_deg = track.origin.latitude_deg if track.origin else NAN
-    if model.interval is not None and not airframe_match.no_verdict:
-        earlier = tuple(one for one in aircraft.flights if one.flight != flight)
-        state = replace(aircraft, flights=earlier).state_before(
-            start_unix_s if np.isfinite(start_unix_s) else _after_last(aircraft),
-            model.airframe.rotor_count,
-            longitude_deg,
-        )
-        model = replace(model, state=state)
     others = tuple(one for one in aircraft.flights if one.flight != flight)
-    start = start_unix_s if np.isfinite(start_unix_s) else _after_last(aircraft)
-    model = replace(model, arms=replace(aircraft, flights=others).arms_before(start) or model.arms)
+    without, start = replace(aircraft, flights=others), start_unix_s
+    if not np.isfinite(start):
+        start = _after_last(aircraft)
+    if model.interval is not None and not airframe_match.no_verdict:
+        state = without.state_before(start, model.airframe.rotor_count, longitude_deg)
+        model = replace(model, state=state)
+    model = replace(model, arms=without.arms_before(start) or model.arms)
     analysis = analysis_for_verdict(analyse(track, model, airframe_match=airframe_match))
     advice = advise(analysis, limit=limit).advice
     offsets = None

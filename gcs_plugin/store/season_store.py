@@ -50,7 +50,6 @@ if TYPE_CHECKING:
 
 #: ArduPilot's text with its version, such as "ArduCopter V4.5.7 (2a3dc4b7)".
 _PROGRAM = re.compile(r"^((?:Ardu|APM:)\w+ V\S+(?: \([0-9a-f]+\))?)")
-_NAME = re.compile(r"[\w.-]{1,80}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,13 +58,6 @@ class AircraftIdentity:
 
     name: str
     by: str  # "given", "serial", "board number", "system id", "not known"
-
-
-def checked_aircraft(name: str) -> str:
-    """Return `name` unchanged. Raises DataError if it cannot be a folder's name on all systems."""
-    if not _NAME.fullmatch(name) or not name.strip("."):
-        raise DataError(f"--aircraft {name!r}: give letters, digits and . _ - such as sprayer-7")
-    return name
 
 
 def aircraft_identity(log: FlightLog, given: str | None = None) -> AircraftIdentity:

@@ -53,6 +53,7 @@ from thrustmargin.models.network.validity import Interval, TrainingDomain
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import isa_air
 from thrustmargin.models.physics.electric_power import PowerLaw
+from thrustmargin.models.physics.flight_phases import NETWORK_INPUTS
 from thrustmargin.models.physics.forward_flight import ForwardFlight, thrust_ratio
 from thrustmargin.models.physics.margin import rotor_thrust, weight
 from thrustmargin.models.physics.thrust import speed_from_thrust
@@ -118,7 +119,7 @@ class RotorModel:
     def inputs(self) -> tuple[str, ...]:
         """Return the channels without which a row has no prediction; without a network, only the
         tank."""
-        return ("tank_kg",) if self.network is None else ("airspeed", "tank_kg")
+        return ("tank_kg",) if self.network is None else NETWORK_INPUTS
 
     @property
     def look_back_s(self) -> float:

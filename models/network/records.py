@@ -22,7 +22,7 @@ from thrustmargin.models.errors import DataError, ModelError
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.network.network import NetConfig
 from thrustmargin.models.physics.atmosphere import track_air
-from thrustmargin.models.physics.flight_phases import training_rows, turning_rows
+from thrustmargin.models.physics.flight_phases import NETWORK_INPUTS, training_rows, turning_rows
 from thrustmargin.models.scores import Score, t_quantile
 
 ROUNDING = 1e-12
@@ -170,9 +170,7 @@ class Samples:
         return np.flatnonzero(np.isin(self.flight, chosen))
 
 
-def gather(
-    tracks: Sequence[FlightTrack], inputs: Sequence[str] = ("airspeed", "tank_kg")
-) -> Samples:
+def gather(tracks: Sequence[FlightTrack], inputs: Sequence[str] = NETWORK_INPUTS) -> Samples:
     """Collect the training rows of all flights; flights without any are left out.
 
     `inputs` are the channels that a row needs besides rotor speeds. Raises DataError when no flight

@@ -20,9 +20,11 @@ HOVER_UPRIGHT, HOVER_SPEED = 0.99, 2.0
 #: mean motor output that leaves no reserve to steer with: without a climb the aircraft is then
 #: held, or without propellers
 NOTHING_IN_HAND = 0.95
+#: channels without which a network predicts no row
+NETWORK_INPUTS = ("airspeed", "tank_kg")
 
 
-def training_rows(track: FlightTrack, inputs: Sequence[str] = ("airspeed", "tank_kg")) -> Bools:
+def training_rows(track: FlightTrack, inputs: Sequence[str] = NETWORK_INPUTS) -> Bools:
     """Flag the rows (T,) of a flight that can train or check a rotor speed model.
 
     Such rows are in flight, between take-off and landing, with the `inputs` of the model measured

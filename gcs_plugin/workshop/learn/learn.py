@@ -35,7 +35,6 @@ from thrustmargin.models.errors import DataError, LogError, require
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from thrustmargin.gcs_plugin.commands.shared.inputs import ReadingOptions
     from thrustmargin.gcs_plugin.logs import FlightLog
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.gcs_plugin.store.aircraft_marks import Marks, MarksMatch
@@ -132,7 +131,7 @@ def _learn_aircraft(
     from thrustmargin.gcs_plugin.commands.shared.known import hangar_of, learn_logs
     from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-    from thrustmargin.gcs_plugin.store.ingest_run import is_address
+    from thrustmargin.gcs_plugin.store.ingest_run import DIGITS, content_of, is_address
     from thrustmargin.gcs_plugin.store.worker_processes import own_cores
     from thrustmargin.gcs_plugin.wording.aircraft_words import not_learnt_words
 
@@ -155,12 +154,14 @@ def _learn_aircraft(
         known_one, trained = _known_with_model(
             group, owner, inputs, hangar, progress, again=again, seed=seed
         )
-        paths = [path for path in group.paths if _untrained(path, known_one)]
+        trained_on = {flight[:DIGITS] for flight in known_one.training}
+        paths = [path for path in group.paths if content_of(str(path)) not in trained_on]
         learnt, known_one = learn_logs(
             known_one, paths, inputs, hangar, unread, progress, must_keep=True
         )
-        known_one = _with_marks(known_one, group, [*trained, *learnt], hangar)
-        for flight, log in sorted([*trained, *learnt], key=lambda one: one[0].row.started_unix_s):
+        flights = [*trained, *learnt]
+        _keep_marks(known_one, group, flights, hangar)
+        for flight, log in sorted(flights, key=lambda one: one[0].row.started_unix_s):
             for line in _flight_lines(flight, log.name):
                 console.print(escape(line))
         for line in card(known_one):
@@ -274,6 +275,7 @@ def _known_with_model(
     where the owner states it. Raise DataError where a statement contradicts what flights have
     taught.
     """
+    from thrustmargin.gcs_plugin.commands.airframe.new import AirframeNew
     from thrustmargin.gcs_plugin.store.hangar import checked_name
 
     known = hangar.load(str(group.name)) if group.name in hangar.names() else None
@@ -295,19 +297,28 @@ def _known_with_model(
     with TemporaryDirectory(prefix="thrustmargin-") as drafts:
         draft = Path(drafts) / "airframe.toml"
         if known is None or stated:
-            reading = _draft_airframe(draft, name, group, owner, inputs, console)
-            inputs = replace(inputs, reading=reading)
+            made = AirframeNew(
+                source=str(group.paths[0]),
+                out=draft,
+                owner=replace(owner, name=owner.name or name),
+                hover=group.paths,
+                reading=inputs.reading,
+                force=True,
+            ).made(console)
+            for note in made.notes:
+                console.print(escape(say("note: {note}", note=Verbatim(note))), soft_wrap=True)
+            inputs = replace(inputs, reading=made.reading)
         else:
             draft = known.airframe_file
         return _make_model(name, group, inputs, hangar, console, airframe=draft, seed=seed)
 
 
-def _with_marks(
+def _keep_marks(
     aircraft: KnownAircraft,
     group: _Group,
     flights: Sequence[tuple[LearntFlight, FlightLog]],
     hangar: Hangar,
-) -> KnownAircraft:
+) -> None:
     """Add to an aircraft the marks of those logs of a group whose flights have a verdict.
 
     A log that was named as one of it, and does not fit it, is perhaps of another aircraft, whose
@@ -317,38 +328,9 @@ def _with_marks(
 
     fits = {log.path for one, log in flights if one.row.not_taught is not NotTaught.NO_VERDICT}
     marks = [mark for path, mark in zip(group.paths, group.marks, strict=True) if path in fits]
-    hangar.keep(
-        aircraft.name,
-        [*aircraft.marks, *marks],
-        made_unix_s=aircraft.made_unix_s,
-        training=aircraft.training,
-    )
-    return aircraft
-
-
-def _draft_airframe(
-    draft: Path,
-    name: str,
-    group: _Group,
-    owner: OwnerStatement,
-    inputs: Inputs,
-    console: Console,
-) -> ReadingOptions:
-    """Write an airframe file by the hovers of a group of logs and the owner's statements. Return
-    how the logs are to be read."""
-    from thrustmargin.gcs_plugin.commands.airframe.new import AirframeNew
-
-    made = AirframeNew(
-        source=str(group.paths[0]),
-        out=draft,
-        owner=replace(owner, name=owner.name or name),
-        hover=group.paths,
-        reading=inputs.reading,
-        force=True,
-    ).made(console)
-    for note in made.notes:
-        console.print(escape(say("note: {note}", note=Verbatim(note))), soft_wrap=True)
-    return made.reading
+    known = [*aircraft.marks, *marks]
+    made, training = aircraft.made_unix_s, aircraft.training
+    hangar.keep(aircraft.name, known, made_unix_s=made, training=training)
 
 
 def _make_model(
@@ -448,14 +430,6 @@ def _make_model(
             known = with_flight(known, flight.row)
     keep(dated, known, hangar)
     return known, made
-
-
-def _untrained(path: Path, aircraft: KnownAircraft) -> bool:
-    """Return True if the model of an aircraft was not made from a log."""
-    from thrustmargin.gcs_plugin.store.ingest_run import content_of
-
-    content = content_of(str(path))
-    return not any(flight.startswith(content) for flight in aircraft.training)
 
 
 def _folder_name(group: _Group, hangar: Hangar) -> str:

@@ -96,8 +96,9 @@ def take_logs_in(logs: tuple[str, ...], season: SeasonOptions, inputs: Inputs, a
     """
     require("learn --store", "fsspec", "pyarrow", "filelock", "scipy")
     from thrustmargin.gcs_plugin.commands.shared.anonymous import own_key, pseudonym
+    from thrustmargin.gcs_plugin.store.hangar import checked_name
     from thrustmargin.gcs_plugin.store.ingest_run import ingest_logs, is_address
-    from thrustmargin.gcs_plugin.store.season_store import SeasonStore, checked_aircraft
+    from thrustmargin.gcs_plugin.store.season_store import SeasonStore
     from thrustmargin.gcs_plugin.store.worker_processes import own_cores, process_pool
     from thrustmargin.gcs_plugin.store.writer_lock import writer_lock
     from thrustmargin.gcs_plugin.workshop.learn.season_flight import (
@@ -115,7 +116,7 @@ def take_logs_in(logs: tuple[str, ...], season: SeasonOptions, inputs: Inputs, a
         store=where,
         model=None if model is None else str(model.absolute()),
         airframe=_absolute(season.airframe),
-        aircraft=None if name is None else checked_aircraft(name),
+        aircraft=None if name is None else checked_name(name),
         reading=inputs.reading,
         max_utilisation=season.max_utilisation or LIMIT,
         key=own_key() if season.anonymise else None,

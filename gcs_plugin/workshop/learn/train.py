@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.flight import FlightTrack
     from thrustmargin.models.identification.good_flights.commissioning import Commissioned
+    from thrustmargin.models.identification.good_flights.weak_flights import WeakFlight
     from thrustmargin.models.model.rotor_model import RotorModel
-    from thrustmargin.models.model.training import Trained, TrainSettings
+    from thrustmargin.models.model.training import Fold, Trained, TrainSettings
     from thrustmargin.models.physics.airframe import Airframe
 
 
@@ -168,19 +169,46 @@ def training_run(
     from thrustmargin.models.identification.good_flights.commissioning import (
         FEWEST_FLIGHTS,
         commission,
+        held_out_curves,
+        held_out_flights,
     )
     from thrustmargin.models.identification.good_flights.weak_flights import weak_flights
     from thrustmargin.models.model.flight_arms import learnt_arms
     from thrustmargin.models.model.rotor_model import physics_model
     from thrustmargin.models.model.thermometer import learnt_thermometer, with_air_temperature
     from thrustmargin.models.model.training import train as fit
+    from thrustmargin.models.physics.flight_phases import NETWORK_INPUTS
 
     kept, unfit = _usable_flights(tracks, physics_model(aircraft))
     thermometer = learnt_thermometer(kept, aircraft)
     kept = [with_air_temperature(track, thermometer) for track in kept]
     names, date = settings.names(), datetime.now(UTC).date().isoformat()
 
-    def run(good: Sequence[FlightTrack]) -> tuple[Trained | None, Commissioned]:
+    def without(weak: Sequence[WeakFlight]) -> list[FlightTrack]:
+        """Return the flights without those of a weak rotor, which are listed as unfit."""
+        bad = [
+            UnusedLog(
+                name=one.name,
+                reason=say(
+                    "{fault}, beside a model of the other flights",
+                    fault=Verbatim(fault_words(one.fault, aircraft.rotor_names, Phase.RECORDED)),
+                ),
+            )
+            for one in weak
+        ]
+        unfit.extend(bad)
+        sound = [track for track in kept if track.name not in {one.name for one in bad}]
+        if len(sound) < FEWEST_FLIGHTS:
+            raise DataError(
+                f"{listed(bad)}; that leaves {len(sound)} of the {FEWEST_FLIGHTS} sound flights "
+                "that a model takes"
+            )
+        console.print(escape(f"made without {listed(bad)}"), soft_wrap=True)
+        return sound
+
+    def run(
+        good: Sequence[FlightTrack], curve_folds: Sequence[Fold] | None
+    ) -> tuple[Trained | None, Commissioned]:
         """Return network and model of some flights."""
         trained = None
         with steps(console, total=len(names) + 1, lines=True) as step:
@@ -202,34 +230,23 @@ def training_run(
                 good,
                 aircraft,
                 date=date,
+                curve_folds=curve_folds,
                 seed=settings.seed,
                 coverage=settings.coverage,
                 progress=lambda what: step(what, len(names)),
             )
         return trained, made
 
-    trained, made = run(kept)
+    # A weak rotor shows without a network too, so the networks are fitted without its flight.
+    inputs = NETWORK_INPUTS if network_can_learn(kept) else physics_model(aircraft).inputs
+    with steps(console, total=1, lines=True) as step:
+        folds = held_out_curves(kept, aircraft, inputs, lambda what: step(what, 0))
+    if weak := weak_flights(held_out_flights(folds, kept)):
+        kept, folds = without(weak), None
+    trained, made = run(kept, folds)
     if weak := weak_flights(made.left_out):
-        names_of = aircraft.rotor_names
-        sound_ones = "{fault}, beside a model of the other flights"
-        bad = [
-            UnusedLog(
-                name=one.name,
-                reason=say(
-                    sound_ones, fault=Verbatim(fault_words(one.fault, names_of, Phase.RECORDED))
-                ),
-            )
-            for one in weak
-        ]
-        unfit += bad
-        kept = [track for track in kept if track.name not in {one.name for one in bad}]
-        if len(kept) < FEWEST_FLIGHTS:
-            raise DataError(
-                f"{listed(bad)}; that leaves {len(kept)} of the {FEWEST_FLIGHTS} sound flights "
-                "that a model takes"
-            )
-        console.print(escape(f"made again without {listed(bad)}"), soft_wrap=True)
-        trained, made = run(kept)
+        kept = without(weak)
+        trained, made = run(kept, None)
     model = replace(made.model, thermometer=thermometer)
     model = replace(model, arms=learnt_arms(model, kept))
     return TrainingRun(model=model, trained=trained, tracks=kept, unfit=unfit)

@@ -87,6 +87,7 @@ def commission(
     airframe: Airframe,
     *,
     date: str,
+    curve_folds: Sequence[Fold] | None = None,
     seed: int = 0,
     coverage: float = 0.9,
     progress: Progress | None = None,
@@ -95,25 +96,20 @@ def commission(
     included.
 
     `trained` is the result of `training.train` on the same tracks, or None without a network.
+    `curve_folds` are the `held_out_curves` of the same tracks, if they are known already.
     Raises DataError when there are fewer than 3 usable flights or one has too few rows.
     """
     announce = progress or (lambda _: None)
     curve = physics_model(airframe)
     inputs = curve.inputs if trained is None else trained.model.inputs
-    used = [i for i, track in enumerate(tracks) if training_rows(track, inputs).any()]
-    if len(used) < FEWEST_FLIGHTS:
-        raise DataError(
-            f"{len(used)} flight{'s' * (len(used) != 1)} with usable rows; "
-            f"at least {FEWEST_FLIGHTS} are needed"
-        )
-    bases = [(curve, model_folds(curve, used))]
-    if trained is not None:
-        bases.insert(0, (trained.model, trained.folds))
+    if curve_folds is None:
+        curve_folds = held_out_curves(tracks, airframe, inputs, announce)
+    used = _usable(tracks, inputs)
     samples = gather(tracks, inputs)
-    chains = [
-        validated_chain(base, folds, tracks, used, samples, inputs, announce)
-        for base, folds in bases
-    ]
+    chains = [validated_chain(curve, curve_folds, tracks, used, samples, inputs)]
+    if trained is not None:
+        folds = folds_with_standard_effects(trained.folds, tracks, used, announce)
+        chains.insert(0, validated_chain(trained.model, folds, tracks, used, samples, inputs))
     best = chains[-1] if trained is not None and network_is_worse(*chains) else chains[0]
     announce("effects of all flights")
     good = [tracks[i] for i in used]
@@ -133,10 +129,7 @@ def commission(
         calibrate(*rows, coverage=coverage), measured=measure_coverage(*rows, coverage=coverage)
     )
     announce("how flights differ")
-    left_out = [
-        HeldOutFlights(model=fold.model, tracks=tuple(tracks[i] for i in fold.flights))
-        for fold in best.folds
-    ]
+    left_out = held_out_flights(best.folds, tracks)
     shown = replace(
         good_flights(left_out),
         errors=condition_scores(samples, best.predicted_rpm, seed),
@@ -156,7 +149,7 @@ def commission(
         background_rpm=tuple(learnt_spread(amplitudes, samples.flight).tolist()),
         good_flights=shown,
     )
-    return Commissioned(model=made, left_out=tuple(left_out))
+    return Commissioned(model=made, left_out=left_out)
 
 
 def with_delays(shown: GoodFlights, delays: Floats) -> GoodFlights:
@@ -179,6 +172,61 @@ def model_folds(base: RotorModel, flights: Sequence[int]) -> tuple[Fold, ...]:
     return tuple(Fold(model=base, flights=tuple(part.tolist())) for part in parts)
 
 
+@threadpool_limits.wrap(limits=1)
+def held_out_curves(
+    tracks: Sequence[FlightTrack],
+    airframe: Airframe,
+    inputs: Sequence[str],
+    announce: Progress,
+) -> tuple[Fold, ...]:
+    """Return weight and thrust curve with standard effects, made without each fold's flights.
+
+    `inputs` are the channels that a usable row needs. Raises DataError when fewer than 3 flights
+    have such rows.
+    """
+    used = _usable(tracks, inputs)
+    folds = model_folds(physics_model(airframe), used)
+    return folds_with_standard_effects(folds, tracks, used, announce)
+
+
+def held_out_flights(
+    folds: Sequence[Fold], tracks: Sequence[FlightTrack]
+) -> tuple[HeldOutFlights, ...]:
+    """Return the flights of each fold with the model that was made without them."""
+    return tuple(
+        HeldOutFlights(model=fold.model, tracks=tuple(tracks[i] for i in fold.flights))
+        for fold in folds
+    )
+
+
+def _usable(tracks: Sequence[FlightTrack], inputs: Sequence[str]) -> list[int]:
+    """Return the indices of the flights with usable rows. Raise DataError if they are fewer than
+    3."""
+    used = [i for i, track in enumerate(tracks) if training_rows(track, inputs).any()]
+    if len(used) < FEWEST_FLIGHTS:
+        raise DataError(
+            f"{len(used)} flight{'s' * (len(used) != 1)} with usable rows; "
+            f"at least {FEWEST_FLIGHTS} are needed"
+        )
+    return used
+
+
+def folds_with_standard_effects(
+    folds: Sequence[Fold],
+    tracks: Sequence[FlightTrack],
+    used: Sequence[int],
+    announce: Progress,
+) -> tuple[Fold, ...]:
+    """Return the folds with standard effects, selected and fitted without each fold's flights."""
+    made = []
+    for k, fold in enumerate(folds, 1):
+        what = "weight and thrust curve" if fold.model.network is None else "network"
+        announce(f"{what}, flights left out: {k} of {len(folds)}")
+        others = [tracks[i] for i in used if i not in fold.flights]
+        made.append(replace(fold, model=with_standard_effects(fold.model, others)))
+    return tuple(made)
+
+
 def validated_chain(
     base: RotorModel,
     folds: Sequence[Fold],
@@ -186,20 +234,10 @@ def validated_chain(
     used: Sequence[int],
     samples: Samples,
     inputs: Sequence[str],
-    announce: Progress,
 ) -> Chain:
-    """Return the base's chain with standard effects, selected and fitted without each fold's
-    flights."""
-    what = "weight and thrust curve" if base.network is None else "network"
-    closed = []
-    for k, fold in enumerate(folds, 1):
-        announce(f"{what}, flights left out: {k} of {len(folds)}")
-        model = with_standard_effects(
-            fold.model, [tracks[i] for i in used if i not in fold.flights]
-        )
-        closed.append(Fold(model=model, flights=fold.flights))
-    predicted = _held_out_speeds(closed, tracks, used, samples, inputs)
-    return Chain(base=base, folds=tuple(closed), samples=samples, predicted_rpm=predicted)
+    """Return the chain of a base by its folds, whose models have their standard effects."""
+    predicted = _held_out_speeds(folds, tracks, used, samples, inputs)
+    return Chain(base=base, folds=tuple(folds), samples=samples, predicted_rpm=predicted)
 
 
 def chain_with_curves(

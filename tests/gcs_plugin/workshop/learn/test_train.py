@@ -32,6 +32,7 @@ from thrustmargin.gcs_plugin.workshop.learn.training_tables import (
 )
 from thrustmargin.models.errors import AirframeError, DataError, LogError
 from thrustmargin.models.identification.good_flights import standard_effects
+from thrustmargin.models.model import training
 from thrustmargin.models.model.model_file import load_model, shipped_model
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.model.training import LossCurve, TrainSettings
@@ -257,6 +258,13 @@ def test_ctrl_c_ends_a_training_without_leaving_a_file(few_logs, tmp_path):
 @pytest.mark.parametrize("sound", [3, 2])
 def test_a_flight_with_a_weak_rotor_teaches_no_model(sound, monkeypatch, capsys):
     monkeypatch.setattr(standard_effects, "STANDARD", ("air_density",))
+    fitted, fit = [], training.train
+
+    def counted(tracks, *others, **options):
+        fitted.append([track.name for track in tracks])
+        return fit(tracks, *others, **options)
+
+    monkeypatch.setattr(training, "train", counted)
     flights = [*made_flights(sound), made_flight(40, loss=0.08, rotor=2, name="worn.csv")]
     quick = TrainSettings(splits=("flights",), members=3, net=NetConfig(max_epochs=1))
     console = Console(width=400)
@@ -267,9 +275,10 @@ def test_a_flight_with_a_weak_rotor_teaches_no_model(sound, monkeypatch, capsys)
         return
     run = training_run(flights, F16, quick, console)
     assert [track.name for track in run.tracks] == [one.name for one in flights[:3]]
+    assert fitted == [[one.name for one in flights[:3]]]  # once, and never on the weak one
     (left,) = run.unfit
     assert left.name == "worn.csv"
     assert "less thrust, beside a model of the other flights" in left.reason
     assert run.model.good_flights is not None
     assert run.model.good_flights.flights == 3
-    assert "made again without worn.csv: Rotor 3 front left" in capsys.readouterr().out
+    assert "made without worn.csv: Rotor 3 front left" in capsys.readouterr().out

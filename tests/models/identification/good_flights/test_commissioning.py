@@ -11,6 +11,7 @@ from thrustmargin.models.errors import DataError
 from thrustmargin.models.identification.good_flights import commissioning, standard_effects
 from thrustmargin.models.identification.good_flights.commissioning import (
     commission,
+    folds_with_standard_effects,
     model_folds,
     network_is_worse,
     validated_chain,
@@ -38,7 +39,8 @@ def few_effects():
 def chain(tracks, said=lambda _: None):
     folds = tuple(Fold(model=curve_model(), flights=(k,)) for k in range(len(tracks)))
     used = list(range(len(tracks)))
-    return validated_chain(curve_model(), folds, tracks, used, gather(tracks), INPUTS, said)
+    folds = folds_with_standard_effects(folds, tracks, used, said)
+    return validated_chain(curve_model(), folds, tracks, used, gather(tracks), INPUTS)
 
 
 @pytest.fixture(scope="module")
