@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from dataclasses import fields
+from importlib import resources
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,9 @@ from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.store.hangar import AircraftFlight, Hangar
 from thrustmargin.gcs_plugin.store.schema import FLIGHTS
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, read_sums
+from thrustmargin.models.model.model_file import save_model
+from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.physics.airframe import load_airframe
 
 LOGS = Path("sitl_logs")
 LOG, OTHER = LOGS / "campaign/v4_m10_q2.5.tlog", LOGS / "campaign/v2_m4_q2.5.tlog"
@@ -81,6 +85,19 @@ def test_a_season_follows_known_aircraft_and_aircraft_lists_the_others(hangar, c
         said = json.loads(done.read_text())
         assert (said["schema"], said["already_stored"]) == ("thrustmargin.learn/1", already)
         assert len(said["flights"]) == flights
+
+
+def test_a_flight_that_does_not_fit_its_aircraft_is_in_the_season_under_another_name(hangar):
+    north = hangar.load("north")
+    others = resources.files("thrustmargin.models.airframes").joinpath("agras-t20.toml")
+    north.airframe_file.write_bytes(others.read_bytes())
+    save_model(physics_model(load_airframe("agras-t20")), north.model_file)
+    words = ["learn", str(BOARD_LOG), "--store", str(hangar.folder), "--workers", "1"]
+    assert run(words) == 0
+    assert hangar.load("north").flights == ()
+    (row,) = stored(hangar)
+    assert row["log_name"] == BOARD_LOG.name
+    assert row["aircraft"] != "north"
 
 
 def test_two_reports_at_once_lose_no_flight(hangar):
