@@ -204,40 +204,39 @@ def _groups(
     from thrustmargin.gcs_plugin.store.aircraft_marks import Recognition, recognise
     from thrustmargin.gcs_plugin.wording.aircraft_words import open_words
 
-    found: dict[str, _Group] = {}
+    found: dict[str, list[tuple[Path, Marks]]] = {}
     #: logs of which the aircraft must be asked for, by the aircraft that they may be of
     unsure: dict[tuple[tuple[str, MarksMatch], ...], list[tuple[Path, Marks]]] = {}
-
-    def add(key: str, name: str | None, path: Path, marks: Marks) -> None:
-        """Add a log to the group of an aircraft."""
-        group = found.get(key, _Group(name=name, marks=(), paths=()))
-        marked = (*group.marks, marks)
-        found[key] = replace(group, marks=marked, paths=(*group.paths, path))
-
+    known, named = hangar.names(), inputs.known.aircraft
     found_marks = marks_of_logs(inputs.logs, inputs.reading, processes=processes)
     for path, marks in zip(inputs.logs, found_marks, strict=True):
         if isinstance(marks, LogError):
             unread.append(UnusedLog(name=path.name, reason=unnamed(marks, path)))
             continue
-        named = inputs.known.aircraft
         seen = Recognition(name=named) if named is not None else hangar.recognise(marks)
-        known = seen.name
-        if known is None and not seen.open:  # of a new aircraft, perhaps that of an earlier log
-            new = [(key, one.marks) for key, one in found.items() if one.name is None]
-            seen = recognise(marks, new)
+        if seen.name is None and not seen.open:  # new, perhaps that of an earlier log
+            new = {key: logs for key, logs in found.items() if key not in known}
+            seen = recognise(marks, [(key, tuple(m for _, m in logs)) for key, logs in new.items()])
             seen = seen if seen.open else replace(seen, name=seen.name or path.name)
         if seen.name is None:
             unsure.setdefault(seen.open, []).append((path, marks))
         else:
-            add(seen.name, known, path, marks)
+            found.setdefault(seen.name, []).append((path, marks))
     for open_ones, logs in unsure.items():
         key = _chosen([path.name for path, _ in logs], open_ones)
-        for path, marks in logs:
-            if key is None:
-                unread.append(UnusedLog(name=path.name, reason=open_words(open_ones)))
-            else:
-                add(key, key if key in hangar.names() else None, path, marks)
-    return list(found.values())
+        if key is None:
+            why = open_words(open_ones)
+            unread += [UnusedLog(name=path.name, reason=why) for path, _ in logs]
+        else:
+            found.setdefault(key, []).extend(logs)
+    return [
+        _Group(
+            name=named or (key if key in known else None),
+            marks=tuple(marks for _, marks in logs),
+            paths=tuple(path for path, _ in logs),
+        )
+        for key, logs in found.items()
+    ]
 
 
 def _chosen(logs: Sequence[str], open_ones: Sequence[tuple[str, MarksMatch]]) -> str | None:

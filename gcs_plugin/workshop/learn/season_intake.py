@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json as json_module
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
@@ -135,8 +136,7 @@ def take_logs_in(logs: tuple[str, ...], season: SeasonOptions, inputs: Inputs, a
         if season.cluster is None:
             make, at_once = partial(process_pool, processes), 2 * processes
         else:
-            client = stack.enter_context(_client(season.cluster))
-            make, at_once = partial(client.get_executor, pure=False, retries=3), 4 * _cores(client)
+            make, at_once = _cluster(season.cluster, stack)
         check_lock = stack.enter_context(writer_lock(target))
         _check_kind(target, None if settings.key is None else pseudonym(settings.key, "store"))
         announce, show = stack.enter_context(transfer_bar())
@@ -275,23 +275,21 @@ def _at_address(word: str) -> dict[str, LogSource]:
     return {log.path: log for log in found}
 
 
-def _client(scheduler: str) -> Any:
-    """Return a client of the Dask cluster at `scheduler`, to be closed.
+def _cluster(scheduler: str, stack: ExitStack) -> tuple[Callable[[], Executor], int]:
+    """Connect to the Dask cluster of a scheduler until `stack` is closed.
 
-    Raises InstallError without Dask, DataError if no scheduler answers.
+    Return a function that starts its executor, and the number of logs to submit at once. Raises
+    InstallError without Dask, DataError if no scheduler answers.
     """
     require("--cluster", "distributed")
     from distributed import Client
 
     try:
-        return Client(scheduler, timeout=10)
+        client = stack.enter_context(Client(scheduler, timeout=10))
     except (OSError, TimeoutError, ValueError) as error:
         raise DataError(f"no Dask scheduler answers at {scheduler}: {error}") from error
-
-
-def _cores(client: Any) -> int:
-    """Return the number of threads of all workers of a cluster, at least 2."""
-    return max(sum(client.nthreads().values()), 2)
+    threads = sum(client.nthreads().values())
+    return partial(client.get_executor, pure=False, retries=3), 4 * max(threads, 2)
 
 
 def _print(outcome: IngestOutcome, store: str, *, quiet: bool) -> None:

@@ -44,8 +44,9 @@ def made(tmp_path, capsys):
 @pytest.mark.parametrize("separator", [",", "\t", "  ", " , "])
 @pytest.mark.parametrize("name", ["vehicle.param", "VEHICLE.PARM", "vehicle.txt"])
 def test_parameter_files_of_ground_stations_give_the_motor_order(made, separator, name):
-    craft, code, _ = made(HEXA.replace(",", separator), *OWNER, "--arm", "0.45", name=name)
+    craft, code, printed = made(HEXA.replace(",", separator), *OWNER, "--arm", "0.45", name=name)
     assert code == 0
+    assert printed.out.splitlines()[-1].endswith("thrustmargin learn LOGS --aircraft NAME")
     assert craft.rotor_spin.tolist() == [-1, 1, -1, 1, 1, -1]
     np.testing.assert_allclose(craft.rotor_position_frd[4], [0.45 * 0.866, 0.225, 0.0], atol=1e-4)
     assert craft.nominal_voltage == pytest.approx(22.2)

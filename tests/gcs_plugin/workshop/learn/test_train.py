@@ -87,6 +87,7 @@ def test_four_flights_make_a_model_with_its_table_and_loss_curves(
     for said in ("the paper", "0.728", "samples, as the paper", "rotor 4", "mean of rotors"):
         assert said in text
     assert text.startswith("usable: rotor speed to ")
+    assert text.splitlines()[-1].endswith("thrustmargin learn LOGS --aircraft NAME")
     assert "in turns (RMS on 4 flights" in " ".join(text.split())
     assert "Student's t from 4 flights" in " ".join(text.split())
     model = load_model(out)
