@@ -285,7 +285,7 @@ def _cluster(scheduler: str, stack: ExitStack) -> tuple[Callable[[], Executor], 
     from distributed import Client
 
     try:
-        client = stack.enter_context(Client(scheduler, timeout=10))
+        client: Any = stack.enter_context(Client(scheduler, timeout=10))
     except (OSError, TimeoutError, ValueError) as error:
         raise DataError(f"no Dask scheduler answers at {scheduler}: {error}") from error
     threads = sum(client.nthreads().values())
