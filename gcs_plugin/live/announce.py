@@ -47,7 +47,7 @@ from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.live_monitor import OutputContext
 from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.live.watch.update import Update
-from thrustmargin.gcs_plugin.telemetry.tank_source import MARGIN_ID, TANK_ID
+from thrustmargin.gcs_plugin.telemetry.battery_and_tank import MARGIN_ID, TANK_ID
 from thrustmargin.gcs_plugin.wording.advice_words import LAND_FIRST
 from thrustmargin.gcs_plugin.wording.alarm_words import EXTRA_BATTERIES, asked, change_words
 from thrustmargin.gcs_plugin.wording.language import say

@@ -74,8 +74,8 @@ def read_sorties(
     vehicles than multirotors are read too. The other `options` are those of
     `telemetry.vehicle_events.Options`: `airframe` gives the number of rotors, the tank and the
     liquid; `sampling` puts other channels onto the rows by interpolation ("linear") or as a live
-    listener would ("hold"); `tank` names the source of the tank level as `telemetry.tank_source`
-    lists them; `tank_start_kg` is the mass in a tank without a gauge at the start of the log.
+    listener would ("hold"); `tank` names the source of the tank level, as in `battery_and_tank`;
+    `tank_start_kg` is the mass in a tank without a gauge at the start of the log.
     `load` and `load_end`, kg on board at the start and at the end, replace any gauge,
     `air_temperature` in K replaces the autopilot's own reading. Raises LogError when the file
     contains no flight or is of another vehicle, AirframeError when the airframe has another number

@@ -10,8 +10,8 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.mavlink.text import clean
+from thrustmargin.gcs_plugin.telemetry.battery_and_tank import esc_voltage_offsets, stated_battery
 from thrustmargin.gcs_plugin.telemetry.motors import motor_map
-from thrustmargin.gcs_plugin.telemetry.power import esc_voltage_offsets, stated_battery
 from thrustmargin.gcs_plugin.telemetry.recording import (
     ChannelReport,
     FlightLog,

@@ -9,6 +9,16 @@ from itertools import chain
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
+from thrustmargin.gcs_plugin.telemetry.battery_and_tank import (
+    PumpedSoFar,
+    TankContext,
+    first_level,
+    power,
+    pump_share,
+    pumped,
+    spraying_sources,
+    tank_levels,
+)
 from thrustmargin.gcs_plugin.telemetry.esc_frames import lost_frames
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap
 from thrustmargin.gcs_plugin.telemetry.position import (
@@ -19,7 +29,6 @@ from thrustmargin.gcs_plugin.telemetry.position import (
     place_of_zero,
     position_sources,
 )
-from thrustmargin.gcs_plugin.telemetry.power import power, spraying_sources
 from thrustmargin.gcs_plugin.telemetry.resample import (
     Sampling,
     first_known,
@@ -43,14 +52,6 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
     airspeed_sources,
     best,
     rejected_sources,
-)
-from thrustmargin.gcs_plugin.telemetry.tank_source import (
-    PumpedSoFar,
-    TankContext,
-    first_level,
-    pump_share,
-    pumped,
-    tank_levels,
 )
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options, stated_channels
 from thrustmargin.gcs_plugin.telemetry.vibration import vibration_per_rev

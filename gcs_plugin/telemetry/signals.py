@@ -26,9 +26,6 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Meaning, Provenance, Reason, Rejected, SourceKind
 from thrustmargin.models.statement import state
 
-#: A flight battery reads more than this, the level sender of a tank less, V.
-SENDER_VOLTAGE = 2.5
-
 _HUD_AIRSPEED = Provenance(
     kind=SourceKind.MESSAGE, name="VFR_HUD", fields=("airspeed",), unit="m/s"
 )

@@ -90,7 +90,7 @@ def reading_keywords(reading: ReadingOptions) -> dict[str, Any]:
     Raises UsageError if one of them is impossible or two exclude each other.
     """
     # Imported here: the MAVProxy module loads this file at once and must stay light.
-    from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
+    from thrustmargin.gcs_plugin.telemetry.battery_and_tank import check_source
 
     given = {
         "--tank-start-kg": reading.tank_start_kg,

@@ -1,6 +1,6 @@
 """Three independent estimates of what is in the tank, and how they compare.
 
-- gauge: what the vehicle reports, by the same rules as for a log (`telemetry.tank_source`);
+- gauge: what the vehicle reports, by the same rules as for a log (`telemetry.battery_and_tank`);
 - pump: what its servo output says has been sprayed, full output being the airframe's largest flow;
 - thrust: what the rotors carry beyond what the model expects, as a mass ("virtual gauge").
 They are compared over windows: `tank_verdict` says which of them parts from the others.

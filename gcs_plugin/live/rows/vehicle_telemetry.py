@@ -36,6 +36,7 @@ from thrustmargin.gcs_plugin.live.rows.vehicle_state import (
 from thrustmargin.gcs_plugin.logs.tlog import AUTOPILOTS
 from thrustmargin.gcs_plugin.mavlink.decode import ESC_TELEMETRY_FIRST
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
+from thrustmargin.gcs_plugin.telemetry.battery_and_tank import LEFT_OUT, stated_battery
 from thrustmargin.gcs_plugin.telemetry.clock import ArrivalClock, arrival_times, unix_minus_clock
 from thrustmargin.gcs_plugin.telemetry.motors import (
     MotorMap,
@@ -43,7 +44,6 @@ from thrustmargin.gcs_plugin.telemetry.motors import (
     motor_map,
     turned_escs,
 )
-from thrustmargin.gcs_plugin.telemetry.power import stated_battery
 from thrustmargin.gcs_plugin.telemetry.recording import Stream, several_autopilots
 from thrustmargin.gcs_plugin.telemetry.resample import known_rows, last_before
 from thrustmargin.gcs_plugin.telemetry.rows import KEPT, RowState, flight_rows
@@ -54,14 +54,9 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
     hud_airspeed,
     pitot_present,
 )
-from thrustmargin.gcs_plugin.telemetry.tank_source import LEFT_OUT
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
 from thrustmargin.gcs_plugin.wording.check_words import statement_words
-from thrustmargin.gcs_plugin.wording.live_words import (
-    FIELD_WORDS,
-    NEXT_SORTIE,
-    RATES,
-)
+from thrustmargin.gcs_plugin.wording.live_words import FIELD_WORDS, NEXT_SORTIE, RATES
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, Origin
 from thrustmargin.models.statement import Statement
