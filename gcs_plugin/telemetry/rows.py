@@ -1,4 +1,8 @@
-"""Build the rows of a flight, and every channel on them, for logs and for live links alike."""
+"""Build the rows of a flight, and every channel on them, for logs and for live links alike.
+
+Positions are in metres from `PlaceOfZero`: home as at take-off, else the estimator's origin, else
+the first fix.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,7 @@ from itertools import chain
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
+from thrustmargin.gcs_plugin.telemetry.airborne import GroundContact, airborne, airborne_so_far
 from thrustmargin.gcs_plugin.telemetry.battery_and_tank import (
     PumpedSoFar,
     TankContext,
@@ -21,20 +26,13 @@ from thrustmargin.gcs_plugin.telemetry.battery_and_tank import (
 )
 from thrustmargin.gcs_plugin.telemetry.esc_frames import lost_frames
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap
-from thrustmargin.gcs_plugin.telemetry.position import (
-    GroundContact,
-    PlaceOfZero,
-    airborne,
-    airborne_so_far,
-    place_of_zero,
-    position_sources,
-)
 from thrustmargin.gcs_plugin.telemetry.resample import (
     Sampling,
     first_known,
     increasing,
     known_rows,
     last_before,
+    plausible,
     sample,
     thinned,
     within,
@@ -62,6 +60,7 @@ from thrustmargin.models.flight import (
     FlightTrack,
     Floats,
     FlyingBy,
+    Origin,
     known_date,
 )
 from thrustmargin.models.provenance import Provenance, Rejected
@@ -363,3 +362,84 @@ def _columns(
     empty = np.full(clock_s.size, np.nan)
     parts = [empty if s is None else sample(channel, s, clock_s, sampling) for s in signals]
     return np.stack(parts, axis=-1) if parts else np.empty((clock_s.size, 0))
+
+
+#: Where zero may be, and the kind of the remark on it, preferred first.
+_PLACES = (("home", "from home"), ("ekf_origin", "from estimator's origin"))
+
+
+@dataclass(frozen=True, slots=True)
+class PlaceOfZero:
+    """The origin of positions, its rank (0: home), and whether a take-off has fixed it."""
+
+    origin: Origin
+    rank: int
+    remark: str  # kind of the remark on it
+    source: Provenance
+    settled: bool  # by a take-off since
+
+
+def position_sources(signals: Signals, zero: PlaceOfZero | None) -> tuple[Signal, ...]:
+    """Return the sources of the position, m NED, best first: geographic about `zero`, then local.
+
+    The geographic one is left out if `zero` is None; without any source the tuple is empty.
+    """
+    sources = []
+    fixes = best(signals, "geodetic")
+    if fixes is not None and zero is not None:
+        places = np.where(_on_earth(fixes.values)[:, None], fixes.values, np.nan)
+        places[:, 2] = plausible("altitude", places[:, 2])
+        source = fixes.source.remarked(Statement(zero.remark))
+        if zero.source is not fixes.source:
+            source = source.remarked(Statement("by source", values=(("name", zero.source.name),)))
+        sources.append(Signal("position_ned", source, fixes.time_s, zero.origin.ned(places)))
+    local = best(signals, "position_ned")
+    if local is not None:
+        sources.append(local)
+    return tuple(sources)
+
+
+def place_of_zero(
+    signals: Signals, clock_s: Floats, flying: Bools, before: PlaceOfZero | None = None
+) -> PlaceOfZero | None:
+    """Return the origin of positions: home as at take-off, else the estimator's origin, or first
+    fix; None without one. `flying` (T,) flags rows in flight.
+
+    An origin `before` that a take-off has fixed is replaced only by a better kind.
+    """
+    fixes = best(signals, "geodetic")
+    settled = bool(flying.any()) or (before is not None and before.settled)
+    takeoff = clock_s[int(np.argmax(flying))] if flying.any() else clock_s[-1]
+    for rank, (channel, remark) in enumerate(_PLACES):
+        # Local positions count from the estimator's own origin, wherever home is.
+        if fixes is None and channel == "home":
+            continue
+        if before is not None and before.settled and rank >= before.rank:
+            break
+        for signal in signals.get(channel, ()):
+            placed = np.flatnonzero(_on_earth(signal.values))
+            if placed.size:
+                earlier = placed[signal.time_s[placed] <= takeoff]
+                row = earlier[-1] if earlier.size else placed[0]
+                place = _as_origin(signal.values[row])
+                return PlaceOfZero(place, rank, remark, signal.source, settled)
+    if before is not None:
+        return replace(before, settled=settled)
+    good = np.empty(0) if fixes is None else np.flatnonzero(_on_earth(fixes.values))
+    if fixes is None or good.size == 0:
+        return None
+    place = _as_origin(fixes.values[good[0]])
+    return PlaceOfZero(place, len(_PLACES), "from first fix", fixes.source, settled)
+
+
+def _on_earth(places: Floats) -> Bools:
+    """Flag places (n,) that are finite and in range, and not the 0, 0 of no fix."""
+    latitude, longitude = places[:, 0], places[:, 1]
+    inside = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360)
+    return known_rows(places) & inside & ((latitude != 0) | (longitude != 0))
+
+
+def _as_origin(values: Floats) -> Origin:
+    return Origin(
+        latitude_deg=float(values[0]), longitude_deg=float(values[1]), altitude=float(values[2])
+    )

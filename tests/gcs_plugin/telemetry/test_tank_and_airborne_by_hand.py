@@ -8,6 +8,7 @@ import pytest
 
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
+from thrustmargin.gcs_plugin.telemetry.airborne import airborne
 from thrustmargin.gcs_plugin.telemetry.battery_and_tank import (
     TankContext,
     first_level,
@@ -16,7 +17,6 @@ from thrustmargin.gcs_plugin.telemetry.battery_and_tank import (
     spraying_sources,
     tank_levels,
 )
-from thrustmargin.gcs_plugin.telemetry.position import airborne
 from thrustmargin.gcs_plugin.telemetry.resample import Sampling
 from thrustmargin.gcs_plugin.telemetry.signals import signals_by_channel
 from thrustmargin.gcs_plugin.wording.check_words import source_words, statement_words
