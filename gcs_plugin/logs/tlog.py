@@ -29,7 +29,6 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     LogQuality,
     NotThisFormat,
     Recording,
-    Stream,
     damage_of,
     mission_item,
     pauses,
@@ -39,6 +38,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import sent_values
 from thrustmargin.gcs_plugin.telemetry.signals import (
     Signals,
+    Stream,
     hud_airspeed,
     mavlink_signals,
     pitot_present,

@@ -17,14 +17,13 @@ from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.mavlink.decode import attitude_from_quaternion, commanded_by_quaternion
 from thrustmargin.gcs_plugin.mavlink.rules import Columns, Rule, Signal, in_si, quantity
-from thrustmargin.gcs_plugin.telemetry.resample import in_time_order
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import (
     ranges_of_span,
     ranges_remark,
     span_of,
     whole_number,
 )
-from thrustmargin.gcs_plugin.telemetry.signals import Signals, signals_by_channel
+from thrustmargin.gcs_plugin.telemetry.signals import Signals, in_time_order, signals_by_channel
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 from thrustmargin.models.statement import Statement, state

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.resample import known_rows, last_before
-from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
+from thrustmargin.gcs_plugin.telemetry.signals import Signals, best, known_rows, last_before
 from thrustmargin.models.checks.held import RISEN, HeldSoFar, drop_held, flag_held, may_hover
 from thrustmargin.models.flight import Bools, Floats, FlyingBy
 from thrustmargin.models.physics.airframe import Airframe

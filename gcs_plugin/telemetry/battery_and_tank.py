@@ -24,8 +24,13 @@ from itertools import chain
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.resample import Sampling, last_before
-from thrustmargin.gcs_plugin.telemetry.signals import Signals, by_index, output_pulses
+from thrustmargin.gcs_plugin.telemetry.signals import (
+    Sampling,
+    Signals,
+    by_index,
+    last_before,
+    output_pulses,
+)
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe

@@ -20,7 +20,6 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     Recording,
     pauses,
 )
-from thrustmargin.gcs_plugin.telemetry.resample import known_rows
 from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
     measured_speeds,
     rejected_readings,
@@ -28,7 +27,7 @@ from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
 )
 from thrustmargin.gcs_plugin.telemetry.rows import FlightRows, flight_rows
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
-from thrustmargin.gcs_plugin.telemetry.signals import Signals, best, by_index
+from thrustmargin.gcs_plugin.telemetry.signals import Signals, best, by_index, known_rows
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import (
     EventKind,
     Options,

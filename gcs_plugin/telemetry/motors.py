@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.resample import last_before
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import (
     NOTHING_SENT,
     PulseRange,
@@ -31,6 +30,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
     OUTPUTS_OF_PORT,
     Signals,
     by_index,
+    last_before,
     output_pulses,
 )
 from thrustmargin.gcs_plugin.wording.check_words import value_words

@@ -1,8 +1,8 @@
 """Represent the content of a log file in the vehicle's own time, before it becomes one table.
 
-A `Stream` is one message type of one vehicle as columns; a `Recording` is all streams needed from
-one file. The reader of each format makes a Recording; `assemble` makes the FlightLog. The treatment
-of clocks that jump, fall back or pause is shared here by all readers.
+A `Recording` is all streams of messages that are needed from one file. The reader of each format
+makes a Recording; `sorties_of` makes a FlightLog of each of its sorties. The treatment of clocks
+that jump, fall back or pause is shared here by all readers.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.gcs_plugin.mavlink.rules import Columns
+from thrustmargin.gcs_plugin.telemetry.signals import Stream
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import VehicleEvent
 from thrustmargin.gcs_plugin.wording.check_words import source_values, source_words, statement_words
 from thrustmargin.gcs_plugin.wording.flight_words import sortie_suffix
@@ -35,17 +35,6 @@ from thrustmargin.models.vehicle_facts import VehicleFacts
 
 class NotThisFormat(LogError):
     """Raised when no message of the expected format is in the file."""
-
-
-class Stream(NamedTuple):
-    """Messages of one type: `time_s` (n,), s of the vehicle's clock, and fields as columns (n,
-    ...).
-
-    Rows are in the order of the file; time may repeat or step back a little (reordering).
-    """
-
-    time_s: Floats
-    columns: Columns
 
 
 @dataclass(frozen=True, slots=True)

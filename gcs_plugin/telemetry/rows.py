@@ -26,17 +26,6 @@ from thrustmargin.gcs_plugin.telemetry.battery_and_tank import (
 )
 from thrustmargin.gcs_plugin.telemetry.esc_frames import lost_frames
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap
-from thrustmargin.gcs_plugin.telemetry.resample import (
-    Sampling,
-    first_known,
-    increasing,
-    known_rows,
-    last_before,
-    plausible,
-    sample,
-    thinned,
-    within,
-)
 from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
     RotorMemory,
     lifting,
@@ -46,10 +35,19 @@ from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
 )
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import NOTHING_SENT, Span
 from thrustmargin.gcs_plugin.telemetry.signals import (
+    Sampling,
     Signals,
     airspeed_sources,
     best,
+    first_known,
+    increasing,
+    known_rows,
+    last_before,
+    plausible,
     rejected_sources,
+    sample,
+    thinned,
+    within,
 )
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options, stated_channels
 from thrustmargin.gcs_plugin.telemetry.vibration import vibration_per_rev

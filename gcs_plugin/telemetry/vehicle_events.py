@@ -23,7 +23,7 @@ from types import MappingProxyType
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.resample import Sampling, known_rows
+from thrustmargin.gcs_plugin.telemetry.signals import Sampling, known_rows
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import STATED_TEMPERATURE_ERROR

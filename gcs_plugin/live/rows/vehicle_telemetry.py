@@ -44,14 +44,16 @@ from thrustmargin.gcs_plugin.telemetry.motors import (
     motor_map,
     turned_escs,
 )
-from thrustmargin.gcs_plugin.telemetry.recording import Stream, several_autopilots
-from thrustmargin.gcs_plugin.telemetry.resample import known_rows, last_before
+from thrustmargin.gcs_plugin.telemetry.recording import several_autopilots
 from thrustmargin.gcs_plugin.telemetry.rows import KEPT, RowState, flight_rows
 from thrustmargin.gcs_plugin.telemetry.signals import (
     SignalBuffer,
     Signals,
+    Stream,
     best,
     hud_airspeed,
+    known_rows,
+    last_before,
     pitot_present,
 )
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options

@@ -27,14 +27,13 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     FlightLog,
     LogQuality,
     Recording,
-    Stream,
     damage_of,
     pauses,
     placed,
     restarts,
     stretches,
 )
-from thrustmargin.gcs_plugin.telemetry.signals import Signals
+from thrustmargin.gcs_plugin.telemetry.signals import Signals, Stream
 from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import (
     Options,

@@ -13,10 +13,10 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.logs.dataflash.columns import DataFlashColumns
 from thrustmargin.gcs_plugin.mavlink.rules import Rule, Signal, quantity
-from thrustmargin.gcs_plugin.telemetry.recording import Stream
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import whole_number
 from thrustmargin.gcs_plugin.telemetry.signals import (
     Signals,
+    Stream,
     ordered_signal,
     signals_by_channel,
 )

@@ -35,10 +35,9 @@ from thrustmargin.gcs_plugin.logs.tlog import tlog_boots
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap, motor_map
-from thrustmargin.gcs_plugin.telemetry.resample import last_before
 from thrustmargin.gcs_plugin.telemetry.rows import FlightRows, flight_rows
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
-from thrustmargin.gcs_plugin.telemetry.signals import Signals, best, mavlink_signals
+from thrustmargin.gcs_plugin.telemetry.signals import Signals, best, last_before, mavlink_signals
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
 from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.effects.compose import EffectRecord, Identified

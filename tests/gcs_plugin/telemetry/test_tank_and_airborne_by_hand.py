@@ -17,8 +17,7 @@ from thrustmargin.gcs_plugin.telemetry.battery_and_tank import (
     spraying_sources,
     tank_levels,
 )
-from thrustmargin.gcs_plugin.telemetry.resample import Sampling
-from thrustmargin.gcs_plugin.telemetry.signals import signals_by_channel
+from thrustmargin.gcs_plugin.telemetry.signals import Sampling, signals_by_channel
 from thrustmargin.gcs_plugin.wording.check_words import source_words, statement_words
 from thrustmargin.models.flight import FlyingBy
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
