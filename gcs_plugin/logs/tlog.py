@@ -24,6 +24,7 @@ from thrustmargin.gcs_plugin.mavlink.who_sends import (
     two_of_one_id,
 )
 from thrustmargin.gcs_plugin.telemetry.clock import Clock, unix_minus_clock, vehicle_clocks
+from thrustmargin.gcs_plugin.telemetry.flight_log import sorties_of
 from thrustmargin.gcs_plugin.telemetry.recording import (
     FlightLog,
     LogQuality,
@@ -43,7 +44,6 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
     mavlink_signals,
     pitot_present,
 )
-from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options, parameter_events
 from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.models.errors import LogError

@@ -20,7 +20,7 @@ from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState
 from thrustmargin.gcs_plugin.logs.tlog import AUTOPILOTS
 from thrustmargin.gcs_plugin.telemetry.first_contact import first_contact
-from thrustmargin.gcs_plugin.telemetry.sorties import LONG_DOWN, LOOK, REST, serviced
+from thrustmargin.gcs_plugin.telemetry.flight_log import LONG_DOWN, LOOK, REST, serviced
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer, answer_of
 from thrustmargin.gcs_plugin.wording.language import spoken
 from thrustmargin.gcs_plugin.wording.report_words import FirstContact

@@ -23,6 +23,7 @@ from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import (
 )
 from thrustmargin.gcs_plugin.logs.dataflash.message_scan import Format
 from thrustmargin.gcs_plugin.mavlink.scan import Index
+from thrustmargin.gcs_plugin.telemetry.flight_log import sorties_of
 from thrustmargin.gcs_plugin.telemetry.recording import (
     FlightLog,
     LogQuality,
@@ -34,7 +35,6 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     stretches,
 )
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, Stream
-from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import (
     Options,
     VehicleEvent,

@@ -16,7 +16,7 @@ from thrustmargin.gcs_plugin.live.watch.flight_so_far import SortieRows
 from thrustmargin.gcs_plugin.live.watch.landed_flight import as_reported
 from thrustmargin.gcs_plugin.live.watch.update import WatchSettings, in_background
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.sorties import flight_spans
+from thrustmargin.gcs_plugin.telemetry.flight_log import flight_spans
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.provenance import NOT_REPORTED
