@@ -36,7 +36,7 @@ from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.model.advice import Advice, Advised, advise
 from thrustmargin.models.model.airframe_match import AirframeMatch, match_airframe
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.model.inferred.prepared import fill_channels
+from thrustmargin.models.model.inferred.load_inference import fill_channels
 from thrustmargin.models.model.model_misfit import Caveat
 from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe
 

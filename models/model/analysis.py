@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from thrustmargin.models.checks.instruments import with_air_temperature
 from thrustmargin.models.checks.loss_of_control import FULL_OUTPUT
 from thrustmargin.models.checks.speed_readings import reading_scatter
 from thrustmargin.models.effects.base import FlightState as FlightState
@@ -49,7 +50,6 @@ from thrustmargin.models.model.rotor_model import (
     predict,
     temperature_offset,
 )
-from thrustmargin.models.model.thermometer import with_air_temperature
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0, track_air
 from thrustmargin.models.physics.margin import (

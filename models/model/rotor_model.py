@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models.checks.arms.arm_law import ArmLaw
+from thrustmargin.models.checks.instruments import Thermometer
 from thrustmargin.models.effects.base import Effect, FlightState, Placed, look_of
 from thrustmargin.models.effects.channels import Channels, channels_of
 from thrustmargin.models.effects.compose import (
@@ -46,7 +47,6 @@ from thrustmargin.models.effects.compose import (
 from thrustmargin.models.errors import AirframeError, ModelError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.mode_walk import ModeState, shift_rpm
-from thrustmargin.models.model.thermometer import Thermometer
 from thrustmargin.models.network.network import CHUNK_ROWS, RotorNetwork, ensemble_speed
 from thrustmargin.models.network.records import GoodFlights, TrainingRecord
 from thrustmargin.models.network.validity import Interval, TrainingDomain

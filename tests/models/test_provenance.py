@@ -14,16 +14,10 @@ from thrustmargin.gcs_plugin.wording.check_words import source_words
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.json_values import from_json_values, to_json_values
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse, analysis_for_verdict
-from thrustmargin.models.model.inferred.prepared import fill_channels
+from thrustmargin.models.model.inferred.load_inference import fill_channels
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import identified_airframe
-from thrustmargin.models.provenance import (
-    NOT_REPORTED,
-    Meaning,
-    Provenance,
-    SourceKind,
-    stated,
-)
+from thrustmargin.models.provenance import NOT_REPORTED, Meaning, Provenance, SourceKind, stated
 from thrustmargin.models.statement import state
 
 #: What logic once looked for in sentences.

@@ -32,8 +32,7 @@ from thrustmargin.models.flight import FlightTrack, Floats, join_tracks
 from thrustmargin.models.model.advice import Advice, advise
 from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.inferred.load_inference import with_load_for_verdict
-from thrustmargin.models.model.inferred.prepared import fill_channels
+from thrustmargin.models.model.inferred.load_inference import fill_channels, with_load_for_verdict
 from thrustmargin.models.model.rotor_faults import FaultHistory
 from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe
 

@@ -26,8 +26,8 @@ from thrustmargin.models.checks.instruments import (
 from thrustmargin.models.checks.voltage import VoltageSoFar
 from thrustmargin.models.flight import FlightTrack, join_tracks
 from thrustmargin.models.model.airframe_match import AirframeMatch
+from thrustmargin.models.model.inferred.load_inference import Inferred, fill_channels_so_far
 from thrustmargin.models.model.inferred.output_speed import OutputCalibration
-from thrustmargin.models.model.inferred.prepared import Inferred, fill_channels_so_far
 from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.provenance import Reason

@@ -163,6 +163,7 @@ def training_run(
     from thrustmargin.gcs_plugin.wording.actions import Phase
     from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
     from thrustmargin.gcs_plugin.wording.language import Verbatim, say
+    from thrustmargin.models.checks.instruments import learnt_thermometer, with_air_temperature
     from thrustmargin.models.identification.good_flights.commissioning import (
         FEWEST_FLIGHTS,
         commission,
@@ -170,7 +171,6 @@ def training_run(
     from thrustmargin.models.identification.good_flights.weak_flights import weak_flights
     from thrustmargin.models.model.flight_arms import learnt_arms
     from thrustmargin.models.model.rotor_model import physics_model
-    from thrustmargin.models.model.thermometer import learnt_thermometer, with_air_temperature
     from thrustmargin.models.model.training import train as fit
 
     kept, unfit = _usable_flights(tracks, physics_model(aircraft))

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thrustmargin.models.checks.instruments import with_air_temperature
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.base import Effect, Placed
 from thrustmargin.models.effects.channels import STEADY_SPAN, Channels, concatenate
@@ -27,7 +28,6 @@ from thrustmargin.models.identification.rows.output_shares import (
     spread_of_flights,
 )
 from thrustmargin.models.model.rotor_model import RotorModel, model_channels, table_of
-from thrustmargin.models.model.thermometer import with_air_temperature
 from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.physics.smoothing import moving_mean
 from thrustmargin.models.provenance import Meaning

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from thrustmargin.models.checks.instruments import needs_thermometer
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.channels import froude_time_scale
 from thrustmargin.models.effects.unnamed import ALONG, SLOW, place_of
@@ -42,7 +43,6 @@ from thrustmargin.models.identification.sets.discrepancy import (
 )
 from thrustmargin.models.identification.sets.nuisance import WIDE, Nuisance
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.model.thermometer import needs_thermometer
 from thrustmargin.models.network.records import GoodFlights
 from thrustmargin.models.physics.atmosphere import SEA_LEVEL_TEMPERATURE
 from thrustmargin.models.physics.flight_phases import TURN_RATE

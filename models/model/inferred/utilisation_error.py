@@ -23,9 +23,9 @@ import numpy as np
 
 from thrustmargin.models.checks.output_evidence import OutputEvidence
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.model.inferred.load_inference import shared_error
 from thrustmargin.models.model.rotor_model import Prediction
 from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.atmosphere import track_air
 from thrustmargin.models.provenance import Meaning
 
 #: Standard errors on either side of the 90 % interval that every screen shows.
@@ -37,6 +37,21 @@ GUESS = 0.1
 DERIVED = 0.02
 #: Share by which a battery of unknown voltage may be off its nominal one: 3.4 to 4.2 V a cell.
 VOLTAGE_ERROR = 0.05
+#: Standard errors as shares, where not guessed: of a thrust curve, and of an empty mass.
+CURVE_ERROR, MASS_ERROR = 0.03, 0.005
+
+
+def shared_error(track: FlightTrack, airframe: Airframe, load: Floats) -> Floats:
+    """Return the part (T,) kg of an inferred load's standard error that cancels in its redundancy.
+
+    An error of thrust curve, air density or empty mass shifts the weight by thrust and the largest
+    thrust alike.
+    """
+    curve = GUESS if "thrust_coefficient" in airframe.guessed else CURVE_ERROR
+    mass = GUESS if "empty_mass" in airframe.guessed else MASS_ERROR
+    air = track_air(track)
+    of_thrust = np.hypot(curve, air.density_error / air.density) * (airframe.empty_mass + load)
+    return np.hypot(of_thrust, mass * airframe.empty_mass)
 
 
 def guessed_variance(airframe: Airframe, *names: str) -> float:

@@ -11,6 +11,7 @@ from tests.made_sources import sent
 from tests.models.identification.sets.test_nuisance import FLIGHTS, MODES, ROWS, dense, made
 from tests.models.made_flights import F16, NOISE_RPM, curve_model, made_flights, table
 from tests.models.model.test_model_by_hand import recorded
+from thrustmargin.models.checks.instruments import Thermometer
 from thrustmargin.models.effects import BY_KEY, effects_for
 from thrustmargin.models.identification.rows.candidates import derivatives, predicted_modes
 from thrustmargin.models.identification.rows.modes import modes
@@ -25,7 +26,6 @@ from thrustmargin.models.identification.sets.search_space import (
     search_space,
     unexplained_noise,
 )
-from thrustmargin.models.model.thermometer import Thermometer
 from thrustmargin.models.network.records import GoodFlights
 
 SOME = ["extra_mass", "cg_offset", "rotor_degradation"]
