@@ -21,8 +21,7 @@ from typing import Any
 from thrustmargin.gcs_plugin.commands import HERE, extras
 from thrustmargin.gcs_plugin.commands.shared.options import QUIET, UsageError, refuse_renamed
 from thrustmargin.gcs_plugin.commands.shared.typed import as_read, hide_none, plain_optionals
-from thrustmargin.gcs_plugin.mavlink.text import clean_lines
-from thrustmargin.gcs_plugin.wording.language import LANGUAGES
+from thrustmargin.gcs_plugin.wording.language import LANGUAGES, clean_lines
 from thrustmargin.gcs_plugin.wording.language import VARIABLE as LANGUAGE
 from thrustmargin.models.errors import ThrustMarginError
 

@@ -16,8 +16,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from thrustmargin.gcs_plugin.link.transport import Address, Chunk, Transport, open_transport
-from thrustmargin.gcs_plugin.mavlink.frame import Frame
-from thrustmargin.gcs_plugin.mavlink.scan import FrameCounts, FrameSplitter
+from thrustmargin.gcs_plugin.mavlink.frame import Frame, FrameCounts, FrameSplitter
 
 #: s that a thread waits for bytes before it checks whether it should stop.
 WAIT = 0.2

@@ -20,7 +20,7 @@ from thrustmargin.gcs_plugin.mavlink.decode import MAVLINK_RULES
 from thrustmargin.gcs_plugin.mavlink.frame import V2, checksum
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.scan import PADDING, STAMP, Frames, columns, read_bytes, scan
-from thrustmargin.gcs_plugin.mavlink.text import piece, printable
+from thrustmargin.gcs_plugin.wording.language import piece, printable
 from thrustmargin.models.errors import LogError
 
 #: Messages whose latitude and longitude (1e-7 °) and altitude (mm) are moved.

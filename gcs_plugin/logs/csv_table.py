@@ -55,13 +55,13 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.logs.read import Beginning, LogFormat, decoded
 from thrustmargin.gcs_plugin.mavlink.decode import attitude_from_quaternion
-from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.airborne import airborne
 from thrustmargin.gcs_plugin.telemetry.flight_log import log_of_track
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.gcs_plugin.telemetry.signals import plausible
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options, stated_track
 from thrustmargin.gcs_plugin.wording.check_words import SENTENCES, statement_words
+from thrustmargin.gcs_plugin.wording.language import clean
 from thrustmargin.models.checks.motion_units import motion_units
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import (

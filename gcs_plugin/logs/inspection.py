@@ -18,7 +18,6 @@ from thrustmargin.gcs_plugin.logs.findings import (
     loss_findings,
     takeoff_findings,
 )
-from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.recording import channel_source, channel_values
 from thrustmargin.gcs_plugin.wording.check_words import (
     no_verdict_words,
@@ -29,7 +28,7 @@ from thrustmargin.gcs_plugin.wording.check_words import (
     value_words,
 )
 from thrustmargin.gcs_plugin.wording.flight_words import LEFT_OUT, TOO_SELDOM
-from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.gcs_plugin.wording.language import clean, say
 from thrustmargin.models.checks.held import attitude_denied
 from thrustmargin.models.checks.instruments import INSTRUMENTS, sprayed_by_thrust
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control

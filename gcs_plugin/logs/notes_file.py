@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
-from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.recording import EngineerNote, FlightLog
+from thrustmargin.gcs_plugin.wording.language import clean
 from thrustmargin.models.errors import LogError
 
 NOTES_NAME = "notes.csv"  # name of the notes file in a log's folder

@@ -14,7 +14,6 @@ from thrustmargin.gcs_plugin.mavlink.decode import MAVLINK_RULES
 from thrustmargin.gcs_plugin.mavlink.layouts import message_ids
 from thrustmargin.gcs_plugin.mavlink.rules import Columns
 from thrustmargin.gcs_plugin.mavlink.scan import PADDING, Frames, named, read_bytes, scan
-from thrustmargin.gcs_plugin.mavlink.text import piece, printable
 from thrustmargin.gcs_plugin.mavlink.who_sends import (
     FLIGHT_DATA,
     GROUND_STATION,
@@ -45,6 +44,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
     pitot_present,
 )
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options, parameter_events
+from thrustmargin.gcs_plugin.wording.language import piece, printable
 from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Bools

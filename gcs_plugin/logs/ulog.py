@@ -33,7 +33,6 @@ from thrustmargin.gcs_plugin.logs.ulog_topics import (
     ulog_signals,
     with_vectors,
 )
-from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.flight_log import sorties_of
 from thrustmargin.gcs_plugin.telemetry.recording import (
     LogQuality,
@@ -48,6 +47,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import whole_number
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, signals_by_channel
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import parameter_events
+from thrustmargin.gcs_plugin.wording.language import clean
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.statement import state
 

@@ -1,5 +1,7 @@
 """Recognise MAVLink frames, by one rule for bytes as they arrive and for whole files.
 
+`FrameSplitter` cuts bytes into frames as they arrive; `scan.py` finds those of whole files.
+
 A frame of a known id is good if its checksum is correct. Of two that overlap, the first is kept. A
 frame of an id in no dialect here cannot be checked. It is kept, marked as unverified, only if no
 frame with a good checksum begins inside it and another frame can begin where it ends. After damage
@@ -279,6 +281,90 @@ def build_frame(data: bytes, verdict: FrameKind, head: Header, stamp_us: int, li
     sequence, system, component = data[place : place + 3]
     good = verdict is FrameKind.GOOD
     return Frame(data, head.id, system, component, sequence, good, stamp_us, link)
+
+
+@dataclass(slots=True)
+class FrameCounts:
+    """The counts of frames and bytes of one link, by result."""
+
+    bytes: int = 0
+    frames: int = 0
+    unknown: int = 0  # among `frames`: of an id that is not known, unchecked
+    bad_checksum: int = 0  # whole frames whose checksum is wrong
+    bytes_skipped: int = 0  # bytes that belong to no frame kept
+
+
+class FrameSplitter:
+    """A splitter of one sender's bytes into frames; it buffers an unfinished frame for the next
+    call.
+
+    `feed` returns frames in order. `passed` is then every byte that this call has finished with
+    (frames and bytes between), unchanged, to be forwarded in whole frames. A frame of unknown id in
+    a stream is returned once the header of the next one has arrived.
+    """
+
+    def __init__(self, link: int = 0, counts: FrameCounts | None = None) -> None:
+        self.link = link
+        self.counts = FrameCounts() if counts is None else counts
+        self.passed = b""
+        self._rest = b""
+        self._expected = 0  # where in `_rest` a frame should begin
+        self._cleared = 0  # before which place in `_rest` no good frame begins
+
+    @property
+    def waiting(self) -> int:
+        """Return the number of buffered bytes of an unfinished frame."""
+        return len(self._rest)
+
+    def feed_datagram(self, data: bytes, stamp_us: int) -> list[Frame]:
+        """Return the frames of one datagram, which begins a new frame unless it can only be a
+        continuation.
+
+        A frame cut short in the datagram before must not delay a good one in this.
+        """
+        if not self._rest and (frame := frame_of(data, stamp_us=stamp_us, link=self.link)):
+            # As almost every datagram: nothing to search, and nothing left over.
+            counts = self.counts
+            counts.bytes += len(data)
+            counts.frames += 1
+            counts.unknown += not frame.verified
+            self.passed, self._expected, self._cleared = data, 0, 0
+            return [frame]
+        if self._rest and data and data[0] in (V1, V2):
+            verdict, _ = examine(data + bytes(HEADER_PADDING), 0, len(data), closed=True)
+            if verdict in (FrameKind.GOOD, FrameKind.UNVERIFIED):
+                self.counts.bytes_skipped += len(self._rest)
+                self._rest, self._expected, self._cleared = b"", 0, 0
+        return self.feed(data, stamp_us, closed=True)
+
+    def feed(self, data: bytes, stamp_us: int, *, closed: bool = False) -> list[Frame]:
+        """Return the frames completed by these bytes of a stream (TCP, serial).
+
+        `closed`: the bytes after these begin a new frame.
+        """
+        counts, link = self.counts, self.link
+        counts.bytes += len(data)
+        buffer = self._rest + data
+        size = len(buffer)
+        frames: list[Frame] = []
+        kept = 0
+        walk = Walk(0, self._expected, self._cleared)
+        padded = buffer + bytes(HEADER_PADDING)
+        for verdict, start, head in walk.frames(padded, size, size, closed=closed, wait=True):
+            if verdict is FrameKind.BAD_CHECKSUM:
+                counts.bad_checksum += 1
+                continue
+            end = start + head.length
+            frames.append(build_frame(buffer[start:end], verdict, head, stamp_us, link))
+            kept += head.length
+            counts.unknown += verdict is FrameKind.UNVERIFIED
+        counts.frames += len(frames)
+        counts.bytes_skipped += walk.position - kept
+        self.passed, self._rest = buffer[: walk.position], buffer[walk.position :]
+        self._expected = walk.expected - walk.position
+        # Where the bytes were closed, frames that were cut short are not looked for behind them.
+        self._cleared = 0 if closed else max(walk.cleared.end - walk.position, 0)
+        return frames
 
 
 def fields(frame: Frame) -> NDArray[np.void] | None:

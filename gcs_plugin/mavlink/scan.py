@@ -1,10 +1,8 @@
-"""Find every frame of a telemetry log or a byte stream, and return messages of a type as columns.
+"""Find every frame of a telemetry log, and return messages of a type as columns.
 
 A .tlog is a sequence of frames, each after eight bytes of big-endian Unix microseconds. Frames of
 known id and good checksum are found all at once. The bytes between are then searched for frames of
 unknown id, frames with a wrong checksum, and damage. `mavlink.frame` defines both.
-
-A stream is cut into frames as its bytes arrive.
 
 Stamps of a recording are corrected where its computer's clock was set. A listener stamps by a clock
 that nobody sets; other programs write the computer's own. There a jump of an hour looks like a
@@ -27,13 +25,9 @@ from thrustmargin.gcs_plugin.mavlink.frame import (
     V1,
     V2,
     Bytes,
-    Frame,
     FrameKind,
     Walk,
-    build_frame,
     checksum_rows,
-    examine,
-    frame_of,
     header,
 )
 from thrustmargin.gcs_plugin.mavlink.layouts import Layout, layout_table, layouts, message_ids
@@ -275,93 +269,6 @@ def _explain_gaps(
         if lost_from < high:
             skipped.append((lost_from, high - lost_from))
     return skipped, bad, unverified
-
-
-_PADDING = bytes(HEADER_PADDING)
-
-
-@dataclass(slots=True)
-class FrameCounts:
-    """The counts of frames and bytes of one link, by result."""
-
-    bytes: int = 0
-    frames: int = 0
-    unknown: int = 0  # among `frames`: of an id that is not known, unchecked
-    bad_checksum: int = 0  # whole frames whose checksum is wrong
-    bytes_skipped: int = 0  # bytes that belong to no frame kept
-
-
-class FrameSplitter:
-    """A splitter of one sender's bytes into frames; it buffers an unfinished frame for the next
-    call.
-
-    `feed` returns frames in order. `passed` is then every byte that this call has finished with
-    (frames and bytes between), unchanged, to be forwarded in whole frames. A frame of unknown id in
-    a stream is returned once the header of the next one has arrived.
-    """
-
-    def __init__(self, link: int = 0, counts: FrameCounts | None = None) -> None:
-        self.link = link
-        self.counts = FrameCounts() if counts is None else counts
-        self.passed = b""
-        self._rest = b""
-        self._expected = 0  # where in `_rest` a frame should begin
-        self._cleared = 0  # before which place in `_rest` no good frame begins
-
-    @property
-    def waiting(self) -> int:
-        """Return the number of buffered bytes of an unfinished frame."""
-        return len(self._rest)
-
-    def feed_datagram(self, data: bytes, stamp_us: int) -> list[Frame]:
-        """Return the frames of one datagram, which begins a new frame unless it can only be a
-        continuation.
-
-        A frame cut short in the datagram before must not delay a good one in this.
-        """
-        if not self._rest and (frame := frame_of(data, stamp_us=stamp_us, link=self.link)):
-            # As almost every datagram: nothing to search, and nothing left over.
-            counts = self.counts
-            counts.bytes += len(data)
-            counts.frames += 1
-            counts.unknown += not frame.verified
-            self.passed, self._expected, self._cleared = data, 0, 0
-            return [frame]
-        if self._rest and data and data[0] in (V1, V2):
-            verdict, _ = examine(data + _PADDING, 0, len(data), closed=True)
-            if verdict in (FrameKind.GOOD, FrameKind.UNVERIFIED):
-                self.counts.bytes_skipped += len(self._rest)
-                self._rest, self._expected, self._cleared = b"", 0, 0
-        return self.feed(data, stamp_us, closed=True)
-
-    def feed(self, data: bytes, stamp_us: int, *, closed: bool = False) -> list[Frame]:
-        """Return the frames completed by these bytes of a stream (TCP, serial).
-
-        `closed`: the bytes after these begin a new frame.
-        """
-        counts, link = self.counts, self.link
-        counts.bytes += len(data)
-        buffer = self._rest + data
-        size = len(buffer)
-        frames: list[Frame] = []
-        kept = 0
-        walk = Walk(0, self._expected, self._cleared)
-        padded = buffer + _PADDING
-        for verdict, start, head in walk.frames(padded, size, size, closed=closed, wait=True):
-            if verdict is FrameKind.BAD_CHECKSUM:
-                counts.bad_checksum += 1
-                continue
-            end = start + head.length
-            frames.append(build_frame(buffer[start:end], verdict, head, stamp_us, link))
-            kept += head.length
-            counts.unknown += verdict is FrameKind.UNVERIFIED
-        counts.frames += len(frames)
-        counts.bytes_skipped += walk.position - kept
-        self.passed, self._rest = buffer[: walk.position], buffer[walk.position :]
-        self._expected = walk.expected - walk.position
-        # Where the bytes were closed, frames that were cut short are not looked for behind them.
-        self._cleared = 0 if closed else max(walk.cleared.end - walk.position, 0)
-        return frames
 
 
 LEAP_US = 2_000_000  # by which stamps may part from the vehicle's clock: a slow link, two links

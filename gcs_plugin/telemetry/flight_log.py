@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.airborne import ON_GROUND
 from thrustmargin.gcs_plugin.telemetry.battery_and_tank import esc_voltage_offsets, stated_battery
 from thrustmargin.gcs_plugin.telemetry.motors import motor_map
@@ -41,6 +40,7 @@ from thrustmargin.gcs_plugin.telemetry.vehicle_events import (
     flag_events,
     text_events,
 )
+from thrustmargin.gcs_plugin.wording.language import clean
 from thrustmargin.models.checks.loss_of_control import loss_of_control
 from thrustmargin.models.checks.speed_readings import speed_resolution
 from thrustmargin.models.errors import LogError

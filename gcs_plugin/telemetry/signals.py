@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.mavlink.decode import ESC_TELEMETRY_FIRST, MAVLINK_RULES, esc_silent
 from thrustmargin.gcs_plugin.mavlink.rules import Columns, Rule, Signal, decode
-from thrustmargin.gcs_plugin.mavlink.text import printable
+from thrustmargin.gcs_plugin.wording.language import printable
 from thrustmargin.mission.plan_check import parameter
 from thrustmargin.models.flight import TRACK_CHANNELS, Bools, Floats, TrackChannel
 from thrustmargin.models.provenance import Meaning, Provenance, Reason, Rejected, SourceKind

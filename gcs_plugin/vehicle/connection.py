@@ -22,8 +22,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 from thrustmargin.gcs_plugin.link.listener import Listener
 from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter
 from thrustmargin.gcs_plugin.link.transport import parse_url
-from thrustmargin.gcs_plugin.mavlink.frame import Frame
-from thrustmargin.gcs_plugin.mavlink.scan import FrameSplitter
+from thrustmargin.gcs_plugin.mavlink.frame import Frame, FrameSplitter
 from thrustmargin.models.errors import LinkError, require
 
 if TYPE_CHECKING:

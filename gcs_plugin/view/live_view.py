@@ -361,7 +361,7 @@ class LiveView(ViewPage, Output):
             elif shown != one.shown:
                 self.wake.set()  # too soon: once more
             if summary.number == tab.focus and summary.row is not None:
-                wind_ned = summary.row.track.wind_ned[-1]
+                wind_ned = summary.row.analysis.track.wind_ned[-1]
                 scene.show_wind(np.full(3, np.nan) if summary.old else wind_ned)
 
     def _fleet(self, _tab: str) -> list[VehicleSummary]:

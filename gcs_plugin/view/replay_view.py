@@ -293,7 +293,7 @@ class ReplayView(ViewPage):
         row = summary.row
         assert row is not None
         scene.show(VEHICLE, row, faulty=summary.faulty)
-        scene.show_wind(row.track.wind_ned[row.row])
+        scene.show_wind(row.analysis.track.wind_ned[row.row])
 
     def _acts(self) -> Acts:
         """Return the functions for the actions that the page may request, by name; each takes the
@@ -386,7 +386,7 @@ class ReplayView(ViewPage):
             whole=self.whole,
             recorded=True,
             row=row,
-            seconds_to_empty=recorded_seconds_to_empty(row.track, row.row),
+            seconds_to_empty=recorded_seconds_to_empty(row.analysis.track, row.row),
             problem="; ".join(no_verdict_words(self._analysis.airframe_match)),
             pending=say(self._alarms_pending),
             message=self._message_at(time_s),

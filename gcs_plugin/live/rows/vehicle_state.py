@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from thrustmargin.gcs_plugin.mavlink.decode import MAVLINK_RULES
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
-from thrustmargin.gcs_plugin.mavlink.text import printable
 from thrustmargin.gcs_plugin.mavlink.who_sends import of_vehicles
 from thrustmargin.gcs_plugin.telemetry.clock import REFERENCES, gps_times, own_clock
 from thrustmargin.gcs_plugin.telemetry.recording import mission_item
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import sent_values
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import EventKind, parameter_change
+from thrustmargin.gcs_plugin.wording.language import printable
 from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.vehicle_facts import VehicleFacts

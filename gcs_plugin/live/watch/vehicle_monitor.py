@@ -6,6 +6,7 @@ given, so that a recording gives live what it gives from its file.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
@@ -19,11 +20,7 @@ from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState, fold_mission
 from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows, VehicleTelemetry
-from thrustmargin.gcs_plugin.live.watch.flight_so_far import (
-    FlightAdvice,
-    FlightSoFar,
-    SortieRows,
-)
+from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightAdvice, FlightSoFar, SortieRows
 from thrustmargin.gcs_plugin.live.watch.landed_flight import LandedFlights
 from thrustmargin.gcs_plugin.live.watch.link_watch import LinkWatch, RotorSilence
 from thrustmargin.gcs_plugin.live.watch.outlook import LookAhead
@@ -36,10 +33,7 @@ from thrustmargin.gcs_plugin.live.watch.update import (
     Later,
     Update,
     WatchSettings,
-    continues,
-    update_with_bad_part,
     when_asked,
-    with_rows,
 )
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.wording.check_words import described_words, remedy_words
@@ -51,6 +45,7 @@ from thrustmargin.models.model.analysis import (
     FlightAnalysis,
     FlightState,
     analyse,
+    with_bad_part,
     with_load_beyond_gauge,
 )
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -176,7 +171,7 @@ class VehicleMonitor:
     def _update(self, new: LiveRows | None) -> Update:
         """Make the next update: with new rows, or for None with the last predictions settled."""
         last = self.last
-        if last is None or (new is not None and not continues(last, new)):
+        if last is None or (new is not None and not _continues(last, new)):
             if last is not None and new is not None and last.boot != new.boot:
                 self.alarms.restarted(float(new.clock_s[0]))
             last = None
@@ -188,7 +183,7 @@ class VehicleMonitor:
             reported, before = new.track, self.airframe_match
             new = self._preparation.prepare(new, self.telemetry.facts, self.state.parameters)
             start = self._state_under_claim(before, new, start)
-        analysis = self._analysed(with_rows(last, window, new), start)
+        analysis = self._analysed(_with_rows(last, window, new), start)
         time_s = analysis.track.time_s
         first = time_s.size - (0 if new is None else new.clock_s.size)
         settled, sought = self._settled.settled(time_s, first, at_once=new is None)
@@ -249,7 +244,7 @@ class VehicleMonitor:
             notes=() if rows is None else rows.notes,
             asked=self._asked,
         )
-        self.last = update_with_bad_part(made) if self._sortie.found_bad else made
+        self.last = _with_bad_part(made) if self._sortie.found_bad else made
         return self.last
 
     def _begin_anew(self) -> None:
@@ -349,3 +344,25 @@ class VehicleMonitor:
         A vehicle that fell silent in flight stays listed.
         """
         return self.link.silent(now_us) > GONE and not self.flying
+
+
+def _with_bad_part(update: Update) -> Update:
+    """Return the update for an aircraft with a bad rotor or motor: without the margin for a full
+    tank."""
+    outlook = replace(update.outlook, full=lambda: math.nan)
+    return replace(update, analysis=with_bad_part(update.analysis), outlook=outlook)
+
+
+def _continues(last: Update, new: LiveRows) -> bool:
+    """Return True if the new rows follow the last: no restart, and the same number of rotors."""
+    before = last.analysis.track.rotor_count
+    return last.boot == new.boot and before == new.track.rotor_count
+
+
+def _with_rows(last: Update | None, window: slice, new: LiveRows | None) -> FlightTrack:
+    """Return the rows `window` of the last update, followed by the new ones."""
+    if last is None:
+        assert new is not None
+        return new.track
+    track = last.analysis.track
+    return track.rows(window) if new is None else track.followed_by(new.track, window.start)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.logs.dataflash.message_scan import LETTERS, SCALED_LETTERS, Format
-from thrustmargin.gcs_plugin.mavlink.text import printable
+from thrustmargin.gcs_plugin.wording.language import printable
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.units import SCALES, Scale
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.mavlink.frame import Bytes
 from thrustmargin.gcs_plugin.mavlink.scan import Index, gaps_between, gather
-from thrustmargin.gcs_plugin.mavlink.text import printable
+from thrustmargin.gcs_plugin.wording.language import printable
 
 HEAD = (0xA3, 0x95)
 FMT_TYPE = 128

@@ -47,7 +47,12 @@ def aircraft_figures(
         worst = int(np.nanargmin(row.margin_predicted))
     placed = row.analysis.placed
     places, radius = rotor_places(airframe) if placed else by_number(airframe.rotor_count)
-    track, margin, coloured, low_rotors = row.track, row.margin, row.coloured, row.too_little
+    track, margin, coloured, low_rotors = (
+        row.analysis.track,
+        row.margin,
+        row.coloured,
+        row.too_little,
+    )
     low, high = row.ends if row.flying else (row.margin, row.margin)
     rotors = [
         {
@@ -142,11 +147,11 @@ def _tank(row: ShownRow, airframe: Airframe) -> dict[str, Any]:
 
     A `capacity_l` of 0 means an aircraft without a tank.
     """
-    kg, density = float(row.track.tank_kg[row.row]), airframe.liquid_density
+    kg, density = float(row.analysis.track.tank_kg[row.row]), airframe.liquid_density
     density = density if math.isfinite(density) and density > 0.0 else 1.0
     capacity = airframe.tank_volume_l
-    error = row.track.standard_errors.get("tank_kg")
-    kind = row.track.source("tank_kg").kind
+    error = row.analysis.track.standard_errors.get("tank_kg")
+    kind = row.analysis.track.source("tank_kg").kind
     return {
         "kg": known(kg),
         "litres": known(kg / density),
@@ -178,7 +183,7 @@ def _lost(row: ShownRow) -> dict[str, Any]:
 
 
 def _battery(row: ShownRow, airframe: Airframe) -> dict[str, Any]:
-    volts, count = float(row.track.voltage[row.row]), cell_count(airframe)
+    volts, count = float(row.analysis.track.voltage[row.row]), cell_count(airframe)
     return {"volts": known(volts), "cell": known(volts / count, 2) if count else None}
 
 

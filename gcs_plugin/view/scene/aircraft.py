@@ -173,7 +173,7 @@ class VehicleNode:
                 label.visible = shown
             text = rotor_label(i, margin[i]) if self._detailed else str(i + 1)
             label.text = f"! {text}" if i + 1 in faulty else text
-        self._show_tank(row.track.tank_kg[row.row])
+        self._show_tank(row.analysis.track.tank_kg[row.row])
 
     def _show_tank(self, tank_kg: float) -> None:
         level = tank_level(tank_kg, self._airframe.tank_capacity_kg)

@@ -45,23 +45,19 @@ class ShownRow:
     low: Bools | None = None
 
     @property
-    def track(self) -> FlightTrack:
-        return self.analysis.track
-
-    @property
     def position_enu(self) -> Floats:
         """Return the position (3,) in the scene, m east, north and up."""
-        return enu(self.track.position_ned[self.row] + self.offset_ned)
+        return enu(self.analysis.track.position_ned[self.row] + self.offset_ned)
 
     @property
     def wxyz(self) -> Floats:
         """Return the quaternion (4,), w first, that turns the vehicle frame into the scene
         frame."""
-        return wxyz_from_attitude(self.track.attitude[self.row])
+        return wxyz_from_attitude(self.analysis.track.attitude[self.row])
 
     @property
     def flying(self) -> bool:
-        return bool(self.track.flying[self.row])
+        return bool(self.analysis.track.flying[self.row])
 
     @property
     def measured(self) -> Bools:

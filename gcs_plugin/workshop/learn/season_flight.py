@@ -22,7 +22,6 @@ from thrustmargin.gcs_plugin.commands.shared.stored_answer import answer_columns
 from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.logs.findings import report_findings
 from thrustmargin.gcs_plugin.logs.log_answer import answer_log
-from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.reports.margin import ReportedFlight, report_flight
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
 from thrustmargin.gcs_plugin.store.aircraft_marks import marks_of
@@ -40,7 +39,7 @@ from thrustmargin.gcs_plugin.store.staging import SeasonFlight, drop_flight, sta
 from thrustmargin.gcs_plugin.store.writer_lock import writer_lock
 from thrustmargin.gcs_plugin.wording.check_words import in_english, note_words
 from thrustmargin.gcs_plugin.wording.flight_words import not_flown
-from thrustmargin.gcs_plugin.wording.language import speaking
+from thrustmargin.gcs_plugin.wording.language import clean, speaking
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.errors import DataError, ThrustMarginError
 from thrustmargin.models.flight import FlightTrack

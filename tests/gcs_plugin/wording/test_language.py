@@ -24,8 +24,11 @@ from thrustmargin.gcs_plugin.wording.answer import answer_of
 from thrustmargin.gcs_plugin.wording.language import (
     LANGUAGES,
     VARIABLE,
+    clean,
     number,
+    piece,
     place,
+    printable,
     say,
     speaking,
     spoken,
@@ -273,3 +276,12 @@ def test_a_page_is_answered_in_its_own_language_and_nothing_else_changes():
         with speaking("xx"):
             assert spoken() == "en"
     assert spoken() == "en"
+
+
+def test_texts_end_at_a_zero_byte_and_cannot_steer_a_terminal():
+    assert printable(b"  TANK\0junk") == "TANK"
+    assert piece(b" part \0x") == " part "
+    assert piece(b"a\x1b[31mb\x07") == "a [31mb "
+    assert piece(b"\xff\xc3\xa9") == "\ufffd\u00e9"
+    assert clean("plain, \u00e9") == "plain, \u00e9"
+    assert clean("a\tb\nc\u202e") == "a b c "
