@@ -1,6 +1,6 @@
 """Read a log as flights that are matched with an airframe, and answer each of them.
 
-Every command that analyses a file reads it by `claimed_flights`; report, replay and live share
+Every command that analyses a file reads it by `matched_flights`; report, replay and live share
 `answer_log`: findings, the answer of the flight, and the estimates for an unknown aircraft.
 """
 
@@ -51,7 +51,7 @@ class LogAnswer:
     statements: tuple[VehicleStatement, ...] = ()  # of the vehicle, with what the log shows of each
 
 
-def claimed_flights(
+def matched_flights(
     path: Path, model: RotorModel, *, given: bool, **options: Any
 ) -> list[tuple[FlightLog, AirframeMatch]]:
     """Return every sortie of a log, with inferred channels, and the decision if it is the

@@ -15,10 +15,10 @@ from rich.live import Live
 from tyro.conf import Positional, UseAppendAction
 
 from thrustmargin.gcs_plugin.commands import extras
-from thrustmargin.gcs_plugin.commands.shared.analysed import OPTIONS
 from thrustmargin.gcs_plugin.commands.shared.inputs import (
     ANY_KNOWN,
     AS_HEARD,
+    OPTIONS,
     Inputs,
     Known,
     Reading,

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from rich.markup import escape
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.analysed import with_recorded
 from thrustmargin.gcs_plugin.commands.shared.inputs import (
     ANY_KNOWN,
     AS_HEARD,
@@ -18,8 +17,9 @@ from thrustmargin.gcs_plugin.commands.shared.inputs import (
     Reading,
     ReadingOptions,
     reading_keywords,
+    with_recorded,
 )
-from thrustmargin.gcs_plugin.commands.shared.known import model_of_log
+from thrustmargin.gcs_plugin.commands.shared.log_flights import model_of_log
 from thrustmargin.gcs_plugin.commands.shared.options import (
     UsageError,
     check_port,
@@ -132,9 +132,9 @@ def replay_view(
     that may be in use. `options` are those of ReplayView. Raises DataError when there is no sortie
     of that number.
     """
-    from thrustmargin.gcs_plugin.commands.shared.inputs import log_lines, read_flights
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import log_lines
     from thrustmargin.gcs_plugin.logs.findings import names_wrong, report_findings
-    from thrustmargin.gcs_plugin.logs.log_answer import answer_log
+    from thrustmargin.gcs_plugin.logs.log_answer import answer_log, matched_flights
     from thrustmargin.gcs_plugin.view.replay_view import ReplayView
     from thrustmargin.gcs_plugin.view.scene.overlays import before_and_after
     from thrustmargin.gcs_plugin.wording.advice_words import headline
@@ -143,7 +143,7 @@ def replay_view(
 
     console = Terminal(stderr=True, soft_wrap=True)
     with console.status(escape(f"reading {log.name}")):
-        flights = read_flights(log, model, given=given, reading=reading)
+        flights = matched_flights(log, model, given=given, **reading_keywords(reading))
         if sortie is not None and not 1 <= sortie <= len(flights):
             raise DataError(f"--sortie {sortie}: {log.name} holds sorties 1 to {len(flights)}")
         analyses = [

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import OF_ITSELF, OF_MISSION
 from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightAdvice, FlightSoFar
 from thrustmargin.gcs_plugin.live.watch.update import Later, WatchSettings
-from thrustmargin.gcs_plugin.logs.log_answer import answer_log, claimed_flights
+from thrustmargin.gcs_plugin.logs.log_answer import answer_log, matched_flights
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.layouts import message_ids
 from thrustmargin.models.errors import ThrustMarginError
@@ -100,7 +100,7 @@ def as_reported(
         with tempfile.TemporaryDirectory(prefix="thrustmargin-") as folder:
             file = Path(folder) / f"vehicle {system}.tlog"
             file.write_bytes(tlog)
-            flights = claimed_flights(file, model, given=given, vehicle=system, **stated)
+            flights = matched_flights(file, model, given=given, vehicle=system, **stated)
     except (ThrustMarginError, OSError):
         return None
     log, airframe_match = flights[-1]

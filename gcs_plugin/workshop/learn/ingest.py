@@ -172,7 +172,11 @@ def follow_known(logs: list[LogSource], inputs: Inputs) -> list[LogSource]:
 
     Return the other logs. A log that is stored already is left to `ingest_logs`, which counts it.
     """
-    from thrustmargin.gcs_plugin.commands.shared.known import hangar_of, learn_logs, recognised
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import (
+        hangar_of,
+        learn_logs,
+        recognised,
+    )
 
     hangar = hangar_of(inputs)
     if not hangar.names():

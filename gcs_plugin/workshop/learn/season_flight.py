@@ -16,12 +16,12 @@ from thrustmargin.gcs_plugin.commands.shared.inputs import (
     AS_HEARD,
     ReadingOptions,
     chosen_model,
-    read_flights,
+    reading_keywords,
 )
 from thrustmargin.gcs_plugin.commands.shared.stored_answer import answer_columns, stored_answer
 from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.logs.findings import report_findings
-from thrustmargin.gcs_plugin.logs.log_answer import answer_log
+from thrustmargin.gcs_plugin.logs.log_answer import answer_log, matched_flights
 from thrustmargin.gcs_plugin.reports.margin import ReportedFlight, report_flight
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
 from thrustmargin.gcs_plugin.store.aircraft_marks import marks_of
@@ -132,7 +132,7 @@ def _sortie_flights(
     """
     model, _ = season_model(settings.model, settings.airframe)
     given = settings.model is not None or settings.airframe is not None
-    read = read_flights(path, model, given=given, reading=reading)
+    read = matched_flights(path, model, given=given, **reading_keywords(reading))
     found = []
     for log, airframe_match in read:
         flight = content if log.sortie == 1 else f"{content}-sortie-{log.sortie}"

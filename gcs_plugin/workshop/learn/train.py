@@ -72,13 +72,8 @@ def train(
         force: Replace the model file if it is there.
     """
     require("train", "torch", "scipy")
-    from thrustmargin.gcs_plugin.commands.shared.inputs import (
-        SHIPPED_AIRFRAME,
-        Inputs,
-        claimed,
-        listed,
-        read_logs,
-    )
+    from thrustmargin.gcs_plugin.commands.shared.inputs import SHIPPED_AIRFRAME, Inputs
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import listed, matching_logs, read_logs
     from thrustmargin.gcs_plugin.commands.shared.options import (
         OutputFile,
         check_outputs,
@@ -113,7 +108,7 @@ def train(
     )
     unread: list[UnusedLog] = []
     read = read_logs(inputs, unread, progress, model=physics_model(aircraft))
-    tracks = [log.track for log in claimed(read, unread, progress)]
+    tracks = [log.track for log in matching_logs(read, unread, progress)]
     if not tracks:
         raise LogError(f"no flight can be used; {listed(unread)}")
     run = training_run(tracks, aircraft, settings, progress)
@@ -157,7 +152,7 @@ def training_run(
 
     from rich.markup import escape
 
-    from thrustmargin.gcs_plugin.commands.shared.inputs import listed
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import listed
     from thrustmargin.gcs_plugin.commands.shared.terminal import steps
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.gcs_plugin.wording.actions import Phase
@@ -266,7 +261,7 @@ def _usable_flights(
     Flights without any such row are returned: `_logs_without_rows` reports them. Raise LogError if
     no flight is usable.
     """
-    from thrustmargin.gcs_plugin.commands.shared.inputs import listed
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import listed
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.gcs_plugin.wording.check_words import statement_words
     from thrustmargin.models.identification.rows.usable_flights import too_little, wrong_speeds

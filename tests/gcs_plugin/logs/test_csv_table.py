@@ -11,7 +11,7 @@ from hypothesis.extra import numpy as arrays
 from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.cli import run
-from thrustmargin.gcs_plugin.commands.shared.inputs import log_lines
+from thrustmargin.gcs_plugin.commands.shared.log_flights import log_lines
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.csv_table import COLUMNS, read_csv
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log

@@ -19,8 +19,7 @@ from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.gcs_plugin.logs.test_ulog import px4_log
 from tests.lab.fuzz.live_link import watched
 from tests.mission.plans_made import TWO_LINES, plan_of
-from thrustmargin.gcs_plugin.commands.shared.analysed import with_recorded
-from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs, ReadingOptions
+from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs, ReadingOptions, with_recorded
 from thrustmargin.gcs_plugin.commands.shared.plan_source import read_assumed, read_plan
 from thrustmargin.gcs_plugin.link.signing import read_signing_key
 from thrustmargin.gcs_plugin.logs import read_log
