@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -42,11 +42,10 @@ from thrustmargin.models.model.rotor_model import RotorModel, identified_airfram
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LogAnswer:
-    """The findings on one sortie and its answer (advice, analysis, fill)."""
+class LogAnswer(Advised):
+    """The answer of one sortie (advice, analysis, fill), with the findings on its log."""
 
     findings: tuple[Finding, ...]  # the gravest first
-    made: Advised
     contact: FirstContact | None  # None of an aircraft that is known
     statements: tuple[VehicleStatement, ...] = ()  # of the vehicle, with what the log shows of each
 
@@ -111,19 +110,19 @@ def answer_log(log: FlightLog, analysis: FlightAnalysis, limit: float) -> LogAns
         other_order=bool(names_wrong(findings)),
         open_pairs=() if order is None else order.open_pairs,
     )
-    made = advise(replace(analysis, airframe_match=airframe_match), limit=limit)
-    said = vehicle_statements(
+    advised = advise(replace(analysis, airframe_match=airframe_match), limit=limit)
+    statements = vehicle_statements(
         log.events,
         log.track,
-        faults=made.advice.faults,
-        losses=made.advice.losses,
+        faults=advised.advice.faults,
+        losses=advised.advice.losses,
         yaw_reserve=None if analysis.no_verdict else analysis.yaw_reserve,
     )
     return LogAnswer(
-        findings=with_statements(findings, said, made.advice),
-        made=made,
+        **{one.name: getattr(advised, one.name) for one in fields(advised)},
+        findings=with_statements(findings, statements, advised.advice),
         contact=first_contact_of(log, analysis.airframe_match),
-        statements=said,
+        statements=statements,
     )
 
 

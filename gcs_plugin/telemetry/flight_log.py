@@ -15,7 +15,13 @@ import numpy as np
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.airborne import ON_GROUND
 from thrustmargin.gcs_plugin.telemetry.battery_and_tank import esc_voltage_offsets, stated_battery
-from thrustmargin.gcs_plugin.telemetry.motors import motor_map
+from thrustmargin.gcs_plugin.telemetry.motors import (
+    IDLE,
+    measured_speeds,
+    motor_map,
+    rejected_readings,
+    stopped_in_flight,
+)
 from thrustmargin.gcs_plugin.telemetry.recording import (
     ChannelReport,
     FlightLog,
@@ -23,12 +29,6 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     LogQuality,
     Recording,
     pauses,
-)
-from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
-    IDLE,
-    measured_speeds,
-    rejected_readings,
-    stopped_in_flight,
 )
 from thrustmargin.gcs_plugin.telemetry.rows import FlightRows, flight_rows
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts

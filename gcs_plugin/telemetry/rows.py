@@ -25,8 +25,8 @@ from thrustmargin.gcs_plugin.telemetry.battery_and_tank import (
     tank_levels,
 )
 from thrustmargin.gcs_plugin.telemetry.esc_frames import lost_frames
-from thrustmargin.gcs_plugin.telemetry.motors import MotorMap
-from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
+from thrustmargin.gcs_plugin.telemetry.motors import (
+    MotorMap,
     RotorMemory,
     lifting,
     measured_speeds,

@@ -173,7 +173,7 @@ def _inspect(inputs: Inputs, console: Console) -> list[Inspection]:
         if not airframe_match.no_verdict:
             flown = analysis_for_verdict(analyse(log.track, model, airframe_match=airframe_match))
             answer = answer_log(log, flown, inputs.limit)
-            found = verdict_findings(answer.made.advice)
+            found = verdict_findings(answer.advice)
             findings = gravest_first([*found, *answer.findings])
         else:
             said = vehicle_statements(log.events, log.track, losses=loss_of_control(log.track))

@@ -150,34 +150,34 @@ def replay_view(
             analysis_for_verdict(analyse(f.track, model, airframe_match=airframe_match))
             for f, airframe_match in flights
         ]
-        said = [answer_log(f, one, limit) for (f, _), one in zip(flights, analyses, strict=True)]
-        answers = [one.made.advice for one in said]
+        answers = [answer_log(f, one, limit) for (f, _), one in zip(flights, analyses, strict=True)]
+        advices = [one.advice for one in answers]
         order = sorted(
-            range(len(flights)), key=lambda k: (answers[k].level.gravity, -answers[k].use.peak)
+            range(len(flights)), key=lambda k: (advices[k].level.gravity, -advices[k].use.peak)
         )
         shown = order[0] if sortie is None else sortie - 1
-        (flight, airframe_match), analysis = flights[shown], said[shown].made.whole
+        (flight, airframe_match), analysis = flights[shown], answers[shown].whole
         older = (
             None
             if before is None
             else analyse(analysis.track, before, airframe_match=airframe_match)
         )
-        found = report_findings(said[shown].findings)
-        whole = answer_of(answers[shown], said[shown].contact)
+        found = report_findings(answers[shown].findings)
+        whole = answer_of(advices[shown], answers[shown].contact)
         dated = [(one.time_s, one.words) for one in found if one.time_s is not None]
     for line in log_lines(flight, stated=reading.states_load):
         console.print(escape(f"{log.name}: {line}"))
     for line in (*names_wrong(found), *whole.contact_lines):
         console.print(escape(f"  {line}"))
     for k, (other, _) in enumerate(flights) if len(flights) > 1 else ():
-        line = f"{sortie_words(other.sortie, other.track)}: {headline(answers[k])}"
+        line = f"{sortie_words(other.sortie, other.track)}: {headline(advices[k])}"
         console.print(f"  {line}; {'shown' if k == shown else f'--sortie {k + 1} shows it'}")
     return ReplayView(
         analysis,
         waypoints=flight.waypoints,
         messages=(*flight.messages, *dated),
         overlays=() if older is None else before_and_after(older, analysis),
-        whole=lambda: answer_of(answers[shown], said[shown].contact),
+        whole=lambda: answer_of(advices[shown], answers[shown].contact),
         limit=limit,
         **options,
     )

@@ -404,8 +404,7 @@ def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
         analyse(log.track, model, airframe_match=airframe_match) for log, airframe_match in flown
     ]
     answers = [
-        answer_log(log, analysis, 0.5).made
-        for (log, _), analysis in zip(flown, analyses, strict=True)
+        answer_log(log, analysis, 0.5) for (log, _), analysis in zip(flown, analyses, strict=True)
     ]
     cleared = clearance([one.advice for one in answers])
     (log, airframe_match), analysis, answer = flown[-1], analyses[-1], answers[-1]

@@ -107,5 +107,5 @@ def as_reported(
     analysis = analyse(
         log.track, model, airframe_match=replace(airframe_match, source=settings.link)
     )
-    said = answer_log(log, analysis, settings.alarms.max_utilisation)
-    return FlightAdvice(said.made.advice, said.contact)
+    answer = answer_log(log, analysis, settings.alarms.max_utilisation)
+    return FlightAdvice(answer.advice, answer.contact)

@@ -192,15 +192,16 @@ def stored_flight(
         hardware = pseudonym(settings.key, hardware) if hardware else None
         of_verdict = anonymous(of_verdict, log, name)[0]
         analysis, log = anonymous(analysis, log, name)
-    said = answer_log(log, of_verdict, settings.max_utilisation)
-    report = report_flight(of_verdict, log, max_utilisation=settings.max_utilisation, answer=said)
+    limit = settings.max_utilisation
+    answer = answer_log(log, of_verdict, limit)
+    report = report_flight(of_verdict, log, max_utilisation=limit, answer=answer)
     known = None if analysis.no_verdict else digest
     started = log.track.start_unix_s
-    advised, worst = said.made, report.worst
+    worst = report.worst
     kept_answer = stored_answer(
-        advised.advice,
-        advised.analysis.airframe_match,
-        advised.analysis.track,
+        answer.advice,
+        answer.analysis.airframe_match,
+        answer.analysis.track,
         worst and worst.time_s,
     )
     summary = (
@@ -363,7 +364,7 @@ def _notes(track: FlightTrack) -> list[str]:
 def _findings_json(report: ReportedFlight) -> str:
     """Return the report's findings as JSON, without their words."""
     kept = ("check", "level", "time_s", "values", "spoils")
-    found = report_findings(report.answer.findings)
+    found = report_findings(report.json["findings"])
     return json.dumps([to_json_values({k: getattr(f, k) for k in kept}) for f in found])
 
 

@@ -12,7 +12,7 @@ from tests.made_sources import sent
 from thrustmargin.gcs_plugin.logs import FlightLog, read_log
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
+from thrustmargin.gcs_plugin.telemetry.motors import (
     MeasuredSpeeds,
     last_speeds,
     lifting,
