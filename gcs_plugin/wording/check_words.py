@@ -29,7 +29,9 @@ if TYPE_CHECKING:
     from thrustmargin.models.model.airframe_match import AirframeMatch, KnownFrom
 
 #: What a rotor speed of another unit, or wrong readings of an instrument, lead to.
-_REACH = "margin and fill reach to that: check voltmeter, gauge and empty mass, and the airframe's"
+_REACH = (
+    "thrust left and fill reach to that: check voltmeter, gauge and empty mass, and the airframe's"
+)
 _WRONG = "empty mass or the airframe's largest rotor speed is wrong"
 #: Kind of a statement or of a clause -> its sentence.
 SENTENCES: Mapping[str, str] = {
@@ -75,8 +77,8 @@ SENTENCES: Mapping[str, str] = {
     "voltage beyond": "; the same battery stays within {low:.0f} % to {high:.0f} %",
     "beyond full": (
         "{most:.1f} V at most, where a full battery of {nominal:.1f} V has {full:.1f}: the "
-        "voltmeter reads {percent:.0f} % too much, or nominal_voltage is of other cells; margin "
-        "and fill reach to what is left then"
+        "voltmeter reads {percent:.0f} % too much, or nominal_voltage is of other cells; "
+        "thrust left and fill reach to what remains then"
     ),
     # Thrust by outputs, by rotor speeds and by weight
     "outputs beyond speeds": (

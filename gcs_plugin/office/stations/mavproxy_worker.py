@@ -343,11 +343,11 @@ def fields(
 ) -> dict[str, tuple[str, str]]:
     """Return console fields, name -> (text, colour); grey when no recent figures exist."""
     if now is None or age > STALE or math.isnan(age) or now.problem:
-        names = {"Margin": "Margin --", "OneOut": "OneOut --", "Tank": "Tank --"}
+        names = {"Margin": "Left --", "OneOut": "OneOut --", "Tank": "Tank --"}
         return {name: (text, "grey") for name, text in names.items()}
     if now.no_verdict:
         return {
-            "Margin": ("Margin: NO VERDICT", "orange"),
+            "Margin": ("NO VERDICT", "orange"),
             "OneOut": ("OneOut --", "grey"),
             "Tank": (f"Tank {number(now.tank_kg, '.1f')} kg", "black"),
         }
@@ -358,7 +358,7 @@ def fields(
     rotor = f" R{now.rotor}" if now.rotor else ""
     return {
         "Margin": (
-            f"Margin {'≈ ' if predicted else ''}{share(now.margin)}{rotor}",
+            f"Left {'≈ ' if predicted else ''}{share(now.margin)}{rotor}",
             "red" if low else "orange" if near or predicted or now.unmeasured else "green",
         ),
         "OneOut": (f"OneOut {number(now.redundancy, '.2f')}", out),

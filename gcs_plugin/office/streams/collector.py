@@ -25,17 +25,17 @@ LEVELS = ("emergency", "alert", "critical", "error", "warning", "notice", "info"
 _ROTOR = ("vehicle", "rotor", "name", "basis")
 #: Metric -> its description and its labels.
 FIGURES: Mapping[str, tuple[str, tuple[str, ...]]] = {
-    "margin_ratio": ("Thrust margin in the air, of one", _ROTOR),
+    "margin_ratio": ("Thrust left in the air, of one", _ROTOR),
     "margin_low_ratio": ("Low end of its 90 % interval", _ROTOR),
     "margin_high_ratio": ("High end of its 90 % interval", _ROTOR),
     "utilisation_ratio": ("Share of the rotor's maximum thrust in use", _ROTOR),
-    "margin_predicted_ratio": ("Thrust margin as predicted, worst rotor", ("vehicle",)),
+    "margin_predicted_ratio": ("Thrust left as predicted, worst rotor", ("vehicle",)),
     "redundancy_ratio": ("Worst rotor lost, yaw uncontrolled: thrust over weight", ("vehicle",)),
     "tank_kg": ("Liquid in the tank", ("vehicle",)),
     "tank_by_thrust_kg": ("Liquid in the tank as the rotors' thrust shows it", ("vehicle",)),
     "time_to_empty_seconds": ("At the present flow; +Inf: not within a flight", ("vehicle",)),
-    "margin_ahead_ratio": ("Least predicted margin on the rest of the route", ("vehicle",)),
-    "margin_full_tank_ratio": ("Predicted margin with a full tank", ("vehicle",)),
+    "margin_ahead_ratio": ("Least predicted thrust left on the rest of the route", ("vehicle",)),
+    "margin_full_tank_ratio": ("Predicted thrust left with a full tank", ("vehicle",)),
     "voltage_volts": ("Battery voltage", ("vehicle",)),
     "flying": ("1 off the ground", ("vehicle",)),
     "flight_level": (
@@ -45,7 +45,7 @@ FIGURES: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "next_fill_kg": ("Largest fill by that flight, at the safe end", ("vehicle",)),
     "outputs_median_ratio": ("Of an aircraft not known: its motors' outputs", ("vehicle",)),
     "outputs_most_ratio": ("The highest of them in that flight", ("vehicle",)),
-    "no_verdict": ("1: the aircraft is not known, no margin is claimed", ("vehicle",)),
+    "no_verdict": ("1: the aircraft is not known, no verdict", ("vehicle",)),
 }
 #: Counters of the whole monitor: field of MonitorStatus -> what it counts.
 COUNTS = {
@@ -101,7 +101,9 @@ class MonitorCollector(Collector):
         watches = {str(n): w for n, w in fleet.vehicles.items() if not w.has_left(now_us)}
         yield _gauge("vehicles", "Vehicles that are heard or missed", [((), float(len(watches)))])
         limit = 1.0 - fleet.max_utilisation
-        yield _gauge("margin_least_ratio", "Margin below which an alarm is raised", [((), limit)])
+        yield _gauge(
+            "margin_least_ratio", "Thrust left below which an alarm is raised", [((), limit)]
+        )
         yield from _age_metrics(watches, now_us)
         yield from _figure_metrics(watches, now_us, fleet.old_s)
         labels = ("vehicle", "alarm", "part", "level", "state")
