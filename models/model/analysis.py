@@ -351,8 +351,11 @@ class FlightAnalysis:
 
     @property
     def margin_predicted(self) -> Floats:
-        """Return the thrust margin (T, R) by predicted rotor speeds."""
-        return 1.0 - self.utilisation_predicted
+        """Return the thrust margin (T, R) by predicted rotor speeds, which are of sound rotors.
+
+        NaN where a rotor or motor is known to be bad.
+        """
+        return np.where(self.bad_part, np.nan, 1.0 - self.utilisation_predicted)
 
     @property
     def yaw_reserve(self) -> Floats:

@@ -44,8 +44,9 @@ def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, wor
     tank_unknown = math.isnan(track.tank_kg[row])
     speeds = bool(np.isfinite(track.rotor_speed_rpm[row]).any())
     measured = speeds and not analysis.from_outputs[row].all()
-    predicted = bool(np.isfinite(analysis.utilisation_predicted[row]).any())
+    predicted = bool(np.isfinite(analysis.margin_predicted[row]).any())
     why_predicted = words.NO_LOAD if tank_unknown else words.NO_AIRSPEED
+    why_predicted = words.BAD_PART if analysis.bad_part else why_predicted
     found: dict[str, words.WhyUnknown] = {}
     if track.flying[row] and not speeds:
         found[words.MEASURED_MARGIN] = words.NO_SPEEDS
@@ -64,6 +65,7 @@ def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, wor
     if math.isnan(outlook.margin_ahead):
         placed = np.isfinite(track.position_ned[row]).all()
         without = words.NO_MISSION if outlook.route is None and placed else words.NO_POSITION
+        without = words.BAD_PART if outlook.route and not outlook.sound else without
         found[words.REMAINING_ROUTE] = words.NO_LOAD if tank_unknown and outlook.route else without
     if math.isnan(outlook.margin_full):
         found[words.FULL_MARGIN] = words.BAD_PART if analysis.bad_part else words.NO_AIRSPEED

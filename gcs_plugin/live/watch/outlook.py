@@ -46,18 +46,19 @@ class Outlook:
     seconds_to_empty: float = math.nan
     full: Callable[[], float] = lambda: math.nan  # makes `margin_full`
     route: Forecast | None = None  # the rest of the mission, where one is known
+    sound: bool = True  # no rotor or motor is known to be bad, as the predicted margins assume
 
     @cached_property
     def margin_full(self) -> float:
         """Return the predicted margin, a share of 1, of the worst rotor with a full tank;
-        computed when requested."""
-        return self.full()
+        computed when requested. NaN where a rotor or motor is bad."""
+        return self.full() if self.sound else math.nan
 
     @property
     def margin_ahead(self) -> float:
         """Return the least predicted lasting margin on the rest of the route; NaN without a
-        mission."""
-        return math.nan if self.route is None else self.route.lasting_margin
+        mission, and where a rotor or motor is bad."""
+        return self.route.lasting_margin if self.route and self.sound else math.nan
 
 
 class LookAhead:

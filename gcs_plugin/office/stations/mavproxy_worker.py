@@ -248,7 +248,7 @@ def reading(update: Update, stamp: float) -> NewestFigures:
     known, rotor = (float(a[0]) for a in worst_rotor(use[-1:]))
     measured = flying and bool(analysis.any_measured[-1])
     basis = analysis.speed_basis if measured else SpeedBasis.PREDICTED
-    predicted, _ = worst_rotor(analysis.utilisation_predicted[-1:])
+    predicted, _ = worst_rotor(1.0 - analysis.margin_predicted[-1:])
     low, high = analysis.use_ends if flying else (use, use)
     redundancy = float(analysis.redundancy_yaw_uncontrolled[-1])
     error = float(np.nan_to_num(analysis.redundancy_error[-1]))

@@ -79,8 +79,9 @@ class ShownRow:
 
     @property
     def margin_predicted(self) -> Floats:
-        """Return the thrust margin (R,), a share of 1, from the predicted rotor speeds."""
-        return 1.0 - self.analysis.utilisation_predicted[self.row]
+        """Return the thrust margin (R,), a share of 1, from the predicted rotor speeds; NaN where
+        a rotor or motor is known to be bad."""
+        return self.analysis.margin_predicted[self.row]
 
     @property
     def ends(self) -> tuple[Floats, Floats]:
