@@ -42,11 +42,10 @@ HOME = "Home"
 
 @cache
 def page_words(language: str) -> dict[str, dict[str, str]]:
-    """Return the words of the live page: "words" by key, "names" by the label that the page
-    receives.
+    """Return the texts of the live page in `language`: dicts "words", by key, and "names".
 
-    Words keep their {placeholders}. Raises FileNotFoundError for a language that is none of
-    LANGUAGES.
+    "names" translates labels that the server sends to the page, by the English label. Texts keep
+    their {placeholders}. Raises FileNotFoundError for a language that is not in LANGUAGES.
     """
     file = resources.files(__package__ or "") / "page_words.toml"
     parts: dict[str, dict[str, str]] = tomllib.loads(file.read_text("utf-8"))

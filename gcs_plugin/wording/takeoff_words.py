@@ -88,8 +88,12 @@ def finding_words(finding: TakeoffFinding, places: Sequence[str] = ()) -> str:
 
 
 def _values(finding: TakeoffFinding, places: Sequence[str]) -> dict[str, str]:
-    """Return the words to fill in a finding's sentence: motors, value, reference, low and high,
-    with units."""
+    """Return the texts for a finding's sentence by placeholder: motors, value, reference, low,
+    high.
+
+    `motors` counts from 1, with the place of a single motor; `places` are the places of all motors,
+    empty where unknown. The others are numbers with their unit.
+    """
     numbers = [str(motor + 1) for motor in finding.motors]
     between = f" {say('or')} " if finding.kind in _EITHER else f" {say('and')} "
     motors = ", ".join(numbers[:-1])
@@ -104,7 +108,12 @@ def _values(finding: TakeoffFinding, places: Sequence[str]) -> dict[str, str]:
 
 
 def _amount(kind: TakeoffKind, value: float) -> str:
-    """Return a finding's value, in SI or rpm, as text with the unit of its kind."""
+    """Return a finding's value as text with the unit in which pilots read it, by the finding's
+    kind.
+
+    `value` is in SI, or rpm for rotor speeds. The unit is s, rpm, °/s, °C, mΩ, kg or %; none for
+    other kinds.
+    """
     if kind in (TakeoffKind.STANDS, TakeoffKind.LATE):
         return number(value, "s", 1)
     if kind in (TakeoffKind.SLOW, TakeoffKind.FAST, TakeoffKind.EXCHANGED, TakeoffKind.UNLIKE):
@@ -131,7 +140,11 @@ def check_line(check: TakeoffCheck) -> str:
 
 
 def _motors_line(check: TakeoffCheck) -> str:
-    """Return a phrase on how many motors turn, and within how many s of each other they started."""
+    """Return a phrase on how many motors turn, and within how many s of each other they started.
+
+    Motors without a reported rotor speed are counted as not known. If no motor reports one, say
+    only that.
+    """
     count = len(check.motors)
     if not check.reporting:
         return say("no rotor speed is reported: not known whether the motors turn")
@@ -151,9 +164,10 @@ def _motors_line(check: TakeoffCheck) -> str:
 
 
 def _battery_line(check: TakeoffCheck) -> list[str]:
-    """Return the battery's voltage at rest, at idle and at lift-off, and its resistance, in words.
+    """Return one phrase: the battery's voltage at rest, at idle and at lift-off, and its
+    resistance.
 
-    Empty without a voltage at rest.
+    Unknown values are left out of the phrase. The list is empty without a voltage at rest.
     """
     if not known(check.rest_voltage):
         return []
@@ -168,7 +182,12 @@ def _battery_line(check: TakeoffCheck) -> list[str]:
 
 
 def _hover_line(check: TakeoffCheck) -> list[str]:
-    """Return the mass by thrust, with the stated one, and the unused yaw authority, in words."""
+    """Return up to two phrases on the hover after lift-off: the mass by thrust, and unused yaw
+    authority.
+
+    The first names the stated mass too, if there is one. A phrase whose value is unknown is left
+    out.
+    """
     parts = []
     if known(check.mass_kg):
         carried = number(check.mass_kg, "kg", 1)

@@ -55,7 +55,11 @@ class Axis:
         return Axis(self.kind, middle - half, middle + half, self.begin, self.end)
 
     def marks(self, most: int) -> list[tuple[float, str]]:
-        """Return about `most` round values on the axis, each with its label."""
+        """Return (value, label) of the ticks of an axis, at about `most` round values.
+
+        On a logarithmic axis they are powers of ten, or 1, 2 and 5 times these, however many; on a
+        time axis (values in ms) the label is a clock time.
+        """
         if self.kind == "log":
             decades = range(int(np.floor(self.low)), int(np.ceil(self.high)) + 1)
             inner = (1, 2, 5) if len(decades) < 4 else (1,)
@@ -75,9 +79,11 @@ class Axis:
 def axis_over(
     properties: Mapping[str, Any], values: Sequence[Any], begin: float, end: float
 ) -> Axis:
-    """Return an axis with plotly's `properties`, from pixel `begin` to `end`, that covers `values`.
+    """Return the axis from pixel `begin` to pixel `end` on which all `values` have room.
 
-    `values` are arrays of any shape; a `range` in `properties` replaces theirs.
+    `values` are arrays of any shape; NaN is ignored. `properties` are those of plotly: `type`, and
+    `range`, which replaces the limits by `values`. Without values and range it spans 0 to 1 with
+    room at the ends.
     """
     kind = properties.get("type", "linear")
     known = np.concatenate([np.ravel(np.asarray(v, dtype=np.float64)) for v in (*values, [])])
@@ -202,7 +208,7 @@ class SvgCanvas:
         self._size, self._parts, self._clips = (width, height), list[str](), 0
 
     def document(self) -> str:
-        """Return the whole SVG file; equal drawings make equal files."""
+        """Return the drawing as the text of an SVG file; equal drawings give equal text."""
         wide, high = self._size
         return (
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {wide:g} {high:g}" '
