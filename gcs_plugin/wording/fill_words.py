@@ -59,11 +59,12 @@ FLIGHT_LEVELS: Mapping[FillLevel, FlightLevel] = {
 
 
 def fill_advice(fill: NextFill, limit: float, *, was_within: bool = False) -> str:
-    """Return how much to fill, for which day, and the reason against more.
+    """Return how much to fill, for which day, and why not more.
 
     `Fill at most 9.1 kg (9.1 L) with a full battery, 15 °C: with more it would descend ...`.
-    `limit` is the share of a rotor's largest thrust that may last. After a flight `was_within` the
-    limits nothing must change: `Up to 9.1 kg ...`.
+    `limit` is the largest share of a rotor's largest thrust that may be used for long.
+    `was_within`: the flight just analysed kept the limits, so the sentence only permits: `You may
+    fill up to 9.1 kg ...`.
     """
     level = fill.level
     if level is FillLevel.UNSOUND:
@@ -104,9 +105,11 @@ def with_day(day: Day) -> str:
 
 
 def how_sure(fill: NextFill) -> str:
-    """Return the interval of the limit, and the fill with a full battery; empty if neither differs.
+    """Return the interval of the largest fill, and the largest fill with a full battery.
 
-    `the limit is most likely at 9.8 kg (9.1 to 10.5); at most 12.1 kg with a full battery`.
+    `the limit is most likely at 9.8 kg (9.1 to 10.5); at most 12.1 kg with a full battery`. The
+    first part is left out for an interval narrower than 0.05 kg, the second if it is no more than
+    the fill. Empty without both, or if nothing may be filled.
     """
     if not math.isfinite(fill.kg) or fill.kg <= 0.0 or fill.nothing_fits is not None:
         return ""
