@@ -99,9 +99,10 @@ def rotor_of(name: str) -> int | None:
 
 
 def value_words(name: str) -> ValueWords:
-    """Return title, unit, scale factor, decimals and action of a value of a season, by its name.
+    """Return title, unit, scale factor, decimals and action for a value that a season follows.
 
-    An unknown name becomes the title itself, without a unit, and the action is IDENTIFY.
+    `name` is the value's name in the sums of flights. Displayed are value times factor, in the
+    unit. An unknown name becomes the title itself, without a unit, and the action is IDENTIFY.
     """
     rotor = rotor_of(name)
     if rotor is not None:
@@ -141,9 +142,11 @@ def flight_words(index: int, unix_s: float | None) -> str:
 
 
 def entry_sentence(name: str, entry: SeasonEntry, when: str, ended: bool) -> str:
-    """Return the sentence on a value's change: which, by how much and at which flight.
+    """Return the sentence on a change of the value `name`: from and to which amount, at which
+    flight.
 
-    It has a 95 % interval. `when` names the flight. `ended`: a ramp stopped before the last flight.
+    Amounts have 95 % intervals. `when` is the flight, in words. A ramp has the amount per flight,
+    and lasts still, or `ended` before the last flight.
     """
     words = value_words(name)
     since = when
@@ -189,8 +192,11 @@ def shared_sentence(name: str, value: float, error: float) -> str:
 
 
 def several_aircraft(overlap_count: int, flights: int) -> str:
-    """Return the sentence that flights under one name overlap in time: `overlap_count` of
-    `flights`."""
+    """Return the sentence that `overlap_count` of `flights` flights overlap in time with another
+    one.
+
+    More than one aircraft must then have the name.
+    """
     return say(
         "{count} of {all} flights are at the time of another one: more than one aircraft has this "
         "name, so its figures may mix them",
@@ -206,8 +212,10 @@ def frame_words(rotors: int | None, layout: str | None) -> str:
 
 
 def one_name(frames: Mapping[str, int]) -> str:
-    """Return the sentence that several aircraft share a name, with the number of flights by frame,
-    `frames`."""
+    """Return the sentence that several aircraft share a name, each with its number of flights.
+
+    `frames` maps an aircraft's frame in words to that number.
+    """
     each = "; ".join(
         f"{words}: {say('{count} flights', count=count)}" for words, count in frames.items()
     )
@@ -246,7 +254,10 @@ def battery_prefix(name: str, elsewhere: str) -> str:
 
 
 def no_verdict(flight: Mapping[str, Any]) -> tuple[str, str]:
-    """Return why a flight has no verdict, and the action that helps."""
+    """Return why a stored flight has no verdict, and what to do for one, both in words.
+
+    `flight` is its row of the store.
+    """
     reason = flight_reason(flight)
     if flight["airframe_basis"] == "not known":
         return reason, say(SET_AIRFRAME)
@@ -314,9 +325,9 @@ def _count_words(verdict: str, count: int, recent: int) -> str:
 
 
 def open_sentence(caveat: Caveat, count: int, recent: int) -> str:
-    """Return the sentence on a caveat open in `count` of the `recent` flights.
+    """Return the sentence that a caveat was open in `count` of the last `recent` flights.
 
-    Empty if other findings report it.
+    Empty for a caveat that another finding reports.
     """
     if caveat not in _OPEN:
         return ""

@@ -110,7 +110,9 @@ class MarginWorker:
             self.thread.join(timeout)
 
     def put(self, data: bytes) -> None:
-        """Queue one frame as received on the link; drop and count it if the queue is full."""
+        """Append one MAVLink frame, as received, to the queue; if the queue is full, drop and count
+        it.
+        """
         if len(self._waiting) >= WAITING:
             self.dropped += 1
             return
@@ -229,9 +231,10 @@ def _heard_s(update: Update) -> float:
 
 
 def reading(update: Update, stamp: float) -> NewestFigures:
-    """Return the figures of an update's newest row, which arrived at `stamp` (time.monotonic()).
+    """Return the figures of an update's newest row for the station's console.
 
-    On the ground the margin is predicted from the model; rotors count from 1, 0 is none.
+    `stamp` is its arrival by time.monotonic(), s. On the ground the margin is the predicted one,
+    since a rotor at rest has all its thrust left. Rotors count from 1; 0 is none.
     """
     import numpy as np
 

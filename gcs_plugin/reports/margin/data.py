@@ -88,8 +88,10 @@ def share(part: float, whole: float) -> float:
 
 
 def end_rows(track: FlightTrack) -> tuple[Bools, Bools]:
-    """Return flags (T,) of the first and (T,) of the last tenth of the airborne rows, one row at
-    least."""
+    """Return flags (T,) of the first tenth of the rows in flight, and flags (T,) of the last tenth.
+
+    Each has one row at least, and none only if the track has no row in flight.
+    """
     airborne = np.flatnonzero(track.flying)
     count = max(1, round(END_SHARE * airborne.size))
     first, last = np.zeros((2, track.time_s.size), dtype=np.bool_)
