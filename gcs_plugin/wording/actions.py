@@ -315,10 +315,10 @@ OF_CAVEAT: Mapping[Caveat, Trouble] = {
 
 
 def answer_to(trouble: Trouble, phase: Phase = Phase.RECORDED) -> TroubleAnswer:
-    """Return the response to a finding in a phase: action, urgency, and how a repair is proved.
+    """Return what a finding asks for in a phase: action, urgency, and the proof of a repair.
 
-    In flight a finding with urgency STOP asks to land, or to fly by sight; another one has its
-    action for later, and its urgency decides if the pilot is informed now.
+    In flight, a finding of urgency STOP asks to land or to fly by sight. For another finding the
+    action is that after the flight; its urgency decides if the pilot is informed now.
     """
     row = _TABLE[trouble]
     if phase is not Phase.IN_FLIGHT:
@@ -344,11 +344,11 @@ def urgency_of(level: FlightLevel, *, left_open: bool = False) -> Urgency | None
 
 
 def bad_rotor(rotors: Sequence[int], loss_low: float, phase: Phase) -> TroubleAnswer:
-    """Return the response to rotors, from 1, that lose thrust or speed.
+    """Return what rotors, from 1, that lose thrust or speed ask for.
 
-    `loss_low` is the low end of the interval of the loss, as a share of thrust. At the least loss
-    that an alarm reports or more, the aircraft must not fly; a smaller one asks for an inspection
-    before the next flight. In flight every alarm asks to land.
+    `loss_low` is the low end of the loss's interval, a share of thrust. From LEAST on, the least
+    loss that an alarm reports, the aircraft must not fly; below, an inspection before the next
+    flight is asked for. In flight it is to land, whatever the loss.
     """
     answer = answer_to(Trouble.ROTOR, phase)
     if phase is Phase.IN_FLIGHT:
@@ -359,8 +359,9 @@ def bad_rotor(rotors: Sequence[int], loss_low: float, phase: Phase) -> TroubleAn
 
 
 def change_propeller(rotor: int) -> Action:
-    """Return the action for the propeller of `rotor` (1-based), which a season's flights show as
-    worn."""
+    """Return the action to change the propeller of `rotor`, from 1, which is worn by a season's
+    flights.
+    """
     return hands_on(
         "propeller",
         say(
@@ -380,7 +381,7 @@ def inspect_rotors(rotors: Sequence[int]) -> Action:
 
 
 def not_before_looked_at(rotors: Sequence[int]) -> Action:
-    """Return the action that grounds the aircraft until `rotors` (1-based) are inspected."""
+    """Return the action that forbids to fly until the `rotors`, from 1, are inspected."""
     return next_flight(
         "rotor",
         say(

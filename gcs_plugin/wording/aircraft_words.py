@@ -34,7 +34,9 @@ from thrustmargin.models.physics.known_battery import KnownBattery
 
 
 def mission_words(mission: FlownMission) -> str:
-    """Return the figures of a mission in words, each as forecast and as flown."""
+    """Return time, energy and thrust left of a flown mission in words, each as forecast and as
+    flown.
+    """
     parts = []
     for words, pair in (
         ("{said} s, flown {flown}", mission.seconds),
@@ -86,8 +88,12 @@ def flight_line(
     faults: Sequence[tuple[str, int]],
     change: AircraftChange | None,
 ) -> str:
-    """Return the line of a flight in the timeline of its aircraft: verdict, thrust left, whether
-    its interval held, what it taught, `faults` (kind, rotor from 1), and what changed.
+    """Return the line of a flight in its aircraft's timeline.
+
+    `use` is the utilisation in steady flight, `coverage` the share of rotor speeds within the
+    interval. `trained`: the model was trained on the flight; `not_taught` is why it did not update
+    the aircraft's state, None if it did. `faults` are (kind, rotor from 1). `change` is the
+    difference from earlier flights.
     """
     taught = say("trained") if trained else say("taught")
     if not_taught is not None:
@@ -104,8 +110,13 @@ def flight_line(
 
 
 def learnt_words(*, use: float, coverage: float, trained: bool, not_taught: str | None) -> str:
-    """Return the thrust left in steady flight, and whether the flight's interval held or its model
-    was made from it."""
+    """Return a flight's least thrust left in steady flight, and what the aircraft's model learnt
+    from it.
+
+    `use` is the utilisation, `coverage` the share of rotor speeds within the interval, NaN if
+    unknown. `trained`: the model was trained on it; `not_taught` is why it did not update the
+    state, None if it did.
+    """
     left = Verbatim(left_words(1.0 - use))
     first = say("steady flight: thrust left down to {left}", left=left)
     if trained:
@@ -125,10 +136,10 @@ def not_learnt_words(log: str, reason: str) -> str:
 def card_lines(
     name: str, folder: str, *, flights: int, days: int, held: Sequence[float], day_step: float
 ) -> tuple[str, ...]:
-    """Return what is known of an aircraft: from what, and how well.
+    """Return lines on a known aircraft: its flights, and how well it is predicted.
 
-    `held` are the shares of later flights that the interval held, `day_step` the share of rotor
-    speed by which the interval is widened for a new day.
+    `held` are the coverages of the interval, 0 to 1, in later flights. Without any, the line states
+    `day_step`, the share of rotor speed by which the interval is widened for a new day.
     """
     known = {"name": Verbatim(name), "folder": Verbatim(folder)}
     counted = Verbatim(counted_words(flights, days))
@@ -160,8 +171,10 @@ def card_lines(
 
 
 def power_and_battery_words(law: PowerLaw | None, battery: KnownBattery) -> tuple[str, ...]:
-    """Return a line on an aircraft's power and battery, as measured in its flights; empty
-    without any."""
+    """Return one line on the power law and the battery measured in an aircraft's flights.
+
+    Unknown parts are left out; empty if nothing is known.
+    """
     parts = []
     if law is not None:
         reach = percent(power_factors(law.error)[1] - 1.0)
@@ -181,7 +194,7 @@ def power_and_battery_words(law: PowerLaw | None, battery: KnownBattery) -> tupl
 def change_words(change: AircraftChange) -> str:
     """Return how a flight differs from earlier ones of its aircraft, in words.
 
-    That is size, since when, the cause by the search over effects, and the action.
+    The sentence has size, first log, the cause that the search over effects found, and the action.
     """
     parts = [_what_changed(change)]
     if change.explanation is not None:
@@ -246,7 +259,9 @@ def _what_changed(change: AircraftChange) -> str:
 
 
 def _explained(found: ChangeCause) -> str:
-    """Return the result of the search over effects for the flights since a change, in words."""
+    """Return what the search over effects found as the cause of a change, with RMSE before and
+    after.
+    """
     if found.kind is CauseKind.NOT_SEARCHED:
         return say("too little flight to search for its cause")
     if found.kind is CauseKind.UNEXPLAINED:

@@ -417,8 +417,9 @@ def airframe_match_words(airframe_match: AirframeMatch) -> str:
 
 
 def known_words(known: KnownFrom) -> str:
-    """Return `aircraft x, known from 5 flights on 3 days`, the flights that its state is learnt
-    from.
+    """Return the known aircraft and what its model learnt from, in words.
+
+    `aircraft x, known from 5 flights on 3 days`.
     """
     own = {"name": Verbatim(known.aircraft), "flights": known.flights, "days": known.days}
     if known.flights == 0:

@@ -411,7 +411,7 @@ def arm_weight(it: DescribedEffect) -> str:
 
 
 def tilted_arm(it: DescribedEffect) -> str:
-    """Return the sentence on a tilted arm: by how many degrees, and to which side it turns the
+    """Return the sentence on a tilted arm: by how many degrees, and to which side it yaws the
     aircraft.
     """
     spin = it.whole.model.airframe.rotor_spin[it.found.term.rotor or 0]
@@ -530,8 +530,9 @@ def followed_wind(it: DescribedEffect) -> str:
 
 
 def _winds(it: DescribedEffect) -> Verbatim:
-    """List the winds of the flights, strongest first: at most MOST_LISTED, then the count of the
-    others.
+    """List the winds of the flights in words, strongest first.
+
+    At most MOST_LISTED are listed, then the number of the others.
     """
     found, names = it.found, it.whole.problem.names
     order = np.argsort(-np.hypot(found.value[:, 0], found.value[:, 1]), kind="stable")

@@ -35,10 +35,10 @@ def percent_up(share: float) -> int:
 
 
 def left_words(share: float | None, low: float = math.nan, high: float = math.nan) -> str:
-    """Return thrust left as `45 %`; with the ends of its interval `45 % (40 to 50)`.
+    """Return thrust left as `45 %`, with its interval as `45 % (40 to 50)`.
 
-    `none` for a negative share, of a rotor that worked harder than its airframe allows; `unknown`
-    for NaN and None.
+    `share`, `low` and `high` are shares; only the high end is rounded up. `none` for a negative
+    share, of a rotor that worked harder than its airframe allows; `unknown` for NaN and None.
     """
     if not known(share):
         return number(None)
@@ -72,10 +72,11 @@ def clear(left: ArrayLike, least: float) -> Bools:
 
 
 def too_little(left: Floats, least: float, before: ArrayLike = False) -> Bools:
-    """Flag the rows and rotors (T, R) in which the thrust left counts as too little.
+    """Flag (T, R) where the thrust left, a share (T, R), is too little, with a hysteresis in time.
 
-    It begins below `least` and ends HYSTERESIS above it. Between the two, and while it is unknown,
-    the flag is unchanged; `before`, (R,) or one for all, is the flag before the first row.
+    It is from a row below `least` on, until a row HYSTERESIS above it. Between the two, and where
+    NaN, the flag of the row before is kept; `before`, (R,) or a single value, is the flag before
+    the first row.
     """
     low = below(left, least)
     row = np.arange(len(low))[:, None]

@@ -442,8 +442,8 @@ def read_flights(
     airframe.
 
     `given`: the user chose the airframe. A sortie of another airframe is read without an airframe.
-    `any_vehicle`: take the vehicle that flew if the first one did not. Raises LogError if the log
-    cannot be read.
+    `any_vehicle`: logs of vehicles that are no multirotors are read too. Raises LogError if the log
+    has no flight or cannot be read.
     """
     from thrustmargin.gcs_plugin.logs.log_answer import claimed_flights
 

@@ -110,8 +110,9 @@ class MarginWorker:
             self.thread.join(timeout)
 
     def put(self, data: bytes) -> None:
-        """Append one MAVLink frame, as received, to the queue; if the queue is full, drop and count
-        it.
+        """Append one MAVLink frame, as received, to the queue.
+
+        If the queue is full, drop the frame and count it.
         """
         if len(self._waiting) >= WAITING:
             self.dropped += 1
@@ -344,7 +345,12 @@ def _lines(now: NewestFigures, max_utilisation: float, age: float) -> list[str]:
 def fields(
     now: NewestFigures | None, max_utilisation: float, age: float
 ) -> dict[str, tuple[str, str]]:
-    """Return console fields, name -> (text, colour); grey when no recent figures exist."""
+    """Return the fields of MAVProxy's console, name -> (text, colour).
+
+    `now` are the vehicle's newest figures, `age` their age, s. Without figures, or with older ones
+    than STALE, the fields are grey dashes. The margin is red if its whole interval is below 1 -
+    `max_utilisation`, orange if only a part is.
+    """
     if now is None or age > STALE or math.isnan(age) or now.problem:
         names = {"Margin": "Margin --", "OneOut": "OneOut --", "Tank": "Tank --"}
         return {name: (text, "grey") for name, text in names.items()}

@@ -90,8 +90,9 @@ class _Paper:
         )
 
     def block(self, node: HtmlElement) -> None:
-        """Write one HTML element, with its children, to the PDF; elements for screens only are
-        skipped.
+        """Write one HTML element, with its children, to the PDF.
+
+        Elements that are for screens only are skipped.
         """
         classes = node.classes
         hidden = {"aside", "bar", "strip", "screen", *(("more",) if self._brief else ())}
