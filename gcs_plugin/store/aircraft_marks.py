@@ -45,7 +45,9 @@ class Marks:
 
     @property
     def any(self) -> bool:
-        """Return True if the log shows anything but a system id and a layout."""
+        """Return True if the marks identify an aircraft by more than a system id and a motor
+        layout.
+        """
         return bool(self.board or self.sensors or self.accelerometer or self.compass)
 
 
@@ -143,7 +145,10 @@ def match(log: Marks, known: Marks) -> MarksMatch:
 def _equal(
     one: Mapping[str, float], other: Mapping[str, float], *, fewest: int = FEWEST_VALUES
 ) -> bool | None:
-    """Return True if the values that two logs share are equal; None with fewer than `fewest`."""
+    """Return True if the values that both mappings have under a name are equal.
+
+    None if they share fewer than `fewest` names.
+    """
     shared = one.keys() & other.keys()
     if len(shared) < fewest:
         return None

@@ -122,15 +122,17 @@ class AircraftFlight:
     bad_arms: tuple[int, ...] = ()  # arms, from 0, of which a part may have been bad
 
     def __post_init__(self) -> None:
-        """Take the rotors of the faults from `suspects` in rows of earlier versions, which kept
-        only those there."""
+        """Fill the rotors of the faults from `suspects` in records of versions that stored only
+        these.
+        """
         if self.fault_kinds and not self.fault_rotors:
             object.__setattr__(self, "fault_rotors", self.suspects)
 
     @property
     def trusted(self) -> bool:
-        """Return True if the flight may be used to learn the power and the missions of the sound
-        aircraft."""
+        """Return True if power and missions may be learnt from the flight, because nothing was bad
+        in it.
+        """
         return self.not_taught not in UNTRUSTED
 
 
@@ -300,8 +302,10 @@ class KnownAircraft:
         )
 
     def steps(self, before_unix_s: float = math.inf) -> WalkSizes:
-        """Return the standard deviations of the random walk of the offsets, fitted to flights
-        before a Unix time, s."""
+        """Return how much rotor speed offsets vary, as standard deviations of a random walk.
+
+        They are fitted to the flights before `before_unix_s`, Unix time.
+        """
         lessons = [one for one in self.lessons if one.start_unix_s < before_unix_s]
         return fit_steps(lessons, last_training=self.last_training, repairs=self.repairs)
 
@@ -350,7 +354,9 @@ class KnownAircraft:
         return replace(model, state=self.state_before(start_unix_s, rotors, longitude_deg))
 
     def walk(self) -> tuple[WalkStep, ...]:
-        """Return the random walk's filter steps over all flights that update the state."""
+        """Return the steps of the random walk of rotor speed offsets, one for each flight of the
+        state.
+        """
         return walk(
             self.lessons, self.steps(), last_training=self.last_training, repairs=self.repairs
         )

@@ -237,8 +237,11 @@ def not_taught(advice: Advice, offsets: FlightOffsets | None) -> NotTaught | Non
 
 
 def bad_arms(advice: Advice, rotors: int) -> tuple[int, ...]:
-    """Return the arms, from 0, of `rotors`, of which a part that flies may be bad, not a reading
-    alone. All of them where the aircraft shakes and no arm shows why."""
+    """Return the arms, from 0, in which a part may be bad: propeller, motor, ESC or lead.
+
+    A wrong sensor reading does not count. Empty if arms were not checked. All `rotors` arms are
+    returned if the aircraft shakes and no arm shows why.
+    """
     if advice.arms is None:
         return ()
     if advice.arms.aircraft is not None:
@@ -247,8 +250,11 @@ def bad_arms(advice: Advice, rotors: int) -> tuple[int, ...]:
 
 
 def coverage(analysis: FlightAnalysis) -> float:
-    """Return the share of measured speeds in flight inside the interval of their prediction; NaN
-    without any."""
+    """Return the share of measured rotor speeds in flight that are inside the prediction's
+    interval.
+
+    NaN without a measured speed.
+    """
     track, prediction = analysis.track, analysis.prediction
     speed = track.measured("rotor_speed_rpm")
     known = track.flying[:, None] & np.isfinite(speed) & np.isfinite(prediction.lower_rpm)

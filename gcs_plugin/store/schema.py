@@ -280,7 +280,7 @@ def arrow_schema(columns: tuple[StoredColumn, ...]) -> pa.Schema:
 
 
 def row_columns() -> Iterator[StoredColumn]:
-    """Yield the columns of the 10 Hz rows, for ROTORS rotors.
+    """Yield name, unit and type of each column of the stored 10 Hz rows, for ROTORS rotors.
 
     Flight data are in single precision: no sensor has more.
     """

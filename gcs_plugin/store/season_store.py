@@ -405,10 +405,10 @@ def read_flights(store: SeasonStore, aircraft: str | None = None) -> pa.Table:
 
 
 def read_sums(store: SeasonStore, aircraft: str | None = None) -> Iterator[dict[str, Any]]:
-    """Yield each flight's row of `sums`, sorted by aircraft and start time.
+    """Yield each flight's row of the table `sums`, sorted by aircraft and start time.
 
-    A row has the columns of `schema.SUMS`, and `aircraft` and `month`; its `arrays` are a dict of
-    name -> float64 array.
+    `aircraft` limits them to one aircraft. A row has the columns of `schema.SUMS`, and `aircraft`
+    and `month`; its `arrays` are a dict of name -> float64 array.
     """
     found = store.table("sums", aircraft)
     for row in found.sort_by(
@@ -423,10 +423,10 @@ def _decode_array(stored: Mapping[str, Any]) -> np.ndarray:
 
 
 def array_cells(arrays: Arrays) -> list[dict[str, Any]]:
-    """Return a dict for each array: its `name`, `shape` and `data`.
+    """Return a list of dicts, one for each named array, to be stored in a column.
 
-    `shape` is a list of int, `data` the values as bytes: little-endian float64 in C order. Arrays
-    of other types are converted.
+    `name` is the array's name, `shape` a list of int, and `data` its values as bytes: little-endian
+    float64 in C order. Arrays of other types are converted.
     """
     return [
         {

@@ -328,15 +328,18 @@ def answer_to(trouble: Trouble, phase: Phase = Phase.RECORDED) -> TroubleAnswer:
 
 
 def shown_level(level: FlightLevel, *, left_open: object) -> FlightLevel:
-    """Return the level whose colour an answer has: NEAR in place of UNDER where `left_open` is
-    true, because a condition is not a clearance."""
+    """Return the level whose colour an answer has: NEAR in place of UNDER if `left_open` is true.
+
+    An open caveat is a condition, and so no clearance.
+    """
     return FlightLevel.NEAR if level is FlightLevel.UNDER and left_open else level
 
 
 def urgency_of(level: FlightLevel, *, left_open: bool = False) -> Urgency | None:
-    """Return how urgent the action after a flight is, by the flight's level; `left_open` (a
-    question is unanswered) raises "nothing" to "before the next flight". None for an unknown
-    level."""
+    """Return how urgent the action after a flight of this level is; None for an unknown level.
+
+    `left_open`, an open caveat, raises "nothing" to "before the next flight".
+    """
     if level is FlightLevel.UNKNOWN:
         return None
     found = answer_to(OF_LEVEL[level]).urgency if level in OF_LEVEL else Urgency.NOTHING

@@ -241,8 +241,7 @@ def suspects(advice: Advice) -> tuple[int, ...]:
 
 
 def no_ground(advice: Advice) -> str:
-    """Return why a flight has no verdict, or what contradicts a bad one; empty for other
-    flights."""
+    """Return why a flight has no verdict, or what contradicts a bad one; empty for other flights."""
     if Caveat.MODEL in advice.caveats:
         return misfit_words(advice)
     alone = advice.level is FlightLevel.UNKNOWN and advice.predicted_alone
@@ -402,13 +401,12 @@ def _open_steps(advice: Advice) -> list[tuple[ActionKind, str]]:
 
 
 def _answer(trouble: Trouble) -> actions.TroubleAnswer:
-    """Return the response to a finding after the flight."""
+    """Return what a finding asks for after the flight: action, urgency and proof of a repair."""
     return actions.answer_to(trouble, Phase.LANDED)
 
 
 def _fill_kind(advice: Advice) -> ActionKind:
-    """Return the kind of the step that `fill_advice` puts into words: no fill known, do not
-    fill, or fill."""
+    """Return the kind of step that the fill is: unknown fill, do not fill, or fill."""
     fill = advice.fill
     if fill.reason == "unsound" or not math.isfinite(fill.kg):
         return ActionKind.NO_FILL
@@ -571,7 +569,9 @@ def sound_again(fault: RotorFault) -> str:
 
 
 def fault_found(advice: Advice, episode: FaultEpisode) -> str:
-    """Return the text of a fault as in its alarm, with its times; a note if the motor order is
-    unknown."""
+    """Return a fault in words, with the times when it was found and ended.
+
+    A note is added if the motor order is unknown.
+    """
     unsure = "" if advice.rotor_names else f": {say(alarm_words.WHICH_ROTOR)}"
     return f"{alarm_words.episode_words(episode, advice.places)}{unsure}"

@@ -212,7 +212,10 @@ def change_words(change: AircraftChange) -> str:
 
 
 def _what_changed(change: AircraftChange) -> str:
-    """Return the change in words, with its size and the first log that shows it."""
+    """Return how flights differ from earlier ones since a log: a rotor's loss, coverage or speeds.
+
+    The text has the size with its interval, and the name of the first log with the change.
+    """
     if (total := change.rotor) is not None:
         return say(
             "since {log} rotor {rotor} has come to lose {loss} of its thrust, by all {flights} "

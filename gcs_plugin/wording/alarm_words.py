@@ -135,8 +135,11 @@ TOO_HEAVY = (
 
 
 def outcome(uncontrolled: float, controlled: float) -> str:
-    """Return in words if the aircraft would hold height and heading after losing a rotor, from
-    its redundancy (thrust left over weight) without and with yaw control; NaN counts as below 1."""
+    """Return in words if the aircraft would hold height and heading after losing a rotor.
+
+    The arguments are the redundancies, thrust available over weight, without and with yaw control;
+    NaN counts as below 1.
+    """
     if controlled >= 1.0:
         return "holds height and heading"
     return "holds height, but it will spin" if uncontrolled >= 1.0 else "WOULD DESCEND"
@@ -287,7 +290,7 @@ def at_limit(rotor: int, place: str) -> str:
 
 
 def was_at_limit(rotor: int) -> str:
-    """Return the text of that alarm after it is over."""
+    """Return the text of an ended alarm about a rotor, from 1, at its maximum thrust."""
     return say("Rotor {rotor} was at its limit", rotor=rotor)
 
 
@@ -326,31 +329,29 @@ def heat_words(rotor: int, kelvin: float, limit: float, seconds: float, *, motor
 
 
 def heat_past(rotor: int) -> str:
-    """Return the words of an arm's heat alarm, without the temperature, once that is out of
-    date."""
+    """Return the heat alarm of an arm, from 1, without the temperature, once that is outdated."""
     return say(HEAT_WAS_NEAR, rotor=rotor)
 
 
 def lead_words(rotor: int, watts: float) -> str:
-    """Return `Lead 3 loses 14 W, hot lug or plug: land` of an arm, from 1."""
+    """Return `Lead 3 loses 14 W, hot lug or plug: land`; `rotor` is the arm, from 1."""
     return say(
         "Lead {rotor} loses {watts} W, hot lug or plug: land", rotor=rotor, watts=f"{watts:.0f}"
     )
 
 
 def lead_past(rotor: int) -> str:
-    """Return the words of the alarm of an arm's lead, without the power, once that is out of
-    date."""
+    """Return the alarm of the lead of an arm, from 1, without the power, once that is outdated."""
     return say(LEAD_WAS_HOT, rotor=rotor)
 
 
 def desync_words(rotor: int, times: int) -> str:
-    """Return `ESC 3 lost its motor's step 2 times: land` of an arm, from 1."""
+    """Return `ESC 3 lost its motor's step 2 times: land`; `rotor` is the arm, from 1."""
     return say("ESC {rotor} lost its motor's step {times} times: land", rotor=rotor, times=times)
 
 
 def desync_past(rotor: int) -> str:
-    """Return the words of a desync alarm, of an arm from 1, whose number is of the past."""
+    """Return the desync alarm of an arm, from 1, without the count, once that is outdated."""
     return say(DESYNC_WAS, rotor=rotor)
 
 

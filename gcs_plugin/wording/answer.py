@@ -37,8 +37,10 @@ class FlightAnswer:
 
     @property
     def line(self) -> str:
-        """Return all of the answer in a line: `Flight to 2:31: BELOW THE 50 % LIMIT: nothing; up
-        to 9 kg`."""
+        """Return the flight's headline and action in one line.
+
+        `Flight to 2:31: ...: fly gently` while it is in progress, `Last flight: ...` afterwards.
+        """
         which = say("last flight")
         if not math.isnan(self.until_s):
             which = say("flight to {clock}", clock=clock(self.until_s))

@@ -140,14 +140,18 @@ def amount(kg: float, liquid_density: float = math.nan) -> str:
 
 
 def safe_kg(fill: NextFill) -> float:
-    """Return the kg that `fill_advice` states, rounded down to 0.1; NaN if unknown, 0 if nothing
-    may be filled."""
+    """Return the largest fill to recommend, kg, rounded down to 0.1; 0 if nothing may be filled.
+
+    NaN if it is unknown.
+    """
     return _down(fill.kg) if math.isfinite(fill.kg) else math.nan
 
 
 def _range(fill: NextFill) -> str:
-    """Return the fill at the limit with its interval, kg, rounded outwards; alone if narrower than
-    0.05 kg."""
+    """Return the largest fill with its interval as text, kg, with the ends rounded outwards.
+
+    The interval is left out if it is narrower than 0.05 kg.
+    """
     middle = number(_down(fill.limit_kg), "kg")
     if not fill.high_kg - fill.low_kg >= 0.05:
         return middle

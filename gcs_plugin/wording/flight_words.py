@@ -47,7 +47,7 @@ LEFT_OUT: Mapping[Reason, str] = {
 
 
 def not_flown(track: FlightTrack) -> str:
-    """Return why no row of a log is in flight; empty if one is."""
+    """Return why a log has no row in flight; empty if it has one."""
     if track.flying.any():
         return ""
     why = say(GROUNDED_BY[track.flying_by])

@@ -550,6 +550,5 @@ def gate_limit(limit: float) -> str:
 
 
 def gate_sag(resistance: float) -> str:
-    """Return by which pack resistance the gate's table lets the battery sag; `resistance` in
-    ohm."""
+    """Return the remark on the battery resistance, ohm, with which the script's table was computed."""
     return f", by {number(1e3 * resistance, 'mOhm', 0)} of the pack"

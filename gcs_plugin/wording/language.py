@@ -46,9 +46,10 @@ def speaking(code: str) -> Iterator[None]:
 
 
 def spoken() -> str:
-    """Return the code of the chosen language, "en" by default.
+    """Return the code of the language in which to write: "en" or "de".
 
-    Raise DataError for a language that is not in LANGUAGES.
+    It is that of the `with speaking` block, else of an environment variable, else "en". Raise
+    DataError if the variable has a language that is not in LANGUAGES.
     """
     if asked := _ASKED.get():
         return asked
@@ -316,7 +317,10 @@ def clock(seconds: float | None) -> str:
 
 
 def duration(seconds: float | None) -> str:
-    """Return seconds as `3 min 28 s`, `12 s` or `0.4 s`; `unknown` for NaN and None."""
+    """Return a duration, s, as `1 h 5 min`, `3 min 28 s`, `12 s` or `0.4 s`.
+
+    Return `unknown` for NaN and None.
+    """
     if not known(seconds):
         return say(UNKNOWN)
     if seconds < 10.0:

@@ -150,7 +150,7 @@ def residual_scale(limit_rpm: float) -> ColourScale:
 
 
 def tank_scale(full_kg: float) -> ColourScale:
-    """Return the scale of tank level, kg, darkest at `full_kg`, the level at take-off."""
+    """Return the colour scale of the tank level, kg, from 0 to `full_kg`, the level at take-off."""
     top = max(full_kg, 0.1)
     return ColourScale(
         title="In the tank",

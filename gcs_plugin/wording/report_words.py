@@ -267,8 +267,8 @@ def contact_headline(contact: FirstContact) -> str:
 def first_line(advice: Advice, contact: FirstContact | None) -> str:
     """Return the headline of a flight.
 
-    For an unknown aircraft (`contact`) without a level it describes motor outputs or rotor speeds.
-    A level that needs no airframe, such as lost control, comes first.
+    If `contact` is given, the aircraft is unknown, and the headline is its motor outputs or rotor
+    speeds. A level that needs no airframe, such as lost control, comes first.
     """
     unknown = contact is not None and advice.level is FlightLevel.UNKNOWN
     return contact_headline(contact) if contact and unknown else headline(advice)
@@ -378,8 +378,11 @@ def option_words(asked: Sequence[str]) -> list[tuple[str, str]]:
 
 
 def command(contact: FirstContact) -> str:
-    """Return the command that makes the aircraft known, with capitals to replace by a name and
-    numbers; on a link, which has no flights to learn, the one that makes its airframe file."""
+    """Return the command that makes the aircraft known; capitals in it are to be replaced by the
+    user.
+
+    On a link, which has no flights to learn from, it is the command that makes an airframe file.
+    """
     options = " ".join(option for option, _ in option_words(contact.asked))
     name = "--aircraft NAME " if contact.recorded else ""
     return f"{_asking_command(contact)} {name}{options}"

@@ -71,7 +71,10 @@ _EITHER = (TakeoffKind.REVERSED,)
 
 
 def takeoff_alarm(finding: TakeoffFinding, *, flying: bool) -> str:
-    """Return the alarm about a finding that forbids to lift, at most 50 characters."""
+    """Return the alarm, at most 50 characters, about a finding that forbids the take-off.
+
+    `flying`: the aircraft has taken off already, and the alarm asks for another action.
+    """
     words = (_IN_FLIGHT if flying else _ON_GROUND)[finding.kind]
     said = say(words, **_values(finding, ()))
     if finding.kind is TakeoffKind.REVERSED:
@@ -132,9 +135,9 @@ def _amount(kind: TakeoffKind, value: float) -> str:
 
 
 def check_line(check: TakeoffCheck) -> str:
-    """Return one line about a run-up: motors, voltage, and in hover mass and yaw authority.
+    """Return the check before a take-off in one line: motors, battery voltage, mass by thrust, yaw.
 
-    It is "not known" for motors where no speed is reported.
+    Unknown parts are left out; motors without a reported speed are counted as not known.
     """
     return "; ".join([_motors_line(check), *_battery_line(check), *_hover_line(check)])
 

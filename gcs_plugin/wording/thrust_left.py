@@ -56,17 +56,17 @@ def least_words(max_utilisation: float) -> str:
 
 
 def below(left: ArrayLike, least: float) -> Bools:
-    """Flag shares of thrust left that are below `least`, whatever they were before; False for NaN.
+    """Flag where thrust left, a share of any shape, is below `least`; False for NaN.
 
-    For a `least` of whole per cent these are exactly the ones that read as less.
+    For a `least` of whole per cent these are exactly the values that are displayed as less.
     """
     return np.asarray(left, dtype=np.float64) + ROUNDING < least
 
 
 def clear(left: ArrayLike, least: float) -> Bools:
-    """Flag shares of thrust left that are enough also after too little; False for NaN.
+    """Flag where thrust left, a share of any shape, exceeds `least` by more than HYSTERESIS.
 
-    These exceed `least` by more than HYSTERESIS.
+    There "too little" ends. False for NaN.
     """
     return np.asarray(left, dtype=np.float64) > least + HYSTERESIS
 
@@ -86,9 +86,10 @@ def too_little(left: Floats, least: float, before: ArrayLike = False) -> Bools:
 
 
 def value_of_colour(left: Floats, least: float, low: Bools) -> Floats:
-    """Return the value to colour a share of thrust left by; NaN stays NaN.
+    """Return the value of thrust left, a share, to colour a point by; NaN stays NaN.
 
-    It is moved to the side of `least` that the flag `low`, which counts as too little, requires.
+    Where the flag `low` (too little) and the value are on different sides of `least`, the value is
+    moved to the flag's side.
     """
     least_low = np.nextafter(least, 0.0)
     return np.where(low, np.minimum(left, least_low), np.maximum(left, least))

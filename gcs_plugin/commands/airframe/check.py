@@ -249,8 +249,10 @@ def _ceiling(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
 
 
 def within_ends(claim: float, low: float, high: float) -> Severity:
-    """Return OK if a file's value is within an interval, WARNING if not, UNKNOWN if any is not
-    finite."""
+    """Return OK if the file's value `claim` is between `low` and `high`, WARNING if not.
+
+    UNKNOWN if one of the three is not finite.
+    """
     from thrustmargin.gcs_plugin.logs.findings import Severity
 
     if not (isfinite(claim) and isfinite(low) and isfinite(high)):

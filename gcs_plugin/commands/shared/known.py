@@ -35,7 +35,7 @@ def hangar_of(inputs: Inputs) -> Hangar:
 
 
 def named_aircraft(inputs: Inputs) -> KnownAircraft | None:
-    """Return the known aircraft that the user named; None without one."""
+    """Return the known aircraft that the option --aircraft names; None without the option."""
     if inputs.known.aircraft is None or inputs.by_file:
         return None
     return hangar_of(inputs).load(inputs.known.aircraft)
@@ -210,7 +210,7 @@ def explained(
 
 
 def with_change(flight: LearntFlight, change: AircraftChange) -> LearntFlight:
-    """Return a flight with another change, in its analysis, advice and record."""
+    """Return the flight with `change` in its analysis, its assessment and its record."""
     return replace(
         flight,
         analysis=replace(flight.analysis, change=change),
@@ -286,7 +286,9 @@ def model_of_log(inputs: Inputs, log: Path, console: Console) -> RotorModel:
 
 
 def flight_key(log: FlightLog) -> str:
-    """Return the digest of a log's file; from the second sortie on with the sortie's number."""
+    """Return the digest of a log's file; from the second sortie on with the sortie's number
+    appended.
+    """
     from hashlib import file_digest
 
     with log.path.open("rb") as file:

@@ -54,9 +54,11 @@ def refuse_renamed(argv: Sequence[str]) -> None:
 
 
 def require_logs(logs: Sequence[Path]) -> tuple[Path, ...]:
-    """Return the logs, with each folder replaced by the logs in it and below it, 2 before 10.
+    """Return the logs, with each folder replaced by the logs in it and its subfolders, in natural
+    order.
 
-    Raises UsageError when none is named, DataError when a folder has none.
+    That order has 2.BIN before 10.BIN. Raises UsageError without a log or folder, DataError if a
+    folder has no log.
     """
     if not logs:
         raise UsageError("no log given; name one or more recorded flights, or a folder of them")

@@ -92,8 +92,8 @@ def read_plan(path: str | Path, *, vehicle: int | None = None) -> MissionPlan:
     """Read the plan in a `.plan`, `.mission` or `.waypoints` file, or the mission inside a log.
 
     Of a log (`.tlog`, DataFlash `.BIN` or `.log`) it is the last mission that `vehicle`, a system
-    id, received or sent; None means any vehicle. Raises PlanError, with the remedy, if there is no
-    plan, or one that cannot be flown; LogError if a log cannot be read.
+    id, received or sent; None: the log's main vehicle. Raises PlanError, with the remedy, if there
+    is no plan, or one that cannot be flown; LogError if a log cannot be read.
 
         >>> plan = read_plan("sitl_logs/campaign/v4_m16_q2.5.tlog")
         >>> len(plan.items)
@@ -231,9 +231,10 @@ def pump_rule_of(words: str | None) -> PumpRule | None:
 
 
 def pump_of(words: str) -> PumpOutput:
-    """Parse `sprayer`, `servo:9:1900:1100` or `relay:0` into the pump's output.
+    """Parse the output that switches the pump: `sprayer`, `servo:9:1900:1100` or `relay:0`.
 
-    Raises UsageError for other text.
+    Of a servo these are its number, and the pulses for on and off, µs. Raises UsageError for
+    another text.
     """
     from thrustmargin.mission.steps import PumpOutput
 

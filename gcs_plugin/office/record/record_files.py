@@ -90,7 +90,11 @@ def csv_text(record: JobRecord) -> str:
 
 
 def html_text(record: JobRecord) -> str:
-    """Return the record as the simple HTML page that becomes the PDF."""
+    """Return the record as an HTML page, from which the PDF is made.
+
+    It lists unused logs, fields with sources, the liquid, and what rules require and the record
+    lacks.
+    """
     rows = "".join(
         f"<tr><td>{escape(TITLES.get(name, name))}</td><td>{escape(_value_text(entry.value))} "
         f"{escape(entry.unit)}</td><td>{escape(entry.source)}: {escape(entry.detail)}</td></tr>"

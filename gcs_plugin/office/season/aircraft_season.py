@@ -293,7 +293,7 @@ def reported_then(season: AircraftSeason, at: int) -> str:
 
 
 def _shared_findings(season: AircraftSeason) -> Iterable[SeasonFinding]:
-    """Yield a finding for each model error that all flights share."""
+    """Yield a finding for each value by which all flights differ from the model in the same way."""
     for one in season.changes.shared if season.changes else ():
         trend = season.changes.trend(one.name) if season.changes else None
         ratio = abs(one.value) / trend.usual if trend else 0.0

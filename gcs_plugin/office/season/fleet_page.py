@@ -127,7 +127,7 @@ def rank_aircraft(
 
 
 def cells(one: seasons.AircraftSeason) -> tuple[str, ...]:
-    """Return the cells of an aircraft's row in the table under HEADS, in the chosen language."""
+    """Return the texts of an aircraft's row in the fleet's table, one for each of HEADS."""
     top = one.findings[0] if one.findings and one.level != seasons.FINE else None
     worst = one.worst
     return (
@@ -224,7 +224,10 @@ def chart(trend: Trend) -> Markup:
 
 
 def as_json(fleet: FleetSeason) -> str:
-    """Return the fleet as JSON, schema thrustmargin.fleet/1; null where a value is unknown."""
+    """Return the seasons of all aircraft as JSON, schema thrustmargin.fleet/1.
+
+    Unknown numbers are null.
+    """
     made = {
         "schema": "thrustmargin.fleet/1",
         "store": fleet.store,

@@ -38,7 +38,9 @@ class ValueWords:
         return number(value * self.factor, self.unit, max(decimals, self.decimals))
 
     def amounts(self, before: float, after: float) -> tuple[str, str]:
-        """Return two amounts with as many decimals, up to four, as make them differ."""
+        """Return two amounts as texts, with as many decimals, up to four, as it takes to tell them
+        apart.
+        """
         for decimals in range(self.decimals, 5):
             made = self.amount(before, decimals), self.amount(after, decimals)
             if made[0] != made[1]:
@@ -175,15 +177,15 @@ def entry_sentence(name: str, entry: SeasonEntry, when: str, ended: bool) -> str
 
 
 def back_to_sound(entry: SeasonEntry) -> bool:
-    """Return True if an entry is a step to a smaller value, as by a new propeller."""
+    """Return True if a change is a step to a smaller value, as a new propeller causes."""
     return not entry.ramp and entry.size < 0.0 and abs(entry.after) < abs(entry.before)
 
 
 def shared_sentence(name: str, value: float, error: float) -> str:
-    """Return a sentence about a model error that all flights share.
+    """Return the sentence on a value by which all flights differ from the model in the same way.
 
-    `value` and its standard `error` are in the unit of the sums; the sentence has the 95 %
-    interval.
+    `name` is the value's name; `value` and its standard `error` are in its unit in files. The
+    sentence has the 95 % interval.
     """
     words = value_words(name)
     ends = (value - 1.96 * error, value + 1.96 * error)

@@ -76,9 +76,9 @@ class PartHistory:
 
 
 def read_parts(data: bytes, name: str) -> list[Part]:
-    """Return the parts in the content of parts.csv, UTF-8; `name` is the file's, for errors.
+    """Parse the content of parts.csv, UTF-8 bytes, and return the parts in it.
 
-    Raises DataError with the line that is wrong.
+    `name` is the file's name for errors. Raises DataError with the line that is wrong.
     """
     try:
         rows = csv.DictReader(io.StringIO(data.decode("utf-8-sig")))

@@ -57,8 +57,9 @@ def group_by_frame(flights: Flights) -> dict[str, list[Mapping[str, Any]]]:
 
 
 def alternating_boards(flights: Flights) -> int:
-    """Return the number of autopilots that flew alternately; 0 if each was only replaced by the
-    next.
+    """Return the number of autopilots that flew alternately under one name.
+
+    0 if each was only replaced once by the next.
     """
     known = [f["board"] for f in flights if f["board"]]
     turns = sum(1 for _ in groupby(known))
@@ -83,8 +84,7 @@ def unique_flights(flights: Flights) -> list[Mapping[str, Any]]:
 
 
 def _rank(flight: Mapping[str, Any]) -> tuple[int, bool]:
-    """Return a sort key of a flight's log; of two logs of one flight the one with the smaller
-    key remains."""
+    """Return a sort key of a log: of two logs of one flight the one with the smaller key is kept."""
     level = FlightLevel(flight["verdict"] or FlightLevel.UNKNOWN)
     return level.gravity, flight["sums_reason"] is not None
 

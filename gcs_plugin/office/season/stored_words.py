@@ -120,7 +120,9 @@ def flight_doing(flight: Mapping[str, Any]) -> str:
 
 
 def _column(words: Callable[[StoredAnswer], Any]) -> Callable[[str], Any]:
-    """Return a function from the stored JSON to words; it returns None if that cannot be read."""
+    """Return a function of the stored JSON that returns `words` of it, and None if it cannot be
+    read.
+    """
 
     def made(stored: str) -> Any:
         answer = read_answer(stored)

@@ -123,8 +123,9 @@ class MarginWorker:
         self._waiting.append((data, now))
 
     def looked(self) -> None:
-        """Store that all frames up to now were put in, so that no silence counts while MAVProxy
-        hangs."""
+        """Store that all frames so far were received, so that a pause of MAVProxy is not taken for
+        silence.
+        """
         self._looked = time.monotonic()
 
     def pass_on_to(self, send: Callable[[bytes], None]) -> None:
@@ -284,7 +285,10 @@ def reading(update: Update, stamp: float) -> NewestFigures:
 
 
 def share(value: float) -> str:
-    """Return a margin in per cent, "--" when unknown; a negative one without its size."""
+    """Return a margin, a share, as text in per cent; "--" if unknown.
+
+    A negative one has no number: the rotor is beyond its ceiling.
+    """
     if value < 0.0:
         return BEYOND_CEILING
     return f"{100 * value:.0f} %" if math.isfinite(value) else "--"
@@ -296,7 +300,10 @@ def number(value: float, form: str) -> str:
 
 
 def summary(now: NewestFigures, max_utilisation: float, age: float) -> list[str]:
-    """Return the lines that `margin` prints for one vehicle; `age` is that of its newest row, s."""
+    """Return the lines that the command `margin` prints for one vehicle.
+
+    `now` are its newest figures, `age` their age, s; `max_utilisation` is a share.
+    """
     return [own_syntax(line) for line in _lines(now, max_utilisation, age)]
 
 

@@ -238,7 +238,11 @@ def _rotor_figures(update: Update) -> Iterator[tuple[tuple[str, str, str], dict[
 
 
 def _status_metrics(status: MonitorStatus) -> Iterator[Metric]:
-    """Yield the metrics of the whole monitor: its counters, its delay and its recording."""
+    """Yield the metrics of the whole monitor: counts of frames, delay of the analysis, and
+    recording.
+
+    Metrics of the recording are missing if nothing is recorded.
+    """
     for name, words in COUNTS.items():
         yield CounterMetricFamily(f"{PREFIX}link_{name}", words, value=getattr(status, name))
     yield _gauge("behind_seconds", "By which the analysis is late", [((), status.behind_s)])

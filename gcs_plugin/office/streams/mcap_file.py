@@ -150,8 +150,9 @@ class SortieClock:
     unix: bool
 
     def stamp_ns(self, time_s: float) -> int:
-        """Return ns of a time in s from the sortie's first row, limited to 0 and the format's 64
-        bits.
+        """Return the timestamp, ns, of a time in s from the sortie's first row.
+
+        It is limited to 0 and the largest that the format holds, 64 bits.
         """
         return min(max(round((self.start_s + time_s) * 1e9), 0), 2**64 - 1)
 
@@ -388,10 +389,11 @@ def _split(direction: str, first: Any, second: Any) -> dict[str, Any]:
 
 
 def write_mcap(flights: Sequence[tuple[ReportedFlight, FlightLog]], path: Path) -> int:
-    """Write the sorties of one log to `path` and return the number of messages.
+    """Write the sorties of one log to the MCAP file `path` and return the number of messages.
 
-    Each message is JSON, each topic has its JSON schema. Raises DataError when the sorties have
-    different clocks, InstallError without the library, OSError when `path` cannot be written.
+    Messages are JSON, sorted by time; each topic has a JSON schema. Raises DataError if only some
+    sorties have Unix time, InstallError if the mcap library is missing, OSError if `path` cannot be
+    written.
     """
     require("export --mcap", "mcap")
     from mcap.writer import Writer

@@ -56,9 +56,9 @@ if TYPE_CHECKING:
 
 
 def conditions_json(given: PlanConditions) -> dict[str, Any]:
-    """Return the conditions of a forecast by their names in files, where `fill_kg` is a safe fill.
+    """Return a forecast's conditions as a dict for JSON, by the names that files use.
 
-    The liquid on board at take-off is `tank_start_kg`, as in reports and in the store.
+    The liquid at take-off is `tank_start_kg` there, because `fill_kg` is a safe fill in files.
     """
     named = {f.name: getattr(given, f.name) for f in fields(given)}
     return {"tank_start_kg": named.pop("fill_kg"), **named}
@@ -283,8 +283,10 @@ def gate_text(made: PlanForecast, card: FillCard, *, plan: str, refuse: bool) ->
 
 
 def _comment(text: str) -> str:
-    """Return `text` as at most 90 ASCII characters on one line, so that a file's name cannot end
-    the comment."""
+    """Return `text` as one line of at most 90 ASCII characters, for a comment in a script.
+
+    So the name of a file cannot end the comment.
+    """
     return clean(text).encode("ascii", "replace").decode()[:90]
 
 
@@ -297,8 +299,9 @@ MOST = 500  # that are folded below it
 
 
 def html_text(made: PlanForecast, name: str) -> str:
-    """Return the page of the forecast of the plan called `name`; it loads nothing from a
-    network."""
+    """Return the forecast of the plan called `name` as an HTML page that loads nothing from a
+    network.
+    """
     return _page(made, name, {"use": packed(_chart(made).to_json())})
 
 

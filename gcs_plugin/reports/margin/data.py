@@ -51,13 +51,12 @@ class ReportedFlight:
 
     @property
     def advice(self) -> Advice:
-        """Return the answer of the flight."""
+        """Return the assessment of the flight."""
         return self.answer.made.advice
 
     @property
     def shown_level(self) -> FlightLevel:
-        """Return the level whose colour the flight has: not that of a clearance while something is
-        to be looked at."""
+        """Return the level whose colour is displayed: NEAR for a good flight with open caveats."""
         return shown_level(self.advice.level, left_open=self.advice.caveats)
 
     @property

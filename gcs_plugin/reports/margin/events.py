@@ -33,7 +33,7 @@ YAW_MEAN_S = 1.0
 
 
 def takeoff_rows(analysis: FlightAnalysis) -> tuple[JsonObject, ...]:
-    """Return the checks of each take-off's run-up, in order of time; motors count from 1."""
+    """Return the check before each take-off as a dict for JSON, by time; motors count from 1."""
     airframe = None if analysis.no_verdict else identified_airframe(analysis.model)
     places = () if analysis.no_verdict else analysis.places
     arms = None if analysis.no_verdict else analysis.model.arms
@@ -66,7 +66,10 @@ def _row(analysis: FlightAnalysis, check: TakeoffCheck, places: Sequence[str]) -
 
 
 def _finding(finding: TakeoffFinding, places: Sequence[str]) -> JsonObject:
-    """Return one finding with its words; `forbids` is True if it forbids the take-off."""
+    """Return one finding of a take-off check as a dict for JSON, with its sentence.
+
+    `places` are the motors' places, empty where unknown. `forbids`: it forbids the take-off.
+    """
     plain = {f.name: getattr(finding, f.name) for f in fields(finding)}
     return plain | {
         "motors": [motor + 1 for motor in finding.motors],
@@ -188,7 +191,7 @@ def timeline_rows(
 
 
 def _text(said: JsonObject) -> str:
-    """Return the title of a report with its own text, else with its subject."""
+    """Return the title of a vehicle's report, with its text, or if it has none with its subject."""
     title = kind_words(said["kind"])
     if said["text"]:
         return f"{title}: {said['text']}"

@@ -122,7 +122,10 @@ def pdf_bytes(report: Report, written: Written | None) -> bytes:
 
 
 def html_text(report: Report, written: Written) -> str:
-    """Return the page; the figures of every flight are drawn when they scroll into view."""
+    """Return the report as an HTML page; the browser draws a figure when it scrolls into view.
+
+    `written` are the paths of the report's files, which the page names.
+    """
     drawn = {name: packed(made.to_json()) for name, made in _drawn(report).items()}
     return _page(report, written, drawn)
 
@@ -177,7 +180,7 @@ def strip_of(flight: ReportedFlight) -> Strip | None:
 
 
 def left_of_use(use: float) -> str:
-    """Return in words the thrust left where the share `use` is in use, `45 %`."""
+    """Return the thrust left as text, `45 %`, of the utilisation `use`, a share (0.55)."""
     return left_words(1.0 - use)
 
 

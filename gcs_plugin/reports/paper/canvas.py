@@ -37,7 +37,7 @@ class Axis:
     end: float
 
     def at(self, values: Any) -> Floats:
-        """Return the pixels of values of any shape."""
+        """Return the pixels at which `values`, of any shape and in the axis's unit, are drawn."""
         values = np.asarray(values, dtype=np.float64)
         if self.kind == "log":
             values = np.log10(values)
@@ -147,8 +147,10 @@ class PdfCanvas:
         return [(x, y) for x, y in (np.asarray(points) * self._pixel + self._corner).tolist()]
 
     def line(self, points: Floats, colour: Colour, width: float, dash: Sequence[float]) -> None:
-        """Draw a line through points (N, 2), pixels; `dash` is the length of stroke and gap, or
-        empty."""
+        """Draw a line through `points` (N, 2), pixels; `width` is in pixels too.
+
+        `dash` is (length of a stroke, length of a gap), pixels; empty for a solid line.
+        """
         pixel, pdf = self._pixel, self._pdf
         strokes = {"dash": dash[0] * pixel, "gap": dash[1] * pixel, "phase": 0.0} if dash else None
         with pdf.local_context(
@@ -173,7 +175,10 @@ class PdfCanvas:
                 pdf.circle(x, y, radius, style="F")
 
     def text(self, at: tuple[float, float], words: str, look: Lettering) -> None:
-        """Draw one line of words at a place, in pixels, aligned as in `look`."""
+        """Draw one line of text at the point `at`, (x, y) in pixels.
+
+        `look` is its size, colour and alignment to that point.
+        """
         pdf = self._pdf
         ((x, y),) = self._mm(np.array([at]))
         with pdf.local_context(text_color=_bytes(look.colour)):

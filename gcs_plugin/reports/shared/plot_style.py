@@ -176,8 +176,11 @@ def keep_extremes(values: Floats, buckets: int) -> NDArray[np.intp]:
 
 
 def keep_worst(score: Floats, buckets: int) -> NDArray[np.intp]:
-    """Return the index of the largest of (T,) `score` in each of `buckets` runs of rows of
-    nearly equal length; none for a run of NaN alone."""
+    """Return the index of the largest `score` (T,) in each of `buckets` runs of nearly equal
+    length.
+
+    A run that is NaN throughout has none.
+    """
     rows = score.size
     edges = np.linspace(0, rows, min(buckets, rows) + 1).astype(np.intp)
     which = np.repeat(np.arange(edges.size - 1), np.diff(edges))
@@ -254,9 +257,10 @@ def filled(x: NDArray[Any], lower: Floats, upper: Floats, *, color: str, **shown
 
 
 def below_limit(time_s: Floats, left: Floats, least: float) -> Trace | None:
-    """Return the filled band where less than the share `least` of thrust is left.
+    """Return the filled band between `left` (T,), % of thrust left, and the limit, where it is
+    below.
 
-    `left` (T,) is in %. None if it is NaN throughout.
+    `least` is the limit, a share. None if `left` is NaN throughout.
     """
     return band(
         time_s, np.fmin(left, 100 * least), np.full(left.size, 100 * least), color=OVER_FILL
@@ -279,7 +283,9 @@ def left_axis(title: str, left: Floats, least: float) -> dict[str, Any]:
 
 
 def in_tank(time_s: Floats, tank_kg: Floats, spraying: Floats, name: str) -> list[Trace | None]:
-    """Return the lines of the load on board over time, and of it while it is sprayed."""
+    """Return the lines of the tank level, kg, over time, s: one of all rows, one of rows while
+    spraying.
+    """
     sprayed = np.where(spraying > 0.5, tank_kg, np.nan)
     return [
         line(time_s, tank_kg, color=INK, name=name, width=2),

@@ -221,8 +221,10 @@ def _check_kind(store: SeasonStore, names: str | None) -> None:
 
 
 def _absolute(airframe: str | None) -> str | None:
-    """Return the absolute path of an airframe file, for processes with other folders; a name
-    unchanged."""
+    """Return the absolute path of an airframe file, since other processes have other folders.
+
+    The name of a shipped airframe, and None, are returned unchanged.
+    """
     return str(Path(airframe).absolute()) if airframe and Path(airframe).is_file() else airframe
 
 

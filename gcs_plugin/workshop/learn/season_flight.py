@@ -80,7 +80,10 @@ class IngestSettings:
 
 @lru_cache(maxsize=4)
 def season_model(model: str | None, airframe: str | None) -> tuple[RotorModel, str]:
-    """Return the rotor speed model of a run and its digest."""
+    """Return the rotor speed model that a store's flights are analysed with, and its digest.
+
+    `model` and `airframe` are those of the options.
+    """
     chosen = chosen_model(None if model is None else Path(model), airframe)
     return chosen, model_digest(chosen)
 

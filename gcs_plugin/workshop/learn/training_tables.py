@@ -89,7 +89,10 @@ def effect_lines(model: RotorModel) -> list[str]:
 
 
 def thermometer_lines(model: RotorModel) -> list[str]:
-    """Return the line about the correction of the logs' thermometer; empty without one."""
+    """Return one line on the correction of the air temperature in logs, K, and its error.
+
+    Empty if the model has no correction.
+    """
     one = model.thermometer
     if one is None:
         return []
@@ -167,8 +170,10 @@ def _held_out_table(conditions: tuple[records.ConditionScore, ...], title: str) 
 
 
 def _pair_text(low: float, high: float) -> str:
-    """Return two numbers for a narrow column; below 0 with two decimals, because it is a failure
-    anyway."""
+    """Return `low, high` for a narrow column of the table, with three decimals.
+
+    Below 0 two decimals suffice, because such a score is a failure anyway.
+    """
     ends = (f"{value:.{2 if value < 0.0 else 3}f}" for value in (low, high))
     return say("{low}, {high}", **dict(zip(("low", "high"), ends, strict=True)))
 
