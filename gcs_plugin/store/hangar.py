@@ -312,11 +312,11 @@ class KnownAircraft:
     def state_before(
         self, start_unix_s: float, rotors: int, longitude_deg: float = NAN
     ) -> ModeState:
-        """Return the rotor speed offsets, by mode, with which to predict a flight at
-        `start_unix_s`.
+        """Return the state (rotor speed offsets by mode, with errors) with which to predict a
+        flight.
 
-        That is Unix time, s. `rotors` is their number. `longitude_deg` gives the local day, of
-        which a known offset applies; NaN if unknown.
+        The flight starts at `start_unix_s`, Unix time, s, with `rotors` rotors. `longitude_deg`, by
+        which its local day is known, is NaN if unknown.
         """
         return state_before(
             self.lessons,

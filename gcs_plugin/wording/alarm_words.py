@@ -137,8 +137,8 @@ TOO_HEAVY = (
 def outcome(uncontrolled: float, controlled: float) -> str:
     """Return in words if the aircraft would hold height and heading after losing a rotor.
 
-    The arguments are the redundancies, thrust available over weight, without and with yaw control;
-    NaN counts as below 1.
+    The arguments are the redundancies, thrust then possible divided by the weight, without and with
+    yaw control; NaN counts as below 1.
     """
     if controlled >= 1.0:
         return "holds height and heading"
@@ -257,9 +257,9 @@ def margin_words(
     """Return `Thrust left 44% below 50%, rotor 1: fly gently`, shortened to an alarm's length.
 
     `what` is the first words. `least` is the thrust left, `ends` its 90 % interval, and `limit` the
-    least allowed, all shares. Values are rounded down, so that one below the limit never reads as
-    equal; "near" replaces "below" if the interval reaches the limit. `rotor` counts from 1. With
-    rotors in `bad`, which have an alarm, the action refers to that alarm.
+    least allowed, all shares. The value is rounded down, so that one below the limit never reads as
+    equal; "near" replaces "below" if the interval reaches the limit. `rotor` counts from 1, None
+    for none. With rotors in `bad`, which have an alarm, the action refers to that alarm.
     """
     low, high = percent_down(max(ends[0], 0.0)), percent_up(ends[1])
     within = f" ({low}-{high})" if ends[1] > ends[0] else ""
@@ -371,7 +371,8 @@ def _of(part: str, number: int, place: str) -> str:
 def thrust_against_gauge(apart_kg: float, bad: Sequence[int] = ()) -> str:
     """Return the alarm that the load by thrust is `apart_kg` more than the tank gauge reports.
 
-    It asks to check the load, or, with rotors in `bad` (which have an alarm), refers to that alarm.
+    A negative value is less. The alarm asks to check the load, or, with rotors in `bad` (which have
+    an alarm), refers to that alarm.
     """
     if bad:
         words = "Thrust says {apart} kg against gauge: {see}"

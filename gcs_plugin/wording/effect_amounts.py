@@ -252,8 +252,8 @@ def air_density(it: DescribedEffect) -> str:
 def wrong_gain(little: str, much: str, it: DescribedEffect) -> str:
     """Return the sentence on an instrument whose true value is `gain` times the displayed one.
 
-    `little` is the sentence for a reading too low, `much` for one too high; the amount filled in is
-    the share, %, of the true value.
+    `little` is the sentence for a reading too low, `much` for one too high. The amount filled in is
+    the error in % of the true value.
     """
     value, *ends = (1.0 - 1.0 / gain for gain in it.ends("gain"))
     sign, words = (-1.0, much) if value < 0.0 else (1.0, little)
@@ -508,11 +508,10 @@ def wind(it: DescribedEffect) -> str:
 
 
 def followed_wind(it: DescribedEffect) -> str:
-    """Return the sentence on a wind stronger than in training, whose effect the airspeed already
-    covers.
+    """Return the sentence on a wind stronger than in training that the reported airspeed already
+    includes.
 
-    It lists the winds, and compares the RMSE with ground speed in place of airspeed with that of
-    airspeed, rpm.
+    It lists the winds, and gives the RMSE, rpm, with ground speed and with airspeed.
     """
     found, domain = it.found, it.whole.model.training_domain
     words = (

@@ -179,9 +179,9 @@ def with_data_sheet(top: Estimate, sheet_rpm: float) -> Estimate:
     thrust.
 
     `top` is extrapolated from flights, `sheet_rpm` the speed at the maker's largest thrust. Weights
-    are inverse variances of ln thrust. The maker's thrust has the relative error GUESS, and twice
-    VOLTAGE_ERROR since data sheets seldom state their voltage. If both differ by more than their
-    combined error, the interval is widened by that ratio.
+    are inverse variances of ln thrust. The maker's thrust has the error GUESS, in quadrature with
+    twice VOLTAGE_ERROR, since data sheets seldom state their voltage. If both differ by more than
+    their combined error, the interval is widened by that ratio.
     """
     import numpy as np
 
@@ -243,7 +243,8 @@ def hover_sentences(fit: HoverFit) -> tuple[str, ...]:
     """Return sentences on the hover: thrust of each rotor over its share, and the weight's offset,
     mm.
 
-    One more if clockwise and counter-clockwise rotors differ, and if there is only one flight.
+    A sentence is added if clockwise and counter-clockwise rotors differ, and one if there is only
+    one flight.
     """
     trims = ", ".join(f"{n + 1}: {100 * t.value:.0f} %" for n, t in enumerate(fit.trim))
     place = ", ".join(

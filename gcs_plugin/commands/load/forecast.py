@@ -390,7 +390,8 @@ def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
     """Return what the flights in a log mean for the next one: clearance, faults, day, parameters.
 
     `plan` is that log; a plan file has no flights, and gives an empty result. `given`: the user
-    chose `model`. A log without a readable flight gives only the condition that it was not seen.
+    chose `model`. For a log without a readable flight the clearance only says that the flight was
+    not seen.
     """
     from thrustmargin.models.model.clearance import NO_FLIGHT, NOT_SEEN, clearance
 

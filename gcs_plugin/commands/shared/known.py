@@ -123,11 +123,13 @@ def learn_logs(
     *,
     must_keep: bool = False,
 ) -> tuple[list[tuple[LearntFlight, FlightLog]], KnownAircraft]:
-    """Analyse the logs of one aircraft by time and store each flight, with its effect on the state.
+    """Analyse the logs of one aircraft by time, and store its flights with their effect on its
+    state.
 
-    Return the flights with their logs, and the aircraft with these flights added. Unusable logs are
-    appended to `unread`. If the disk refuses, the console reports it, or with `must_keep` DataError
-    is raised.
+    Return all flights with their logs, and the aircraft with the stored ones added. Not stored are
+    flights without a date or a verdict, and all if an option forbids it. Unusable logs are appended
+    to `unread`. If the disk refuses, the console reports it, or with `must_keep` DataError is
+    raised.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import read_logs
     from thrustmargin.gcs_plugin.store.hangar import NotTaught

@@ -164,9 +164,9 @@ def log_entries(
 ) -> dict[str, Entry]:
     """Return the record's fields that logs contain, by name: times, place, wind, temperature, area.
 
-    Areas are in ha. `done` is the treated area, None if no pump was on; then its times, place and
-    area are missing. Local times are in `zone`, or in this computer's zone if None, and include the
-    offset.
+    Areas are in ha. `done` is the treated area, None if no pump was on; then only temperature and
+    serial number remain. Local times are in `zone`, or in this computer's zone if None, and include
+    the offset.
     """
     entries: dict[str, Entry] = {}
     if done is not None and done.start_unix_s is not None and done.end_unix_s is not None:

@@ -317,9 +317,10 @@ def _season_verdict(flight: Mapping[str, Any]) -> str | None:
 
 
 def _verdict_findings(season: AircraftSeason) -> Iterable[SeasonFinding]:
-    """Yield findings on bad verdicts and open caveats of the last RECENT flights.
+    """Yield findings on bad verdicts of the last RECENT flights, and on open caveats of the last
+    one.
 
-    Also yield one if more than half of the counted flights have no verdict.
+    Also yield one if too many flights have no verdict.
     """
     count = len(season.flights)
     recent = season.flights[-RECENT:]

@@ -103,8 +103,9 @@ def rotor_of(name: str) -> int | None:
 def value_words(name: str) -> ValueWords:
     """Return title, unit, scale factor, decimals and action for a value that a season follows.
 
-    `name` is the value's name in the sums of flights. Displayed are value times factor, in the
-    unit. An unknown name becomes the title itself, without a unit, and the action is IDENTIFY.
+    `name` is the value's name in the sums of flights. The displayed amount is value * factor, in
+    the unit returned. An unknown name becomes the title itself, without a unit, and the action is
+    IDENTIFY.
     """
     rotor = rotor_of(name)
     if rotor is not None:
@@ -147,8 +148,8 @@ def entry_sentence(name: str, entry: SeasonEntry, when: str, ended: bool) -> str
     """Return the sentence on a change of the value `name`: from and to which amount, at which
     flight.
 
-    Amounts have 95 % intervals. `when` is the flight, in words. A ramp has the amount per flight,
-    and lasts still, or `ended` before the last flight.
+    `when` is the flight, in words; the flights of its 95 % interval follow. For a ramp the sentence
+    has the amount per flight, and when it `ended`, or that it goes on.
     """
     words = value_words(name)
     since = when

@@ -48,8 +48,8 @@ def rows_of(
 ) -> Mapping[str, Floats]:
     """Return the values of the report's CSV by name, (T,) or (T, R) for T rows and R rotors.
 
-    Names are those of COLUMNS without `_{}`, and "known_utilisation". NaN is unknown. The fill
-    limits, (T,) kg, are passed on.
+    Names are those of COLUMNS without `_{}`, and "known_utilisation". NaN is unknown. The
+    arguments, (T,) kg, become columns of these names.
     """
     track, prediction = analysis.track, analysis.prediction
     of_track = {name: getattr(track, name) for name in ("time_s", "flying", *OF_ROTOR)}

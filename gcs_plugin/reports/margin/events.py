@@ -81,9 +81,9 @@ def _finding(finding: TakeoffFinding, places: Sequence[str]) -> JsonObject:
 def yaw_rows(analysis: FlightAnalysis) -> JsonObject:
     """Return the share of yaw authority left unused in flight, as a dict for JSON.
 
-    Its keys are the least 1 s mean, that mean's time, s, and the median. Rotor speeds are measured,
-    or inferred from motor outputs. All are NaN where a rotor has neither, or the aircraft is
-    unknown.
+    `yaw_reserve_min` is the least 1 s mean, `yaw_reserve_min_time_s` its time, `yaw_reserve_median`
+    the median. Rotor speeds are measured, or inferred from motor outputs. All are NaN if a rotor
+    has neither throughout, or the aircraft is unknown.
     """
     track, reserve = analysis.track, analysis.yaw_reserve
     mean = moving_mean(track.time_s, np.where(track.flying, reserve, np.nan), YAW_MEAN_S)
@@ -165,11 +165,12 @@ def timeline_rows(
     notes: Sequence[EngineerNote],
     advice: Advice,
 ) -> tuple[JsonObject, ...]:
-    """Return the events of a flight in order of time, as dicts: `time_s`, `source`, `text`, ...
+    """Return the events of a flight by time, as dicts: `time_s`, `source`, `text`, `corroboration`.
 
     The events are the findings of the take-off checks `starts`, the vehicle's reports `said` (as
     `said_rows` returns them), the engineer's `notes`, and faults and losses of control in `advice`.
-    For a report of the vehicle, `corroboration` is a sentence on what the log shows of it.
+    `corroboration` is a sentence on what the log shows of a vehicle's report, and empty for other
+    events.
     """
     made = [
         _entry(time_s, VEHICLE, _text(one), one["words"])

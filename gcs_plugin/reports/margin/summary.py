@@ -205,8 +205,10 @@ def look_facts(findings: Iterable[Finding]) -> Iterator[tuple[str, str]]:
 
 
 def _basis(made: Advised) -> tuple[str, float]:
-    """Return the source of the thrust utilisation in words, and the share of the flight it is
-    measured.
+    """Return the source of the thrust utilisation in words, and the share of time with rotor
+    speeds.
+
+    That share is of the time in the air; speeds are measured or inferred from motor outputs.
     """
     analysis, seconds = made.analysis, made.analysis.track.row_seconds
     known = np.any(np.isfinite(airborne_use(analysis)), axis=1)

@@ -505,7 +505,8 @@ def rmse_words(errors: Errors, unit: str = "rpm") -> str:
 def error_rows_words(found: Identification) -> str:
     """Return a phrase on the flights in which the errors before and after are computed.
 
-    They are held-out flights, or the fitted ones, each predicted without itself.
+    They are held-out flights, or the fitted ones, each predicted without itself; of a single
+    flight, fifths are.
     """
     if found.held_out is not None:
         count = found.held_out.flights

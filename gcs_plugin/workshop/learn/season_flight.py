@@ -241,9 +241,10 @@ def stored_flight(
 
 
 def _sums(analysis: FlightAnalysis) -> tuple[dict[str, np.ndarray] | None, str | None]:
-    """Return a flight's sums for identification over many flights, by name, and None.
+    """Return (sums, None): sums over a flight's rows, as named arrays, from which effects are
+    identified.
 
-    Where they cannot be computed, return None and the reason, "no_verdict" or "no_evidence".
+    Where they cannot be computed, return (None, reason), "no_verdict" or "no_evidence".
     """
     if analysis.no_verdict:
         return None, "no_verdict"
