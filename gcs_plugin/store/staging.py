@@ -176,7 +176,7 @@ def drop_replaced(store: SeasonStore, waiting: dict[tuple[str, str], list[str]])
 
 
 def drop_flight(store: SeasonStore, flight: str) -> None:
-    """Delete the flight named `flight` from all tables and from the staging area, if it is there."""
+    """Delete the flight named `flight` from all tables and from the staging area, if present."""
     for key in store.keys(STAGED):
         if Path(key).stem == flight:
             store.delete(key)

@@ -241,7 +241,10 @@ def suspects(advice: Advice) -> tuple[int, ...]:
 
 
 def no_ground(advice: Advice) -> str:
-    """Return why a flight has no verdict, or what contradicts a bad one; empty for other flights."""
+    """Return why a flight has no verdict, or what contradicts a bad verdict.
+
+    Empty for other flights.
+    """
     if Caveat.MODEL in advice.caveats:
         return misfit_words(advice)
     alone = advice.level is FlightLevel.UNKNOWN and advice.predicted_alone
@@ -559,7 +562,7 @@ def _load_known_in_part(advice: Advice) -> bool:
 
 
 def sound_again(fault: RotorFault) -> str:
-    """Return the sentence that a rotor is sound again, although the model still contains its loss."""
+    """Return the sentence that a rotor is sound again, although its loss is still in the model."""
     return say(
         "rotor {rotor} is sound again, and the model still holds its loss of {amount}: use the "
         "model from before it, or train anew",

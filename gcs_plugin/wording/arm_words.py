@@ -138,7 +138,7 @@ def arm_sentence(finding: ArmFinding) -> str:
 
 
 def amount_words(one: PossibleCause) -> str:
-    """Return what a possible cause changes, in words, with the amount in % and its 95 % interval."""
+    """Return what a possible cause changes, in words, with amount, %, and 95 % interval."""
     more, less = AMOUNTS[one.cause]
     least, most = sorted((abs(one.lower), abs(one.upper)))
     ends = (0.0 if one.lower < 0.0 < one.upper else least, most)

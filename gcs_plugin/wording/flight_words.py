@@ -124,7 +124,10 @@ def sortie_suffix(number: int, of: int) -> str:
 
 
 def sortie_words(number: int, track: FlightTrack) -> str:
-    """Return `sortie 2: from 2026-05-31 14:30:00 UTC, 3 min 28 s in flight`; no start if unknown."""
+    """Return `sortie 2: from 2026-05-31 14:30:00 UTC, 3 min 28 s in flight`.
+
+    `number` is the sortie's, from 1. The start is left out if it is unknown.
+    """
     flown = f"{duration(track.flying_s)} in flight"
     unknown = float("nan")
     try:

@@ -74,7 +74,7 @@ class AirframeShow:
 
 
 def print_airframe(console: Console, craft: Airframe) -> None:
-    """Print the airframe: a sentence, tables of its quantities and rotors, and which are guessed."""
+    """Print the airframe: a sentence, tables of quantities and rotors, and which are guessed."""
     console.print(repr(craft), soft_wrap=True)
     table = grid(("quantity", "value", "unit", "known", "from"), left=(0, 2, 3, 4))
     for name, q in craft.quantities.items():

@@ -323,7 +323,7 @@ def _show(
 
 
 def _summary(live: LiveMonitor) -> None:
-    """Print on stderr the vehicles heard, the result of their last flights, and the link's state."""
+    """Print on stderr the vehicles heard, results of their last flights, and the link's state."""
     from thrustmargin.gcs_plugin.live.console import answer_lines, status_lines
     from thrustmargin.gcs_plugin.wording.check_words import described_words, statement_words
     from thrustmargin.gcs_plugin.wording.live_words import of_vehicle

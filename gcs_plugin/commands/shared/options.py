@@ -34,7 +34,7 @@ OLD_LIMIT = {"report": "thrust in use", "monitor": "thrust margin"}
 
 
 def refuse_renamed(argv: Sequence[str]) -> None:
-    """Raise UsageError for the option --limit of an older version, and state the option to use now."""
+    """Raise UsageError for the option --limit of older versions, and name the option to use now."""
     if not argv or argv[0] not in OLD_LIMIT:
         return
     for place, word in enumerate(argv):

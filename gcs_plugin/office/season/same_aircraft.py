@@ -84,7 +84,7 @@ def unique_flights(flights: Flights) -> list[Mapping[str, Any]]:
 
 
 def _rank(flight: Mapping[str, Any]) -> tuple[int, bool]:
-    """Return a sort key of a log: of two logs of one flight the one with the smaller key is kept."""
+    """Return a sort key of a log: of two logs of one flight, that with the smaller key is kept."""
     level = FlightLevel(flight["verdict"] or FlightLevel.UNKNOWN)
     return level.gravity, flight["sums_reason"] is not None
 

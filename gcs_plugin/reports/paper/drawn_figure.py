@@ -121,7 +121,7 @@ def _whole(made: Figure) -> Box:
 
 
 def _panels(made: Figure) -> dict[str, PlotArea]:
-    """Return the figure's plot areas by the name of their vertical axis in traces: y, y2 and so on."""
+    """Return the figure's plot areas by the name of their vertical axis in traces: y, y2, ..."""
     layout, (left, top, wide, high) = made.layout, _whole(made)
     found = {}
     for name in [n for n in layout if re.fullmatch(r"yaxis\d*", n)]:
