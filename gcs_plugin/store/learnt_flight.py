@@ -192,10 +192,11 @@ def change_of(
 
 
 def _against(step: WalkStep, aircraft: KnownAircraft, since_unix_s: float) -> WalkStep:
-    """Return a flight's step with the state before `since_unix_s`, Unix time, in place of its own.
+    """Return a flight's step in the random walk, compared with an older state of its aircraft.
 
-    Its `surprise` is then the difference from that state, in standard errors for each mode. The
-    variance that the walk allows since then is included.
+    That is the state before the flight at `since_unix_s`, Unix time. `surprise` is then the
+    difference from it, in standard errors for each mode; the variance that the walk allows since
+    then is included.
     """
     flight = step.flight
     earlier = [one for one in aircraft.lessons if one.start_unix_s < flight.start_unix_s]

@@ -315,7 +315,7 @@ OF_CAVEAT: Mapping[Caveat, Trouble] = {
 
 
 def answer_to(trouble: Trouble, phase: Phase = Phase.RECORDED) -> TroubleAnswer:
-    """Return what a finding asks for in a phase: action, urgency, and the proof of a repair.
+    """Return action, urgency and proof of a repair for a finding, in a phase of the flight.
 
     In flight, a finding of urgency STOP asks to land or to fly by sight. For another finding the
     action is that after the flight; its urgency decides if the pilot is informed now.
@@ -347,11 +347,11 @@ def urgency_of(level: FlightLevel, *, left_open: bool = False) -> Urgency | None
 
 
 def bad_rotor(rotors: Sequence[int], loss_low: float, phase: Phase) -> TroubleAnswer:
-    """Return what rotors, from 1, that lose thrust or speed ask for.
+    """Return action, urgency and proof of a repair for rotors, from 1, that lose thrust or speed.
 
     `loss_low` is the low end of the loss's interval, a share of thrust. From LEAST on, the least
     loss that an alarm reports, the aircraft must not fly; below, an inspection before the next
-    flight is asked for. In flight it is to land, whatever the loss.
+    flight is asked for. In flight the action is to land, whatever the loss.
     """
     answer = answer_to(Trouble.ROTOR, phase)
     if phase is Phase.IN_FLIGHT:

@@ -55,7 +55,7 @@ def mission_words(mission: FlownMission) -> str:
 
 
 def counted_words(flights: int, days: int) -> str:
-    """Return how many flights on how many days are known."""
+    """Return `5 flights on 3 days`."""
     of_flights = say("1 flight") if flights == 1 else say("{count} flights", count=flights)
     of_days = say("1 day") if days == 1 else say("{count} days", count=days)
     return say("{flights} on {days}", flights=Verbatim(of_flights), days=Verbatim(of_days))
@@ -68,7 +68,10 @@ def noted_words(name: str, changed: str) -> str:
 
 
 def walk_words(flight: float, day: float) -> str:
-    """Return how much rotor speeds move, as shares, from flight to flight and from day to day."""
+    """Return how much rotor speeds vary from flight to flight and from day to day, in words.
+
+    Both arguments are standard deviations, as shares of rotor speed.
+    """
     return say(
         "rotor speeds move by {flight:.1f} % from flight to flight and {day:.1f} % more from day "
         "to day",
@@ -129,7 +132,7 @@ def learnt_words(*, use: float, coverage: float, trained: bool, not_taught: str 
 
 
 def not_learnt_words(log: str, reason: str) -> str:
-    """Return that a log taught nothing, and why."""
+    """Return the sentence that a log was not learnt from, with the reason."""
     return say("not learnt: {log}: {reason}", log=Verbatim(log), reason=Verbatim(say(reason)))
 
 

@@ -122,7 +122,7 @@ def _sized(sentence: str, parts: tuple[str, str], **values: object) -> str:
 
 
 def _percent(it: DescribedEffect, name: str, factor: float = 1.0) -> tuple[str, str]:
-    """Return a parameter and its interval in per cent, without sign."""
+    """Return a parameter, times `factor`, and its interval as texts in per cent, without sign."""
     return it.size(name, "%", factor=100.0 * factor, most=1)
 
 
@@ -176,7 +176,7 @@ def weakened_for_a_while(it: DescribedEffect) -> str:
 
 
 def weakens_each_flight(it: DescribedEffect) -> str:
-    """Return the sentence about a loss that begins equally late in every flight."""
+    """Return the sentence on a rotor's loss of thrust that begins equally late in each flight."""
     lost = _lost(it, "{rotor} loses {amount} of its thrust", "{rotor} gains {amount} of its thrust")
     return say("{lost} {clock} into every flight", lost=lost, clock=clock(it.ends("onset_time")[0]))
 
@@ -270,7 +270,7 @@ AIRSPEED_SHOWS = (
 
 
 def tank_zero(it: DescribedEffect) -> str:
-    """Return the sentence about the tank gauge's zero, in the flight where it is most off."""
+    """Return the sentence on an error of the tank gauge's zero, in the flight where it is worst."""
     flight = Verbatim(it.whole.problem.names[it.found.flight])
     shown = Verbatim(Amount("offset", "kg", *GAUGE_SHOWS)(it))
     words = "{shown} in {log}"

@@ -550,5 +550,5 @@ def gate_limit(limit: float) -> str:
 
 
 def gate_sag(resistance: float) -> str:
-    """Return the remark on the battery resistance, ohm, that the script's table is computed with."""
+    """Return the remark on the battery resistance, ohm, that the script's table is based on."""
     return f", by {number(1e3 * resistance, 'mOhm', 0)} of the pack"

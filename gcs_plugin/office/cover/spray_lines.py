@@ -46,7 +46,7 @@ class LinesInOrder:
 def lines_in_order(
     area: shapely.MultiPolygon, swath: float, heading_deg: float | None, start: Floats
 ) -> LinesInOrder:
-    """Return spray lines at most `swath` m apart over each part of `area`, ordered into one route.
+    """Return spray lines about `swath` m apart over each part of `area`, ordered into one route.
 
     Coordinates are m east and north; `start` (2,) is where the route begins. `heading_deg` is of
     the lines, clockwise from north; with None each part gets the heading with the fewest lines.

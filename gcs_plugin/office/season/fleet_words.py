@@ -257,7 +257,7 @@ def battery_prefix(name: str, elsewhere: str) -> str:
 
 
 def no_verdict(flight: Mapping[str, Any]) -> tuple[str, str]:
-    """Return why a stored flight has no verdict, and what to do for one, both in words.
+    """Return why a stored flight has no verdict, and what to do to get one, both in words.
 
     `flight` is its row of the store.
     """

@@ -53,7 +53,7 @@ def text_of(node: HtmlElement) -> str:
 
 
 def pdf_bytes(html: str, figures: Mapping[str, Figure], *, brief: bool = False) -> bytes:
-    """Return the page `html` as PDF; `figures`, by name, are drawn at their places in it.
+    """Return the page `html` as a PDF; `figures`, by name, are drawn at their places in it.
 
     `brief` leaves out elements of class "more", and puts several flights on a page.
     """

@@ -57,7 +57,10 @@ class Rows:
         return np.flatnonzero(self.flight == flight)
 
     def rmse_rpm(self, flight: int) -> tuple[float, float]:
-        """Return the RMSE of one flight over all rotors, rpm, before and after."""
+        """Return the RMSE of one flight over all rotors, rpm, before and after adding the effects.
+
+        `flight` counts from 0.
+        """
         mine = self.flight_rows(flight)
         return _rms(self.before_rpm[mine]), _rms(self.after_rpm[mine])
 
@@ -279,8 +282,10 @@ def _bin_quantiles(rows: Rows, channel: str, mode: int) -> list[tuple[str, Float
 
 
 def _bins(channel: Floats) -> tuple[NDArray[np.intp], float, float]:
-    """Return the bin of each row, and the lower end and width of the BINS equal bins between both
-    tails."""
+    """Divide a channel's values (N,) into BINS equal bins between its tails.
+
+    Return the bin's index for each row, the lower end of the first bin, and the bins' width.
+    """
     low, high = np.quantile(channel, [TAIL, 1.0 - TAIL])
     width = max(float(high - low), 1e-12) / BINS
     index = np.clip(((channel - low) / width).astype(np.intp), 0, BINS - 1)
@@ -305,8 +310,10 @@ def _strongest_channels(rows: Rows, mode: int) -> list[str]:
 
 
 def map_limit(rows: Rows) -> float:
-    """Return the residual, rpm, at the ends of the maps' colour scale: the 98 % quantile of its
-    absolute value before the new effects, at least 1."""
+    """Return the residual, rpm, at the ends of the maps' colour scale; at least 1.
+
+    It is the 98 % quantile of its absolute value before adding the effects.
+    """
     worst = np.abs(rows.before_rpm).max(axis=1)
     return float(max(1.0, np.quantile(worst, 0.98)))
 

@@ -125,10 +125,10 @@ def learn(
 
 
 def _flight_lines(flight: LearntFlight, log_name: str) -> tuple[str, ...]:
-    """Return lines on a flight: its headline, what it changed in the aircraft's state, and changes.
+    """Return lines on a flight: headline, what its aircraft's model learnt, and how it differs.
 
-    A change is a difference from the aircraft's earlier flights. Without a verdict there is one
-    line, with the reason. `log_name` is the log's name.
+    It is compared with the aircraft's earlier flights. Without a verdict there is one line, with
+    the reason. `log_name` is the log's name.
     """
     from thrustmargin.gcs_plugin.store.hangar import NotTaught
     from thrustmargin.gcs_plugin.wording.advice_words import headline
