@@ -320,7 +320,7 @@ def _verdict_findings(season: AircraftSeason) -> Iterable[SeasonFinding]:
     """Yield findings on bad verdicts of the last RECENT flights, and on open caveats of the last
     one.
 
-    Also yield one if too many flights have no verdict.
+    Also yield one if more than half of all flights have no verdict.
     """
     count = len(season.flights)
     recent = season.flights[-RECENT:]
@@ -347,8 +347,8 @@ def _verdict_findings(season: AircraftSeason) -> Iterable[SeasonFinding]:
                 verdict=verdict,
             )
     for caveat in flight_caveats(recent[-1]) if recent else ():
-        count = sum(caveat in flight_caveats(f) for f in recent)
-        if sentence := words.open_sentence(caveat, count, len(recent)):
+        shared_by = sum(caveat in flight_caveats(f) for f in recent)
+        if sentence := words.open_sentence(caveat, shared_by, len(recent)):
             yield SeasonFinding(
                 level=CHECK,
                 weight=0.0,
