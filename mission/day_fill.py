@@ -99,10 +99,11 @@ def _order(fills: Fills) -> float:
 def _in_steady_flight(
     model: RotorModel, day: Day, airspeed: float, limit: float, rotor_lost: bool
 ) -> tuple[Fills, float, float]:
-    """Return the largest fills, kg, at `airspeed` m/s, the voltage under load, V, and `airspeed`.
+    """Return the largest fills, the battery's voltage under load, V, and the given `airspeed`, m/s.
 
     `limit` is the allowed utilisation; `rotor_lost`: the aircraft must stay up without one rotor.
-    Voltage depends on the fill, so both are iterated.
+    Voltage depends on the fill and the fill on voltage, so they are iterated, unless `day` states
+    the voltage under load.
     """
     most = model.airframe.tank_capacity_kg
 

@@ -159,13 +159,13 @@ def lag_weights(
     time_constant: float = 0.0,
     since: float = np.inf,
 ) -> Floats:
-    """Return the weights (len(LAGS),) that interpolate a shift table `lag` seconds later.
+    """Return weights (len(LAGS),) that interpolate a shift table at `lag` seconds.
 
-    Cubic convolution (Keys 1981): smooth in the lag, and exact on the grid. A
-    `derivative_correction` of s subtracts s times the second difference, twice: 1/12 undoes to
-    third order the smoothing of a derivative over two rows, -1/3 is the mean of three rows applied
-    twice. With a `time_constant` in s the result is the channel after a first-order lag: the mean
-    over the past, or over the last `since` seconds, with exponentially decreasing weights.
+    Cubic convolution (Keys 1981): smooth in the lag, and exact on the grid. `derivative_correction`
+    c (dimensionless) subtracts c times the second difference, twice: 1/12 undoes to third order the
+    smoothing of a derivative over two rows, -1/3 is the mean of three rows applied twice. With a
+    `time_constant`, s, the result is the channel after a first-order lag: the mean over the past,
+    or over the last `since` seconds, with exponentially decreasing weights.
     """
     if time_constant > 0.0:
         share = -np.expm1(-since / time_constant)
@@ -371,10 +371,10 @@ def own_channels(
     effects: Iterable[Effect],
     start: FlightState | None = None,
 ) -> tuple[dict[str, Any], FlightState]:
-    """Return the channels that effects compute for themselves, by effect name, and the state in
-    which the next window of rows starts.
+    """Return the channels that effects compute for themselves, by effect name, and the state after.
 
-    `start` is that state of the rows before; None: the flight begins.
+    The state after the last row is passed as `start` with the next rows of the flight; None: the
+    flight begins.
     """
     makers = {e.name: e.own_channel for e in effects if e.own_channel is not None}
     before = {} if start is None else start.carried
@@ -427,10 +427,10 @@ def _along_axis(track: FlightTrack) -> Floats:
 def _shift_tables(time_s: Floats, *, late: bool) -> Callable[[Floats], Floats]:
     """Return a function from channels (..., T) to their values (..., T, len(LAGS)) at all lags.
 
-    Values are NaN where a neighbouring row is missing or far, and beyond the ends of the rows. At
-    lags above NEAR_LAG, which only late reports need, a channel is interpolated over gaps and
-    constant beyond the ends; unless an effect needs these lags (`late`), they are the values of the
-    row itself.
+    At lags up to NEAR_LAG, values are NaN where a neighbouring row is missing or far, and beyond
+    the ends of `time_s` (T,). Larger lags are needed for late reports only: with `late` the channel
+    is interpolated over gaps there and constant beyond the ends, without it these entries are the
+    row's own value. With a single row all entries are its own value.
     """
     if time_s.size < 2:
         return lambda values: np.repeat(values[..., None], len(LAGS), axis=-1)

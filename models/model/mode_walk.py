@@ -198,9 +198,11 @@ def _filtered(
     last_training: FlightOffsets | None,
     repairs: Sequence[float],
 ) -> Iterator[_Update]:
-    """Yield the filter's update by each flight, in order of time. Step sizes may be arrays (S, 1).
+    """Yield the Kalman filter's update by each flight, in order of time.
 
-    Raises DataError where one flight is given twice.
+    `repairs` are Unix times, s; `last_training` is the last flight of the model's training, or
+    None. The step sizes may be arrays (S, 1), to try S of them at once. Raise DataError where one
+    flight is given twice.
     """
     ordered = sorted(flights, key=lambda one: one.start_unix_s)
     for one, other in pairwise(sorted(one.flight for one in ordered)):
