@@ -139,9 +139,10 @@ def _compared(
     brief: Statement | None = None,
     **limits: Any,
 ) -> Comparison:
-    """Build the comparison `check` of a value, or of an interval, with its limits in LIMITS.
+    """Build the result of the comparison `check`, with the limits of that name in LIMITS.
 
-    `found` and `brief` describe the result; `limits` replace fields of these limits.
+    `value` is the compared number, or the interval (low, high) in which it is. `found` states the
+    result, `brief` (or None) the same in short; `limits` replace fields of these limits.
     """
     low, high = value if isinstance(value, tuple) else (value, value)
     used = replace(LIMITS[check], **limits)

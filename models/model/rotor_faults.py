@@ -209,8 +209,11 @@ class RotorFaults:
             self.history.append((time_s, current))
 
     def _close_block(self, of_block: Sequence[Floats] | Floats) -> None:
-        """Pass the means and slopes of a completed block of rows of `fault_signals` to the
-        tests; skip a block with too few rows."""
+        """Pass the mean and slope of a completed block to the fault tests.
+
+        `of_block` (N, 7 + 3 R) are rows of `fault_signals`. A block with too few rows is skipped;
+        rows by outputs alone are not mixed with measured ones.
+        """
         rotors, self.tested = len(self._modes), {}
         if not len(of_block) or not self._tests:
             return
@@ -320,7 +323,11 @@ def fault_episodes(history: FaultHistory) -> tuple[FaultEpisode, ...]:
 
 
 def _stood_longest(stood: Sequence[tuple[float, RotorFault]], end_s: float) -> RotorFault:
-    """Return the bounded size of a fault that lasted longest up to `end_s` s, or its last size."""
+    """Return the version of a fault that lasted longest among those with a bounded size.
+
+    `stood` are its versions with the time, s, at which each began, in order; the last one lasts
+    until `end_s`. The last version if none is bounded.
+    """
     ends = [time_s for time_s, _ in stood[1:]] + [end_s]
     known = [
         (until - since, fault)
@@ -351,11 +358,11 @@ def faults_in_model(model: RotorModel) -> tuple[RotorFault, ...]:
 
 @lru_cache(maxsize=8)
 def _sound_speed_ratio(model: RotorModel) -> Floats:
-    """Return the ratio (R,) of each rotor's predicted speed without the model's weak rotors to it
+    """Return the ratio (R,) of each rotor's predicted speed without the model's weak rotors to that
     with them.
 
-    Computed in hover with half a tank. The faults' predictions are multiplied by the ratio, so that
-    the fault tests compare a flight with an aircraft without faults.
+    Computed in hover with half a tank. Predictions are multiplied by the ratio, so that the fault
+    tests compare a flight with an aircraft without faults.
     """
     weak = {fault.rotor for fault in faults_in_model(model)}
     kept = tuple(r for r in model.effects if r.loss is None or (r.rotor or 0) - 1 not in weak)
@@ -453,8 +460,9 @@ def mode_directions(model: RotorModel) -> Floats:
 def loss_steps(model: RotorModel) -> tuple[Floats, Floats]:
     """Return the change (R, J, R) of all rotors' excess by a loss of each of J sizes on each rotor.
 
-    The excess is defined in `fault_signals`; hover with half a tank. Also return its standard error
-    (R, J, R), due to the unknown torque of the bad rotor relative to its thrust.
+    The excess is the squared speed less the predicted one, over the mean predicted square; computed
+    in hover with half a tank. Axis 0 is the bad rotor. Also return the standard error (R, J, R) of
+    the changes, due to the unknown torque of the bad rotor relative to its thrust.
     """
     rotors, rows = model.airframe.rotor_count, np.zeros(FAULT_SIZES.size)
     track = FlightTrack.of(

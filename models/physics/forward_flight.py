@@ -89,11 +89,10 @@ def thrust_ratio(
 def manoeuvre_load(
     flight: ForwardFlight, track: FlightTrack, airframe: Airframe, span: float
 ) -> Floats:
-    """Return rotor force (T,) over that of steady flight at the same airspeed.
+    """Return the rotor force (T,) divided by that of steady flight at the same airspeed.
 
-    Velocity is differentiated over `span` s. Acceleration and drag are added as vectors. Gusts that
-    no channel reports are not included, so that a missing wind or drag remains in the residual of
-    the rotor speeds.
+    Velocity is differentiated over `span` s. Acceleration and drag are added as vectors. An unknown
+    wind counts as 0, so that its drag remains in the residual of the rotor speeds.
     """
     wind = np.where(np.isfinite(track.wind_ned), track.wind_ned, 0.0)
     way = (track.velocity_ned - wind) * np.array([1.0, 1.0, 0.0])
@@ -151,9 +150,11 @@ def _balance(track: FlightTrack) -> tuple[Floats, Floats]:
 
 
 def straight_flight(track: FlightTrack, airframe: Airframe) -> Straight:
-    """Return airspeed, mass, density, drag and lift in rows of straight flight.
+    """Return airspeed, mass, density, deceleration by drag and lift ratio in rows of straight
+    flight.
 
-    Rows with any of the five unknown are left out. An unknown wind counts as 0.
+    All are (n,) in SI; the lift ratio is thrust needed over thrust by the rotor speeds. Rows with
+    any of the five unknown are left out. An unknown wind counts as 0.
     """
     force, pushed = _balance(track)
     wind = np.where(np.isfinite(track.wind_ned), track.wind_ned, 0.0)

@@ -114,10 +114,7 @@ def fit_hover(tracks: Sequence[FlightTrack], airframe: Airframe) -> HoverFit:
     expected /= expected.sum()
 
     def figures(kept: np.ndarray) -> Floats:
-        """Return the HoverFit values of the rows flagged in `kept`, as means over flights.
-
-        In order: coefficient, R trims, place of the load x and y, yaw split.
-        """
+        """Return the HoverFit values of the rows flagged in `kept`, as means over flights."""
         means = []
         for one in np.unique(flight[kept]):
             rows = kept & (flight == one)
@@ -241,9 +238,10 @@ def fit_bench(
 
 
 def _agree(speed: Floats, force: Floats) -> Bools:
-    """Flag the points (n,) on one curve with most others: T/N² about its median, on a log scale.
+    """Flag the bench points (n,) on the curve that most of them share.
 
-    Raises DataError if most points scatter too much for one curve.
+    They are those whose T/N² is near the median, on a log scale; `speed` in rpm, `force` in N.
+    Raise DataError if most points scatter too much for one curve.
     """
     off = np.log(force / speed**2)
     off -= np.median(off)

@@ -36,9 +36,10 @@ MOST_CONSTANT = 0.3
 
 
 def of_outputs(tracks: Sequence[FlightTrack]) -> bool:
-    """Return True if the speeds of all rotors are from motor outputs in all flights.
+    """Return True if all flights have rotor speeds inferred from motor outputs, False if measured.
 
-    Raises DataError when flights are of both kinds, or when a flight has only some rotors' speeds.
+    Raise DataError when flights are of both kinds, or when a flight has only some rotors' speeds.
+    False without a flight.
     """
     kinds = set()
     for track in tracks:
