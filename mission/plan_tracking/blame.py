@@ -126,7 +126,7 @@ def which_was_off(
 def _model(stretches: Sequence[StretchComparison]) -> tuple[Off, ...]:
     """Return the model as a wrong assumption, with the stretch of the largest difference.
 
-    Empty if the root mean square difference of utilisation is at most MODEL.
+    Empty if the root mean square difference of mean utilisation is at most MODEL.
     """
     known = [s for s in stretches if math.isfinite(s.utilisation_mean.off)]
     squares = [s.utilisation_mean.off**2 for s in known]
@@ -154,10 +154,10 @@ def distances(stretches: Sequence[StretchComparison], fill_kg: float) -> Floats:
 def _candidates(
     given: PlanConditions, day: ShownDay, stretches: Sequence[StretchComparison]
 ) -> list[tuple[Off, PlanConditions]]:
-    """List, for each assumption in `given` that the flight measured, (difference, conditions).
+    """List the assumptions in `given` that the flight measured, each with corrected conditions.
 
-    The conditions are `given` with that one value as measured: wind, fill, density, battery voltage
-    or pump flow.
+    Each element is the difference and `given` with that one value as measured: wind, fill, density,
+    battery voltage or pump flow.
     """
     candidates: list[tuple[Off, PlanConditions]] = []
     if all(map(math.isfinite, day.wind_ned[:2])):

@@ -110,10 +110,10 @@ def recovered_signs(track: FlightTrack) -> tuple[LossOfControl, ...]:
 
 @lru_cache(maxsize=1)  # five callers need it for one flight
 def _signs(track: FlightTrack) -> tuple[list[LossOfControl], list[LossOfControl]]:
-    """Return the signs that lasted long enough, in two lists: before the last calm flight, and
-    after it.
+    """Return the signs of lost control that lasted long enough, in two lists.
 
-    The second list is a loss of control; a hard jolt alone is none.
+    The first has those before the last calm flight, from which the aircraft recovered; the second
+    those after it: a loss of control. A hard jolt alone is a hard landing and counts in the first.
     """
     watched, driven = _in_or_after_flight(track), _motors_above_idle(track)
     if not (watched | driven).any():
@@ -143,8 +143,12 @@ def _first_of_each_kind(found: list[LossOfControl]) -> tuple[LossOfControl, ...]
 
 
 def movements(track: FlightTrack) -> Movements:
-    """Flag the rows in which each sign of lost control shows, for any time, and rows of calm
-    flight."""
+    """Flag the rows of calm flight (T,), and for each sign of lost control the rows (T,) that show
+    it.
+
+    A row is flagged however briefly a sign lasts. With each sign comes its size (T,), in SI.
+    Unknown channels show no sign and do not prevent calm.
+    """
     down = down_axis(track.attitude)
     tilt = np.arccos(np.clip(down[:, 2], -1.0, 1.0))
     rate = np.linalg.norm(track.angular_rate_frd, axis=1)
@@ -342,8 +346,10 @@ class StoppedWatch:
         self._kept: FlightTrack | None = None
 
     def add(self, track: FlightTrack) -> Bools:
-        """Add N new rows, in order of time; return flags (N, R), set in the last row for stopped
-        rotors."""
+        """Add N new rows, in order of time; return flags (N, R) of rotors that have stopped by now.
+
+        Flags are only set in the last row.
+        """
         kept, found = self._kept, np.zeros(track.rotor_speed_rpm.shape, dtype=np.bool_)
         if not track.time_s.size:
             return found

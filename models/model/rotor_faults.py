@@ -540,8 +540,11 @@ def _propeller_test(model: RotorModel, modes: Floats) -> FaultTest:
 
 
 def _turn_inputs(model: RotorModel) -> Floats:
-    """Return the prior standard deviations (R, 7) of each mode's coefficients of load factor,
-    the three body rates, and their slopes."""
+    """Return the prior standard deviations (R, 7) of each mode's response to seven inputs.
+
+    The inputs are load factor, three body rates and the slopes of the rates; R modes in the order
+    of `mode_directions`.
+    """
     airframe = model.airframe
     rotors, size = airframe.rotor_count, math.sqrt(airframe.rotor_count)
     # What a load factor of 2, or 1 rad/s² of a body all of whose mass sits at the rotors, needs.

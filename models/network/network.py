@@ -164,8 +164,12 @@ def _fit(
     config: NetConfig,
     on_epoch: OnEpoch | None,
 ) -> NetworkFit:
-    """Fit one network with torch, seeded beforehand. `inputs` (T, k) and `rotor_speed_rpm` (T,
-    R) are standardised by the training rows; `training` and `validation` select rows."""
+    """Fit one network with torch, whose random generator the caller has seeded.
+
+    `inputs` (T, k) and `rotor_speed_rpm` (T, R) are standardised by the training rows; `training`
+    and `validation` are row indices. `on_epoch` is called with the epoch's number and validation
+    loss. The weights are those of the epoch with the least validation loss.
+    """
     import torch
 
     input_mean, input_scale = inputs[training].mean(axis=0), _scale(inputs[training])
@@ -319,7 +323,9 @@ def stack_networks(networks: Sequence[RotorNetwork]) -> RotorNetwork:
 def _combine(
     make: Callable[[Sequence[np.ndarray]], np.ndarray], *networks: RotorNetwork
 ) -> RotorNetwork:
-    """Return the network whose arrays are `make` of the corresponding arrays of all `networks`."""
+    """Return a network each of whose arrays is `make` of the corresponding arrays of all
+    `networks`.
+    """
 
     def combine_field(name: str) -> Any:
         """Apply `make` to the arrays (or tuples of arrays) named `name` of all networks."""

@@ -217,9 +217,11 @@ def _knots(airspeed: Floats) -> Floats:
 def _scatter(
     size: Floats, airspeed: Floats, flight: Rows, knots: Floats, coverage: float
 ) -> Floats:
-    """Return the `coverage` quantile (B, R) of the residual's size (N, R) near each airspeed (B,).
+    """Return a quantile (B, R) of the residual's absolute size (N, R) near each of B airspeeds.
 
-    Every flight has the same weight near a knot, whatever its number of rows.
+    `airspeed` (N,) and the `knots` (B,) are in m/s, `coverage` is the quantile's level. Rows are
+    weighted by a Gaussian of the airspeed difference; each flight has the same weight, whatever its
+    number of rows. Never below SCATTER_FLOOR_RPM.
     """
     _, which, counts = np.unique(flight, return_inverse=True, return_counts=True)
     order = np.argsort(size, axis=0)

@@ -244,7 +244,8 @@ def thin_rows(problem: Problem, stride: int) -> Problem:
 
 
 def join_flights(parts: Sequence[Problem]) -> Problem:
-    """Concatenate the problems of single flights of one aircraft.
+    """Concatenate the problems of single flights of one aircraft, and number flights and blocks
+    anew.
 
     For motor outputs, `background_rpm` becomes the larger of the model's and these flights' spread.
     """
