@@ -161,7 +161,8 @@ def most_sensitive(
     one.
 
     Each assumed value is replaced by a plausible other one, separately: 10 °C, 500 m, a wind of 8
-    m/s, a full battery.
+    m/s, a full battery. The result names the value and has the change of the fill, kg, by one
+    `step` of it.
     """
 
     def kg(changed: Day) -> float:

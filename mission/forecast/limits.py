@@ -163,7 +163,10 @@ def _ardupilot(parameters: Mapping[str, float]) -> FlightLimits:
 
 
 def _px4(parameters: Mapping[str, float]) -> FlightLimits:
-    """Return the limits, in SI units, that the PX4 `parameters` (by name) set; as `_ardupilot`."""
+    """Return the limits, in SI units, that the PX4 `parameters` (by name) set.
+
+    A parameter that is missing has its default, and is listed in `assumed`.
+    """
     values, assumed = _values(_PX4, parameters)
     loop = YawLoop(angle_gain=values.pop("angle_gain"))
     behaviour = values.pop("yaw_behaviour")

@@ -300,7 +300,10 @@ class _Way:
             self.legs[-1] = replace(last, stops=True, wait_s=last.wait_s + seconds)
 
     def lift(self, step: Step, height: float) -> None:
-        """Append a vertical leg to `height`, m; the first one has the jerk of a take-off."""
+        """Append a vertical leg to `height`, m above home, that ends in a stop.
+
+        If it is the first leg, its jerk is that of a take-off.
+        """
         before = len(self.legs)
         self.fly_to(step, np.array([*self.place[:2], -height]), stops=True)
         if len(self.legs) > before and before == 0:
@@ -557,9 +560,10 @@ def way_leg(
     holds_nose: bool = False,
     touches_down: bool = False,
 ) -> WayLeg | None:
-    """Return a leg within the limits of the vehicle; None if its length is negligible.
+    """Return the leg from `start_ned` to `end_ned` (3,), m about home, within the vehicle's limits.
 
-    Places are (3,), m NED about home; speeds, m/s, replace those of the limits; `heading` is rad.
+    None if its length is negligible. Speeds, m/s, replace those of the limits; `heading` is rad,
+    None: along the path. `stops`, `wait_s`, `pump`, `holds_nose` and `touches_down` are passed on.
     """
     north, east, down = (end_ned - start_ned).tolist()
     length = math.hypot(north, east, down)

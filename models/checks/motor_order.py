@@ -218,8 +218,12 @@ def _is_resolved(track: FlightTrack) -> bool:
 
 
 def _persists_in_means(track: FlightTrack, places: tuple[int, ...], arms: Floats) -> bool:
-    """Return True if an order of the rotors also explains roll and pitch in means over
-    SLOW_ROWS. `places` gives the place of each motor, `arms` (3, R) the moment arms by place."""
+    """Return True if an order of the rotors explains roll and pitch also in means over SLOW_ROWS.
+
+    Vibration correlates in single rows only. `places` gives the place of each motor, `arms` (3, R)
+    the moment arms by place. The best correlation in means, over all delays of the speeds, must
+    reach SLOW_SHARE of that in single rows.
+    """
     fast, slow = [], []
     for late in (0.0, *LATE_S):
         samples = _samples(_shift_speeds(track, late) if late else track)
@@ -373,7 +377,11 @@ def _decide(
     rows: int,
 ) -> MotorOrder:
     # By places and spins alone: the lower effectiveness of coaxial rotors is a guess.
-    """Return the verdict from the log-likelihoods (2, P) of P assignments `places` (P, R)."""
+    """Return the verdict from the log-likelihoods (2, P) of P assignments `places` (P, R).
+
+    Row 0 is with the airframe's spins, row 1 with all reversed. `correlation` (roll, pitch, yaw)
+    and the number of `rows` are passed on to the result.
+    """
     layouts = mixer(airframe)[1:][:, places]  # (3, P, R)
     layouts = np.concatenate([layouts, layouts * np.array([1.0, 1.0, -1.0])[:, None, None]], axis=1)
     flat = likelihood.ravel()

@@ -318,10 +318,10 @@ class _TrackChannels:
 
     @cached_property
     def load_factor(self) -> Floats:
-        """Return the load factor (T,) of the motion along thrust, or the IMU's if velocity is
-        unknown.
+        """Return the load factor (T,): rotor force over that of steady flight, from the motion.
 
-        With a model of forward flight, drag and lift are included.
+        With a model of forward flight, drag and lift are included. Where velocity is unknown in the
+        whole flight, it is the IMU's specific force instead.
         """
         track, span = self._track, VELOCITY_SPAN * self._quick
         if self._forward_flight is None:

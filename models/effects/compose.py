@@ -351,7 +351,10 @@ class EffectRecord:
 
 
 def losses_of(records: Sequence[EffectRecord]) -> dict[int, Identified]:
-    """Sum the share of thrust lost by each weak rotor, from 1, over all records."""
+    """Sum the share of thrust lost by each weak rotor, from 1, over all records.
+
+    The ends of the 95 % intervals are summed as well.
+    """
     losses: dict[int, Identified] = {}
     for record in records:
         if record.loss is not None and record.rotor is not None:

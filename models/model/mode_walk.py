@@ -253,10 +253,11 @@ def state_before(
     last_training: FlightOffsets | None = None,
     repairs: Sequence[float] = (),
 ) -> ModeState:
-    """Return the mode state with which to predict a flight of `rotors` rotors starting at a Unix
-    time, s.
+    """Return the mode state with which to predict a flight that starts at `start_unix_s` (Unix
+    time, s).
 
-    Only earlier flights count. See `walk` for the other arguments.
+    `rotors` is the number of modes, `longitude_deg` the place of the flight, which sets its local
+    day. Only flights that started earlier count. The other arguments are as in `walk`.
     """
     earlier = [one for one in flights if one.start_unix_s < start_unix_s]
     coming = FlightOffsets(

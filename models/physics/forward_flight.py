@@ -130,7 +130,8 @@ def fit_forward_flight(tracks: Sequence[FlightTrack], airframe: Airframe) -> For
 def wind_by_drag(track: FlightTrack, airframe: Airframe, flight: ForwardFlight) -> Floats:
     """Return the wind (T, 2), m/s, north and east, whose drag would explain the aircraft's tilt.
 
-    It is the direction the air moves to.
+    It is the velocity of the air, so it points where the air moves to. NaN where tilt, velocity or
+    mass is unknown.
     """
     _, pushed = _balance(track)
     mass = airframe.empty_mass + track.tank_kg

@@ -226,7 +226,7 @@ class _Blocks:
 def _middle(quantity: ArmQuantity, blocks: Floats, *, unit: float = 1.0) -> ArmFigure | None:
     """Return the median of `blocks` (B, R) for each arm, with its standard error.
 
-    `unit` is the size in whose unit law and scatter count. NaN for an arm with fewer than
+    `unit` is the size of the quantity that counts as a share of 1. NaN for an arm with fewer than
     FEWEST_BLOCKS known blocks; None if all arms are.
     """
     known = np.isfinite(blocks)

@@ -216,10 +216,12 @@ def shape_columns(reduced: Reduced, base: Floats) -> list[Floats]:
 
 
 def _rotor_columns(reduced: Reduced, base: Floats) -> Floats:
-    """Return FORM of each rotor's variation in predicted speed within its flight (N, R, R), rpm.
+    """Return columns (N, R, R), modal, rpm: the share FORM of each rotor's predicted variation in a
+    flight.
 
-    For a model not trained on this aircraft: the response of each rotor to load is known no better
-    than the laws of the load, so a deviation of one rotor is no evidence of a weak one.
+    `base` (N, R) is the modal prediction. For a model not trained on this aircraft: the response of
+    each rotor to load is known no better than the laws of the load, so a deviation of one rotor is
+    no evidence of a weak one.
     """
     directions = reduced.modes.directions
     speed = np.nan_to_num(base) @ directions.T
@@ -356,9 +358,10 @@ class _Sums:
 
 
 def _marginalise_shared(sums: _Sums, factor: float) -> _Sums:
-    """Marginalise the shared columns once, for a single flight, where their sizes stay fixed.
+    """Return the sums of a single flight with the shared columns marginalised, at a fixed size.
 
-    The steps then only solve for the draws, a fifth of all unknowns.
+    `factor` is the size of the discrepancy relative to a sound aircraft. The steps then only solve
+    for the scatter columns, a fifth of all unknowns.
     """
     (one,), (seen,) = sums.flights, sums.residual_products
     root = shared_root(sums.shared, sums.known, sums.hats, factor)

@@ -68,7 +68,10 @@ class Search:
         nuisance: Nuisance,
         candidates: Sequence[Candidate],
     ) -> None:
-        """Prepare a search over `candidates`, with the noise raised by TEMPERATURE."""
+        """Prepare a search over `candidates`, with the noise raised by TEMPERATURE.
+
+        For motor outputs it is not raised.
+        """
         filter_ = nuisance.whitening
         # For outputs, between-flight variation has been widened by Student's t already.
         self.temperature = 1.0 if reduced.of_outputs else TEMPERATURE
@@ -129,7 +132,8 @@ class Search:
                 self.fitted[key] = max(fitted, other, key=lambda one: one.total)
 
     def add(self, further: Sequence[Candidate], members: Key) -> bool:
-        """Add candidates `further` and fit each alone and together with the set `members`.
+        """Add candidates `further` to the search, and fit each alone and together with the set
+        `members`.
 
         Return True if one of these sets comes within FAR of the best, so that the search should
         continue.
