@@ -88,10 +88,11 @@ def voltage_without_sag(track: FlightTrack) -> bool:
 def lifted_masses(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> list[Floats]:
-    """Return the masses (T,), kg, that the thrust by rotor speeds, then by motor outputs, would
-    lift.
+    """Return two masses (T,), kg: those that the thrust by rotor speeds and by motor outputs
+    carries.
 
-    Empty if the airframe has another number of rotors. `parameters` are the autopilot's, by name.
+    NaN where thrust is unknown. Empty if the airframe has another number of rotors. `parameters`
+    are the autopilot's, by name.
     """
     if track.rotor_count != airframe.rotor_count:
         return []

@@ -366,7 +366,7 @@ def pauses_in_flight(track: FlightTrack) -> tuple[Floats, Floats]:
 
 
 def _paused_s(track: FlightTrack) -> float:
-    """Return how many s of the flight the log lacks.
+    """Return the time of the flight, s, for which the log has no rows.
 
     If all gaps together are long and a large share of the flight (LONG_PAUSE_S and MUCH), they all
     count; else only single pauses of LONG_PAUSE_S or more.

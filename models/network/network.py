@@ -104,11 +104,12 @@ def fit_network(
     seed: int,
     on_epoch: OnEpoch | None = None,
 ) -> NetworkFit:
-    """Fit one network to the rows `training`, stopped early on the rows `validation`.
+    """Fit one network to the rows `training`, stopped early on the rows `validation` (row indices).
 
-    inputs (N, 2): airspeed m/s and tank kg; rotor_speed_rpm (N, R); both finite. The same seed,
-    data and settings give the same weights: one thread, and torch's global state is restored.
-    Raises DataError when either set of rows is empty or the inputs are not finite.
+    `inputs` (N, 2) are airspeed, m/s, and tank, kg; `rotor_speed_rpm` is (N, R); both finite. The
+    same seed, data and settings give the same weights: one thread, and torch's global state is
+    restored. `on_epoch` is called after each epoch. Raise DataError when either set of rows is
+    empty or a value is not finite.
     """
     if training.size == 0 or validation.size == 0:
         raise DataError(
@@ -338,8 +339,10 @@ def _combine(
 
 
 def member_speeds(network: RotorNetwork, airspeed: Floats, tank_kg: Floats) -> Floats:
-    """Return the rotor speeds (M, N, R) rpm that each member predicts for N rows of airspeed and
-    tank."""
+    """Return the rotor speeds (M, N, R), rpm, that each of M members predicts for N rows.
+
+    `airspeed` (N,) is in m/s, `tank_kg` (N,) in kg.
+    """
     inputs = np.stack(
         [np.asarray(airspeed, dtype=np.float64), np.asarray(tank_kg, dtype=np.float64)], axis=-1
     )

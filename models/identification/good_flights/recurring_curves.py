@@ -39,10 +39,11 @@ from thrustmargin.models.model.rotor_model import RotorModel
 def with_recurring_curves(
     model: RotorModel, tracks: Sequence[FlightTrack], *, date: str = ""
 ) -> RotorModel:
-    """Return the model with curves added that its residual repeats in all flights `tracks`.
+    """Return the model with curves added along channels that its residual shows in all flights.
 
-    Unchanged for motor outputs, which show no curve, and for a single flight, which cannot show
-    that one recurs. Raises DataError when a flight has too few rows to fit.
+    A curve is added if held-out flights are predicted better with it. Unchanged for motor outputs,
+    which show no curve, and for a single flight, which cannot show that one recurs. `date` is
+    stored with the curves. Raise DataError when a flight has too few rows to fit.
     """
     problem = assemble(model, tracks)
     if problem.of_outputs or problem.flights < 2:

@@ -62,9 +62,12 @@ def standard_effects(model: RotorModel, problem: Problem) -> list[Term]:
 def with_standard_effects(
     model: RotorModel, tracks: Sequence[FlightTrack], *, date: str = ""
 ) -> RotorModel:
-    """Return the model with the standard effects that improve its prediction of `tracks`.
+    """Return the model with the standard effects that improve its prediction of the flights
+    `tracks`.
 
-    They are fitted together. At least 2 flights. Raises DataError when one has too few rows to fit.
+    Standard effects are those that every aircraft has. They are fitted together to all flights (2
+    or more), and kept if held-out flights are predicted better with them. `date` is stored with
+    them. Raise DataError when a flight has too few rows to fit.
     """
     problem = assemble(model, tracks)
     uncertainty = problem.mode_amplitudes(

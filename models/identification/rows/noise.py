@@ -123,8 +123,10 @@ def whitening_of(
 ) -> Whitening:
     """Estimate the noise filter from a modal residual (N, R), rpm, with all explanations removed.
 
-    `follows` (N,) marks means directly after the mean before; `busy` (N,) marks manoeuvres. A
-    flight with fewer than FEWEST means of either state has one noise size for both.
+    `flight` (N,) numbers the means' flights; `follows` (N,) marks means directly after the mean
+    before; `busy` (N,) marks manoeuvres, which have a noise size of their own. A flight with fewer
+    than FEWEST means of either state has one size for both. No size is below a share of
+    `mean_speed_rpm`.
     """
     followed = follows & np.roll(follows, 1)
     followed[:ORDER] = False

@@ -104,8 +104,8 @@ def spread_of_flights(residual: Floats, flight: NDArray[np.intp], learnt: Floats
     """Return the between-flight standard deviation (R,), rpm, of each mode's mean.
 
     It is the larger of that of the `residual` (T, R), modal, rpm, and of fault-free flights,
-    `learnt` (R,). If `learnt` is all zero, return a value so large that no constant share can be
-    reported.
+    `learnt` (R,); with few flights it is `learnt`. If `learnt` is all zero, return a value so large
+    that no constant share can be reported. `flight` (T,) numbers the rows' flights.
     """
     if not learnt.any():
         return np.full_like(learnt, 1e3 * np.abs(residual).max())

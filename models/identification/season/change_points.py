@@ -167,10 +167,11 @@ def recount_flights(entry: SeasonEntry, where: NDArray[np.intp]) -> SeasonEntry:
 
 
 def segments(values: Floats, errors: Floats, penalty: float) -> list[tuple[int, int]]:
-    """Cut `values` (F,) with standard errors (F,) into the segments of least total cost.
+    """Cut F flights into consecutive segments of least total cost; return (start, end) of each.
 
-    Each segment, from flight `start` up to, excluding, `end`, is fitted by a constant or a line;
-    its cost is the fit's plus `penalty`. Source: Jackson et al. 2005, optimal partitioning.
+    Each segment has the flights from `start` up to, excluding, `end`, at least LEAST_FLIGHTS, and
+    is fitted by a constant or a line; its cost is the remaining squares, in standard errors, plus
+    `penalty`. `values` and `errors` are (F,). Source: Jackson et al. 2005, optimal partitioning.
     """
     flights = values.size
     start, end = np.triu_indices(flights + 1, LEAST_FLIGHTS)
