@@ -95,8 +95,9 @@ def which_was_off(
     """List the wrong assumptions in `given`, the one that explains most of the difference first.
 
     `fly` forecasts the plan under conditions and compares it with the flight; `day` are the values
-    that the flight showed. If no assumption explains the rest, the model is listed. Empty if
-    forecast and flight agree.
+    that the flight showed. If no assumption explains the rest, the model is listed. A wind that
+    differs by more than WIND is listed last even if it explains nothing. Empty if forecast and
+    flight agree.
     """
     off: list[Off] = []
     tracked = fly(given)

@@ -184,11 +184,12 @@ def movements(track: FlightTrack) -> Movements:
 
 
 def _height_contradicts(track: FlightTrack, sink: Floats) -> Bools:
-    """Flag the rows (T,) where the height falls too little for a sink rate `sink` (T,), m/s.
+    """Flag the rows (T,) where the height does not fall as fast as the sink rate `sink` (T,), m/s,
+    states.
 
-    Too little is half of the rate, or FALL_SPEED: an estimated rate drifts if an accelerometer is
-    off. Height is by barometer, else above ground, over HEIGHT_S about the row; False where
-    unknown.
+    Only rates above FALL_SPEED are tested: the height must fall by half of the rate, and by
+    FALL_SPEED, over HEIGHT_S about the row. An estimated rate drifts if an accelerometer is off.
+    Height is by barometer, else above ground; False where unknown.
     """
     heights = (pressure_altitude(track.pressure), track.height_agl)
     known = [h for h in heights if np.isfinite(h).any()]
@@ -207,10 +208,11 @@ def _height_contradicts(track: FlightTrack, sink: Floats) -> Bools:
 
 
 def signs_so_far(track: FlightTrack) -> tuple[Movements, Mapping[LossKind, Bools]]:
-    """Return the movements, and for each sign the rows (T,) at which it has lasted long enough.
+    """Return the movements, and for each sign of lost control the rows (T,) in which it has lasted
+    enough.
 
-    For a flight in progress, in which later calm flight is not yet known. A hard jolt alone is no
-    sign.
+    For a flight in progress, in which it is not yet known whether calm flight follows. A hard jolt
+    alone is no sign, and is left out.
     """
     seen = movements(track)
     lasted: dict[LossKind, Bools] = {}
@@ -310,10 +312,11 @@ class StoppedRotor:
 
 
 def stopped_rotors(track: FlightTrack) -> tuple[StoppedRotor, ...]:
-    """List the rotors that stopped in flight for LOOK seconds or more, in order of time.
+    """List the rotors that stopped in flight, in order of time; at most one stop for each rotor.
 
-    A rotor without readings up to the last row is listed sooner, once the other rotors can be
-    compared, for live use. Inferred speeds are not used.
+    A rotor has stopped if it has no speed above 0 for more than LOOK seconds while the others take
+    over its thrust, and its output is not that of a rotor that turns. After a rotor's last reading
+    the silence need not last LOOK, for live use. Inferred speeds are not used.
     """
     turning = track.measured("rotor_speed_rpm")
     squares = np.where(turning > 0.0, turning, np.nan) ** 2

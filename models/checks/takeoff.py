@@ -712,11 +712,12 @@ def _yaw(
 
 
 def _voltages(track: FlightTrack, begin: int, lift: int) -> tuple[float, float, float, float]:
-    """Return the battery's voltage at rest, with motors idling, the lowest, and its resistance.
+    """Return the battery's voltage at rest, with motors idling, and the lowest, V, and its
+    resistance, ohm.
 
-    In V and ohm, NaN where unknown. At rest is before row `begin`, idling from there to row `lift`.
-    The resistance is from the voltage drop between rest and the row of the largest current; NaN if
-    that current is small.
+    NaN where unknown. At rest is before row `begin`, idling from there to row `lift`. The
+    resistance is the voltage drop from rest to the row of the largest current, over the rise of the
+    current; NaN if that is small.
     """
     volts, amperes = track.voltage, track.current
     with np.errstate(invalid="ignore"):

@@ -124,10 +124,11 @@ def train(
     version: str,
     progress: Progress | None = None,
 ) -> Trained:
-    """Fit the rotor speed model of one aircraft to its flights.
+    """Fit the rotor speed model of one aircraft to its flights, with a prediction interval.
 
-    Rotor speeds are all measured or all from motor outputs; the model's record states which. Raises
-    DataError when they are not, when there are no usable rows or fewer than 3 flights, and
+    Rotor speeds are all measured or all from motor outputs; the model's record states which, with
+    `date` and `version`. `progress` is called after each epoch of each network. Raise DataError
+    when speeds are of both kinds, when there are no usable rows or fewer than 3 flights, and
     AirframeError when the flights have another number of rotors than the airframe.
     """
     samples = gather(tracks)

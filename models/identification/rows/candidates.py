@@ -209,10 +209,11 @@ def curve_ranges(
 
 
 def curve_candidate(rows: RowsToFit, term: Term, ends: tuple[float, float]) -> Candidate:
-    """Return a curve over the range `ends` of its channel, fixed to zero at one knot.
+    """Return a curve over the range `ends` of its channel as a candidate, fixed to zero at one
+    knot.
 
-    That is the knot nearest to channel value 0 or, for a channel without such a rest, the one with
-    most rows.
+    That is the knot nearest to channel value 0 or, for a channel whose 0 is not its rest, the knot
+    with most rows. The other knots are free, with one value for all flights.
     """
     _, name = place_of(term.effect)
     one = candidate(term, rows.flights)

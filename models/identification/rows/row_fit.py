@@ -106,8 +106,9 @@ def fit_rows(
 ) -> RowFit:
     """Fit all free values of a set of effects together, starting from their present values.
 
-    Only the `chosen` blocks (B,) are fitted. `known_rpm` (R,) is the base model's standard error in
-    each mode, added to the noise in squares: a quiet sensor does not make the model more accurate.
+    Only the blocks flagged in `chosen` (B,) are fitted; None: all. `known_rpm` (R,) is the base
+    model's standard error in each mode, added to the noise in squares: a quiet sensor does not make
+    the model more accurate.
     """
     trials = tuple(trials)
     measured = problem.mode_amplitudes(problem.measured_rpm)

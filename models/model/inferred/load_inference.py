@@ -225,10 +225,11 @@ def with_load_so_far(
 
 
 def shared_error(track: FlightTrack, airframe: Airframe, load: Floats) -> Floats:
-    """Return the part (T,) kg of an inferred load's standard error that cancels in its redundancy.
+    """Return the part (T,), kg, of an inferred load's standard error that cancels in the
+    redundancy.
 
-    An error of thrust curve, air density or empty mass shifts the weight by thrust and the largest
-    thrust alike.
+    An error of thrust curve, air density or empty mass shifts the weight inferred by thrust and the
+    largest thrust alike, so their ratio does not change. `load` (T,) is in kg.
     """
     curve = GUESSED_ERROR if "thrust_coefficient" in airframe.guessed else CURVE_ERROR
     mass = GUESSED_ERROR if "empty_mass" in airframe.guessed else MASS_ERROR
