@@ -354,8 +354,11 @@ def largest_use(flight: PlanFlight, model: RotorModel) -> float:
 
 
 def _flow(course: Course, pump: Bools, given: PlanConditions) -> Floats:
-    """Compute the pump's flow (T,), kg/s; 0 with the pump off or below the sprayer's lowest
-    speed.
+    """Compute the pump's flow (T,), kg/s, from the flow per metre if there is one, else the flow in
+    `given`.
+
+    The latter falls with speed below that of the line if the sprayer works by speed. 0 with the
+    pump off (`pump` (T,)) or below the sprayer's lowest speed; never above the largest flow.
     """
     limits, velocity = course.limits, course.velocity_ned
     speed = np.hypot(velocity[:, 0], velocity[:, 1])

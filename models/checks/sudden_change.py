@@ -176,8 +176,12 @@ class SuddenChange:
         self._last_residual = left
 
     def _begin_start(self) -> None:
-        """Begin a filter that assumes a change now, as a copy of filter 0, and drop the oldest
-        one."""
+        """Begin a filter that assumes that a change begins now, and drop the oldest if it is too
+        old.
+
+        It is a copy of the filter that assumes no change. A filter begins in every SETTLE-th block;
+        while a change is held, none begins after some blocks and none is dropped.
+        """
         self._sums[:, 0] = self._filters[:, -1, 0] = 0.0
         if self._hold_blocks >= 0:
             self._hold_blocks += 1

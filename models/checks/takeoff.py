@@ -552,7 +552,10 @@ def exchanged_with(motor: int, speeds: Floats, outputs: Floats) -> int | None:
 
 
 def _off_output(speeds: Floats, outputs: Floats) -> float:
-    """Return the largest deviation of ln speed (n,) from a power of output that rotors have."""
+    """Return the largest deviation (natural log) of speeds (n,) from a power of the outputs (n,).
+
+    The power is fitted, within the range that rotors have.
+    """
     x, y = np.log(outputs) - np.log(outputs).mean(), np.log(speeds) - np.log(speeds).mean()
     power = float(np.clip(x @ y / max(float(x @ x), 1e-12), LEAST_POWER, MOST_POWER))
     return float(np.max(np.abs(y - power * x)))

@@ -134,10 +134,10 @@ def concatenate(parts: list[Channels]) -> Channels:
 
 
 def shifts_look(lag: float, channel: float = 0.0) -> Look:
-    """Return the s before and after a row that a shift table depends on, read `lag` s later.
+    """Return the times, s, before and after a row that a shift table read at `lag` s depends on.
 
-    `channel` is the window, s, of the channel itself to both sides. The result is at least
-    NEAR_LAG.
+    `channel` is the time, s, to both sides of a row that the channel itself depends on. Each result
+    is at least NEAR_LAG plus that.
     """
     reach = 4 * LAG_STEP  # of the weights
     return max(NEAR_LAG, reach - lag) + channel, max(NEAR_LAG, reach + lag) + channel

@@ -117,7 +117,10 @@ class WalkStep:
 
     @property
     def changed(self) -> tuple[int, ...]:
-        """Return the modes, from 0, that differ by more than the walk allows in FALSE_CHANGE."""
+        """Return the modes, from 0, that differ from the state before by more than chance explains.
+
+        Of fault-free flights a share of FALSE_CHANGE has such a mode.
+        """
         beyond = surprise_limit(len(self.surprise))
         beyond_walk = np.abs(self.surprise) > beyond * np.array(self.scale)
         return tuple(np.flatnonzero(beyond_walk).tolist())
@@ -125,8 +128,11 @@ class WalkStep:
 
 @lru_cache(maxsize=16)
 def surprise_limit(modes: int) -> float:
-    """Return the standard deviations that no mode of `modes` exceeds, but in FALSE_CHANGE of
-    flights."""
+    """Return the limit, in standard deviations, that a mode exceeds by chance in FALSE_CHANGE of
+    flights.
+
+    It is for the largest of `modes` independent modes, either sign.
+    """
     return NormalDist().inv_cdf(1.0 - FALSE_CHANGE / (2.0 * modes))
 
 

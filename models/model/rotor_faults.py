@@ -99,8 +99,11 @@ class RowLimit(IntEnum):
 
 @lru_cache(maxsize=8)
 def fault_model(model: RotorModel) -> RotorModel:
-    """Return the model that faults are sought against: without the effects of AS_INPUTS, and
-    without the state of later flights, which may contain the fault."""
+    """Return the model with which the fault tests compare a flight.
+
+    It lacks the effects of AS_INPUTS, which the tests estimate themselves, and the state of later
+    flights, which may contain the fault.
+    """
     model = without_state(model)
     kept = tuple(effect for effect in model.effects if effect.name not in AS_INPUTS)
     return model if len(kept) == len(model.effects) else replace(model, effects=kept)
@@ -562,7 +565,11 @@ def _output_test(model: RotorModel, modes: Floats) -> FaultTest:
 
 
 def _motor_test(model: RotorModel) -> FaultTest:
-    """Return the test for a motor that does not reach the speed of its output."""
+    """Return the test for a motor that turns more slowly than its output demands, in R signals.
+
+    A signal is ln of squared speed less ln of the thrust share of the output, less the rotors'
+    median.
+    """
     rotors = model.airframe.rotor_count
     steps = 2.0 * np.log1p(-FAULT_SIZES)[:, None] * np.eye(rotors)[:, None, :]
     each = np.ones(rotors)

@@ -86,7 +86,9 @@ class ArmLaw:
             raise ModelError(f"its arms' figures are of {sorted(counts)} arms")
 
     def without(self, flights: Sequence[ArmFigures]) -> tuple[ArmFigures, ...]:
-        """Return the flights of the law that are none of `flights`: no flight proves itself."""
+        """Return the earlier flights that are none of `flights`, so that no flight is compared with
+        itself.
+        """
         named = {one.flight for one in flights}
         return tuple(one for one in self.flights if one.flight not in named)
 

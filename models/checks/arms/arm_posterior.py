@@ -145,7 +145,10 @@ def _without(
 
 
 def _place(quantity: ArmQuantity, arm: int) -> int | None:
-    """Return the index of an arm's value of a quantity; None where AIRCRAFT has none."""
+    """Return the index of an arm's value in a quantity: 0 if it is one value of the whole aircraft.
+
+    None for AIRCRAFT in a quantity that has one value for each arm.
+    """
     if quantity.of_aircraft:
         return 0
     return None if arm == AIRCRAFT else arm

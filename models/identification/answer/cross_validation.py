@@ -281,7 +281,10 @@ def residual_on_other_flights(problem: Problem, trials: Sequence[TrialEffect]) -
 def refit_flight_values(
     problem: Problem, trials: Sequence[TrialEffect], chosen: Bools
 ) -> list[TrialEffect]:
-    """Refit per-flight values on the blocks flagged in `chosen` (B,); shared values stay fixed."""
+    """Refit the values that each flight has for itself, on the blocks flagged in `chosen` (B,).
+
+    Values that flights share stay as they are.
+    """
     own = [
         replace(h.candidate, free=tuple(f for f in h.candidate.free if f[1] is not None))
         for h in trials

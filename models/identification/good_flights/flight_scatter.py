@@ -268,7 +268,11 @@ def confirmed_curve_rms(
 
 
 def splines(channel: Floats) -> tuple[Floats, Floats]:
-    """Return cubic B-splines (T, P) over the range of a channel, and their penalty (P, P)."""
+    """Return cubic B-splines (T, P) over the range of `channel` (T,), and their penalty matrix (P,
+    P).
+
+    The penalty is that of squared second differences of the coefficients.
+    """
     inner = np.linspace(channel.min(), channel.max(), KNOTS + 1)
     step = inner[1] - inner[0]
     knots = inner[0] + step * np.arange(-3, KNOTS + 4)

@@ -62,7 +62,7 @@ class FlightEvidence:
     of_outputs: bool  # speeds are from motor outputs: only each rotor's share counts
 
     def limit(self, name: str) -> Floats:
-        """Return one column (q,) of LIMITS."""
+        """Return the column `name` of LIMITS for all values (q,)."""
         return self.limits[:, LIMITS.index(name)]
 
     def linearise_at(self, values: Floats) -> Floats:
@@ -238,7 +238,7 @@ class SeasonSums:
         return np.flatnonzero(self.limit("shapes") == 0.0)
 
     def limit(self, name: str) -> Floats:
-        """Return one column (q,) of LIMITS."""
+        """Return the column `name` of LIMITS for all values (q,)."""
         return self.limits[:, LIMITS.index(name)]
 
     def share_of(self, place: int) -> int | None:
@@ -263,8 +263,11 @@ class SeasonSums:
             return curves[:, place] + left / own, own**-0.5
 
     def uncertainty(self, place: int) -> Floats:
-        """Return the part (F,) of that standard error that is model uncertainty, which flights
-        share."""
+        """Return the part (F,) of the standard error of value number `place` that is model
+        uncertainty.
+
+        Flights share it. NaN where a flight has no information on the value.
+        """
         with np.errstate(divide="ignore", invalid="ignore"):
             own = 1.0 / self.information[:, place, place] - 1.0 / self.known[:, place]
         return np.sqrt(np.maximum(own, 0.0))

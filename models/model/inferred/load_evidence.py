@@ -121,8 +121,9 @@ class LoadFit(NamedTuple):
 def load_fit(shown: LoadEvidence, airframe: Airframe) -> LoadFit | None:
     """Fit the load to the means; None without means or if no credible gain of lift explains them.
 
-    The load falls between two times of S, chosen by the Bayesian information criterion: a pump may
-    run on an empty tank, and without a reported pump the start of spraying is unknown.
+    With the pump's state known the load falls while the pump is on, but may stop to: a pump may run
+    on an empty tank. With it unknown, the load falls between two times of flight. The times are
+    chosen by the Bayesian information criterion.
     """
     means = shown.means()
     return _cached_fit(means.tobytes(), shown.spraying, airframe) if means.size else None

@@ -80,7 +80,9 @@ class OutputCalibration:
         return bool(self.bins) and not self.heard.rotors
 
     def seconds(self, kind: int) -> float:
-        """Return the s of evidence of one kind."""
+        """Return the total time, s, of evidence of one kind: by weight, by power or by measured
+        rotors.
+        """
         return float(sum(sums[kind, 0] for sums in self.bins.values()))
 
     def fit(self, airframe: Airframe, curve: OutputCurve) -> tuple[Floats, Floats]:
@@ -241,7 +243,10 @@ def _add_evidence(
 
 
 def _speed_through_air(track: FlightTrack) -> Floats:
-    """Return m/s (T,): airspeed, else ground speed less wind, else ground speed; 0 if unknown."""
+    """Return the speed through the air (T,), m/s.
+
+    It is airspeed, else ground speed less wind, else ground speed; 0 if unknown.
+    """
     ground = np.hypot(*track.velocity_ned[:, :2].T)
     wind = np.hypot(*(track.velocity_ned - track.wind_ned)[:, :2].T)
     speed = np.where(np.isfinite(track.airspeed), track.airspeed, wind)
