@@ -92,7 +92,11 @@ def worst_use(analysis: FlightAnalysis, rows: slice) -> tuple[Floats, Floats]:
 
 
 def weakest_place(flight: PlanFlight, analysis: FlightAnalysis) -> Weakest | None:
-    """Return the place with the largest predicted utilisation; None where nothing is predicted."""
+    """Return the place with the largest predicted utilisation, and the shares of it by cause.
+
+    A share is the difference from steady flight: by the manoeuvre, the load, the wind and the
+    emptier battery. None where nothing is predicted.
+    """
     use, reach = worst_use(analysis, slice(None))
     if not np.isfinite(use).any():
         return None

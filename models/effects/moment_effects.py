@@ -228,9 +228,10 @@ _DRAG_MOMENT = (DRAG_MOMENT,)
 
 
 def flow(track: FlightTrack, airframe: Airframe, start: None = None) -> tuple[Floats, None]:
-    """Return the horizontal airspeed forward and right (T, 2) m/s.
+    """Return the airspeed along the horizontal directions forward and right (T, 2), m/s.
 
-    NaN without a reported wind; still air must be reported too. `drag_moment` then uses the lean.
+    It is velocity less wind, turned by the heading. NaN without a reported wind (still air must be
+    reported too); `drag_moment` then uses `lean`. The second result is a state that is not used.
     """
     north, east, _ = (track.velocity_ned - track.wind_ned).T
     yaw = track.attitude[:, 2]

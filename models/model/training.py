@@ -229,8 +229,11 @@ def train(
 def _model_of_network(
     network: RotorNetwork, samples: Samples, tracks: Sequence[FlightTrack], airframe: Airframe
 ) -> RotorModel:
-    """Build a model from a network; its domain, medians and drag come from `samples` and `tracks`
-    alone."""
+    """Build a model from a network.
+
+    Its training domain and reference density and voltage come from `samples`, its drag from
+    `tracks`: those of a fold must lack the flights that it holds out.
+    """
     return RotorModel(
         airframe=airframe,
         network=network,

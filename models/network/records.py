@@ -239,7 +239,7 @@ def _nothing_usable(tracks: Sequence[FlightTrack]) -> str:
 
 
 def _distinct(names: list[str]) -> tuple[str, ...]:
-    """Append " (2)", " (3)", ... to repeated names, so that all are distinct."""
+    """Return the names in order, with " (2)", " (3)", ... appended to repeated ones."""
     result: list[str] = []
     for name in names:
         unique, count = name, 2

@@ -65,9 +65,11 @@ class HoverFit:
 def fit_hover(tracks: Sequence[FlightTrack], airframe: Airframe) -> HoverFit:
     """Fit thrust coefficient and trim to the steady hover of flights with measured rotor speeds.
 
-    The weight is the airframe's empty mass and the tank's content. Of the airframe only that mass
-    and its rotors' places, spin and effectiveness are used. Raises DataError when there is too
-    little steady hover with every rotor's speed, or flights have another number of rotors.
+    Trim is each rotor's share of squared speed over that expected, the place of the load, and the
+    yaw split; all with 95 % intervals. The weight is the airframe's empty mass and the tank's
+    content; of the airframe only that mass and its rotors' places, spin and effectiveness are used.
+    Raise DataError when there is too little steady hover with every rotor's speed, or flights have
+    another number of rotors.
     """
     parts, airs = [], []
     for number, track in enumerate(tracks):

@@ -247,11 +247,12 @@ class MarginChange:
 
 
 def margin_changes(identified: Identification) -> tuple[tuple[MarginChange, ...], MarginChange]:
-    """Compute the change of margin by each reported effect, in order, and by all for the worst
-    rotor.
+    """Compute how the thrust margin changes by each reported effect, and by all effects together.
 
-    The second result includes unnamed causes. Margins are predicted for the held-out flights; for
-    the fitted flights if there are none, or if an effect has per-flight values.
+    The first result has a change for each effect in order, each on top of those before, for its
+    rotor (the worst one without). The second is for the worst rotor and includes unnamed causes.
+    Margins are predicted for the held-out flights; for the fitted flights if there are none, or if
+    an effect has per-flight values.
     """
     own = any(p.per_flight for f in identified.found for p in f.term.effect.parameters)
     fitted = own or identified.held_out is None

@@ -197,10 +197,11 @@ def sums_without_effects(fit: RowFit, kept: Sequence[TrialEffect]) -> RowSums:
 
 
 def _is_worth_storing(trial: TrialEffect) -> bool:
-    """Return True if all main values are within bounds and one has its least reportable size or
-    more.
+    """Return True if an effect's main values are all within bounds, and one of them is large
+    enough.
 
-    Always True for ALWAYS_KEPT.
+    Large enough is at least `smallest` from the value at which the effect is absent. Always True
+    for the effect ALWAYS_KEPT.
     """
     if trial.candidate.key == ALWAYS_KEPT:
         return True

@@ -156,10 +156,10 @@ class _ConstantOrLine:
 
 
 def recount_flights(entry: SeasonEntry, where: NDArray[np.intp]) -> SeasonEntry:
-    """Return an entry found among the flights `where`, with flight numbers counted over all
-    flights.
+    """Return an entry with its flight numbers converted to numbers among all flights of the season.
 
-    `where` has the index over all flights of each flight that the entry was searched in.
+    The entry was searched for in some flights only: `where` (n,) has the number among all flights
+    of each of them.
     """
     after = [*where.tolist(), int(where[-1]) + 1]
     counted = ("flight", "earliest", "latest", "until")

@@ -106,9 +106,11 @@ def form_columns(x: Channels) -> Floats:
 def wander_columns(
     time_s: Floats, flight: NDArray[np.intp], knot_spacing: float = WANDER
 ) -> Floats:
-    """Return hats (N, W) over the time of each flight, `knot_spacing` seconds between knots.
+    """Return hat functions (N, W) of time since the flight's start, knots `knot_spacing` s apart.
 
-    Flights share the columns. A pause in a log adds no columns, however long it is.
+    All flights share the columns, each with its own time. `time_s` (N,) is in s, `flight` (N,) the
+    number of each row's flight, ascending from 0. A pause in a log adds no columns, however long it
+    is.
     """
     first = np.searchsorted(flight, np.unique(flight))
     place = (time_s - time_s[first][flight]) / knot_spacing
@@ -216,12 +218,13 @@ def shape_columns(reduced: Reduced, base: Floats) -> list[Floats]:
 
 
 def _rotor_columns(reduced: Reduced, base: Floats) -> Floats:
-    """Return columns (N, R, R), modal, rpm: the share FORM of each rotor's predicted variation in a
+    """Return columns (N, R, R), modal, rpm: the share FORM of a rotor's predicted variation in a
     flight.
 
-    `base` (N, R) is the modal prediction. For a model not trained on this aircraft: the response of
-    each rotor to load is known no better than the laws of the load, so a deviation of one rotor is
-    no evidence of a weak one.
+    There is one for each rotor, from its prediction less the flight's mean; `base` (N, R) is the
+    modal prediction. For a model not trained on this aircraft: the response of each rotor to load
+    is known no better than the equations of the load, so a deviation of one rotor is no evidence of
+    a weak one.
     """
     directions = reduced.modes.directions
     speed = np.nan_to_num(base) @ directions.T

@@ -120,8 +120,9 @@ def search_space(
 ) -> SearchSpace:
     """Build what a search over effects needs: candidate effects, nuisance columns, noise filter.
 
-    `means` is `reduce_flights(model, tracks)` if already computed; None: compute it here. Raises
-    like `problem.assemble`.
+    Candidates are those of `catalogue` that the flights `tracks` can show. `means` is
+    `reduce_flights(model, tracks)` if already computed; None: compute it here. Raise AirframeError
+    or DataError as `problem.assemble` does.
     """
     reduced = reduce_flights(model, tracks) if means is None else means
     candidates = _drop_constant_shares(reduced, candidates_of(reduced, catalogue))
