@@ -179,7 +179,8 @@ def _rotors_problems(table: dict[str, Any]) -> list[str]:
 
 def _rotor_problems(number: int, rotor: Any) -> list[str]:
     """List the problems of one rotor's table, in words; `number` counts from 1 and names the
-    rotor.""" where = f"rotor {number}"
+    rotor."""
+    where = f"rotor {number}"
     if not isinstance(rotor, dict):
         return [f"{where} must be a table with name, position_frd and spin"]
     problems = _unknown(rotor, _ROTOR_KEYS, f"key of {where}")
