@@ -61,11 +61,12 @@ def airborne(
     channels: Mapping[str, Floats],
     airframe: Airframe | None = None,
 ) -> Airborne:
-    """Flag which of T rows are off the ground; also return the evidence used. `clock_s` (T,) is the
-    vehicle's clock, `channels` the rows' channels.
+    """Flag which of T rows are off the ground; also return the kind of evidence and its source.
 
-    The last row is on the ground if a landing is reported after it: many logs end with that report,
-    less than a row later.
+    `clock_s` (T,) is the vehicle's clock; `channels`, on these rows, must include rotor_speed_rpm
+    and throttle, (T, R), unless `signals` report the vehicle disarmed throughout. The last row is
+    on the ground if a landing is reported after it: many logs end with that report, less than a row
+    later.
     """
     result = _airborne(signals, clock_s, channels, airframe)
     if not result.flying[-1:].any() or not _down_after(signals, float(clock_s[-1])):
@@ -76,9 +77,11 @@ def airborne(
 
 
 def _disarmed_since(signals: Signals, landed: Signal, clock_s: Floats) -> Bools:
-    """Flag rows (T,) where the vehicle was disarmed after its last report of landed or in the air.
+    """Flag rows (T,) at which the newest report of disarming is later than that of the landed
+    state.
 
-    A crashed vehicle reports no landing.
+    A crashed vehicle reports no landing. `landed` is the signal of the landed state; all times are
+    of the vehicle's clock, s. False throughout without reports of arming.
     """
     armed = best(signals, "armed")
     if armed is None:
@@ -115,8 +118,9 @@ def _airborne(
 ) -> Airborne:
     """Flag which of T rows are off the ground; rows disarmed or with idle outputs never are.
 
-    The rest follow the landed state; without it, thrust above IDLE_SHARE of that in cruise by rotor
-    speeds or outputs; without these, a height of more than 1 m above home.
+    The rest follow the landed state and the height; without a landed state, thrust above IDLE_SHARE
+    of that in cruise by rotor speeds or outputs; without these, a height of more than 1 m above
+    home. Stretches in which the aircraft is held are on the ground. Arguments as in `airborne`.
     """
     on = _motors_on(signals, clock_s)
     if not on.any():
@@ -193,7 +197,9 @@ def _grounded(clock_s: Floats, by: FlyingBy) -> Airborne:
 
 
 def _flying_by(kind: str, *parts: Provenance, **values: Value) -> Provenance:
-    """Return the source of the rows off the ground, which a remark of a kind describes."""
+    """Return the source of the rows off the ground: a remark of `kind` with `values`, derived from
+    `parts`.
+    """
     remark = Statement(kind, values=tuple(values.items()))
     return Provenance(kind=SourceKind.INFERRED, parts=parts, remarks=(remark,))
 
@@ -217,7 +223,11 @@ def _borne(channels: Mapping[str, Floats], rows: int) -> Bools:
 
 
 def _motors_on(signals: Signals, clock_s: Floats) -> Bools:
-    """Flag rows (T,) at which the vehicle is not reported as disarmed."""
+    """Flag rows (T,) at which the vehicle is not reported as disarmed; all if arming is never
+    reported.
+
+    A row is not flagged either if the vehicle was disarmed since the row before.
+    """
     armed = best(signals, "armed")
     if armed is None:
         return np.ones(clock_s.size, dtype=np.bool_)
@@ -233,9 +243,9 @@ def _motors_on(signals: Signals, clock_s: Floats) -> Bools:
 
 
 def _idle_throughout(above_idle: Bools, clock_s: Floats) -> Bools:
-    """Flag rows (T,) more than IDLE_S from the nearest row above idle.
+    """Flag rows (T,) that are not above idle and more than IDLE_S from the nearest row that is.
 
-    A shorter time at idle may be a fast descent.
+    A shorter time at idle may be a fast descent. `clock_s` (T,) grows.
     """
     when = clock_s[above_idle]
     if when.size == 0:
@@ -247,8 +257,12 @@ def _idle_throughout(above_idle: Bools, clock_s: Floats) -> Bools:
 
 
 def _stayed_down(height: Floats, on: Bools) -> bool:
-    """Return True if no known height (T,), m, while armed exceeds the last one before arming by
-    more than CLEAR; False if either is unknown. `on` (T,) flags armed rows."""
+    """Return True if the height never rose by more than CLEAR m over the last one known before
+    arming.
+
+    `height` (T,) is in m, `on` (T,) flags armed rows, the first of which ends the time before
+    arming. False if no height is known before or while armed.
+    """
     first = int(np.argmax(on))
     ground, later = height[:first], height[first:][on[first:]]
     known, risen = ground[np.isfinite(ground)], later[np.isfinite(later)]
@@ -258,8 +272,12 @@ def _stayed_down(height: Floats, on: Bools) -> bool:
 def _too_slow(
     squares: Floats, rotors: int, height: Floats | None, airframe: Airframe | None
 ) -> bool:
-    """Return True if even the largest of `squares` (T,), rpm², lifts too little, and the height
-    (T,), m, never rose; False without airframe or speeds."""
+    """Return True if the largest of `squares` lifts less than half the empty weight, and nothing
+    rose.
+
+    `squares` (T,), rpm², is the mean over the rotors; `height` (T,), m, rose if above RISEN. False
+    without airframe or speeds.
+    """
     if airframe is None or not np.isfinite(squares).any():
         return False
     most = airframe.thrust_coefficient * rotors * float(np.nanmax(squares))
@@ -284,11 +302,13 @@ def airborne_so_far(
     contact: GroundContact,
     before: HeldSoFar,
 ) -> tuple[Bools, Provenance, GroundContact, HeldSoFar]:
-    """Flag rows (T,) off the ground from past rows only; also return their source and two states.
+    """Flag rows (T,) off the ground from past rows only; also return their source and the two new
+    states.
 
-    Unlike `airborne`, the last moments before a landing count as flying, half the empty weight
-    replaces the unknown cruise thrust, and an armed vehicle without rotor speeds counts as flying,
-    so that it is watched.
+    `contact` and `before` are the states that the last call returned; arguments otherwise as in
+    `airborne`. Unlike there, the last moments before a landing count as flying, half the empty
+    weight replaces the unknown cruise thrust, and an armed vehicle without rotor speeds counts as
+    flying, so that it is watched.
     """
     landed = best(signals, "landed")
     state = np.full(clock_s.size, NAN) if landed is None else last_before(landed, clock_s)
@@ -399,9 +419,11 @@ class PlaceOfZero:
 
 
 def position_sources(signals: Signals, zero: PlaceOfZero | None) -> tuple[Signal, ...]:
-    """Return the sources of the position, m NED, best first: geographic about `zero`, then local.
+    """Return the sources of the position, m NED, best first: geographic fixes about `zero`, then
+    local.
 
-    The geographic one is left out if `zero` is None; without any source the tuple is empty.
+    Local positions count from the estimator's origin. Geographic fixes are left out if `zero` is
+    None; without any source the tuple is empty.
     """
     sources = []
     fixes = best(signals, "geodetic")
@@ -421,10 +443,12 @@ def position_sources(signals: Signals, zero: PlaceOfZero | None) -> tuple[Signal
 def place_of_zero(
     signals: Signals, clock_s: Floats, flying: Bools, before: PlaceOfZero | None = None
 ) -> PlaceOfZero | None:
-    """Return the origin of positions: home as at take-off, else the estimator's origin, or first
-    fix; None without one. `flying` (T,) flags rows in flight.
+    """Return the origin of positions: home as at take-off, else the estimator's origin, else first
+    fix.
 
-    An origin `before` that a take-off has fixed is replaced only by a better kind.
+    None without any. `flying` (T,) flags rows in flight, at `clock_s` (T,). Home counts only if
+    fixes are reported. An origin `before` that a take-off has fixed is replaced only by a better
+    kind.
     """
     fixes = best(signals, "geodetic")
     settled = bool(flying.any()) or (before is not None and before.settled)
@@ -452,7 +476,10 @@ def place_of_zero(
 
 
 def _on_earth(places: Floats) -> Bools:
-    """Flag places (n,) that are finite and in range, and not the 0, 0 of no fix."""
+    """Flag `places` (n, 3), latitude and longitude, °, altitude, m, that are finite and in range.
+
+    Latitude 0 with longitude 0 is not flagged: it means no fix.
+    """
     latitude, longitude = places[:, 0], places[:, 1]
     inside = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360)
     return known_rows(places) & inside & ((latitude != 0) | (longitude != 0))

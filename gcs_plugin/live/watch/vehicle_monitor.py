@@ -157,10 +157,11 @@ class VehicleMonitor:
         self.telemetry.state = fold_mission(self.state, frame)
 
     def updates(self, *, final: bool = False) -> list[Update]:
-        """Return the new rows since the last call, analysed.
+        """Return the new rows since the last call, analysed, in order of time.
 
-        There is one part for each start of the vehicle, and for each change of its own reports.
-        `final`: no more frames will come, and the last predictions count as settled.
+        There is one Update for each start of the vehicle, and for each change of its own reports.
+        `final`: no more frames will come; a last Update without new rows makes all predictions
+        final.
         """
         made = [
             self._update(part)
@@ -174,7 +175,7 @@ class VehicleMonitor:
         return made
 
     def _update(self, new: LiveRows | None) -> Update:
-        """Make the next update: with new rows, or for None with the last predictions settled."""
+        """Make the next update from `new` rows; None makes the last predictions final."""
         last = self.last
         if last is None or (new is not None and not continues(last, new)):
             if last is not None and new is not None and last.boot != new.boot:
@@ -264,8 +265,12 @@ class VehicleMonitor:
     def _state_under_claim(
         self, before: AirframeMatch, new: LiveRows, start: FlightState | None
     ) -> FlightState | None:
-        """Note a decision on the airframe other than `before`; return the model's state before the
-        new rows, None where the airframe was newly recognised or lost."""
+        """Report a changed decision on the airframe in `notes`; return the model's state for the
+        new rows.
+
+        `before` is the decision of the last rows, `start` the model's state after them. Return
+        None, to start anew, if the verdict was allowed or withdrawn with the change.
+        """
         airframe_match = self.airframe_match
         if replace(airframe_match, outputs=before.outputs) == before and self.last is not None:
             return start
@@ -276,8 +281,10 @@ class VehicleMonitor:
         return None if bool(before.no_verdict) != bool(airframe_match.no_verdict) else start
 
     def _analysed(self, track: FlightTrack, start: FlightState | None) -> FlightAnalysis:
-        """Analyse rows, with the match and the load beyond the gauge that the whole flight so
-        far shows."""
+        """Analyse `track` from the model's state `start`, with what the whole flight so far shows.
+
+        That is the airframe's match, and the load beyond what the gauge shows.
+        """
         flight = self._sortie.now
         airframe_match = (
             self.airframe_match if flight is None else flight.shown_by(self.airframe_match)
@@ -304,8 +311,9 @@ class VehicleMonitor:
     def tick(self, now_us: int) -> list[AlarmEvent]:
         """Check the link as of `now_us`, the ground's clock, up to which all frames were received.
 
-        The result does not depend on how far the analysis is: missing messages show by their own
-        clock.
+        Return the alarms raised or cleared, with Unix times; none for an id that has not proved to
+        be a vehicle. The result does not depend on how far the analysis is: missing messages show
+        by their own clock.
         """
         if not self.seen:
             return []
