@@ -102,8 +102,11 @@ class Lateness:
         self._last_s = -math.inf
 
     def changes(self, behind_s: float, now_s: float) -> bool:
-        """Update `late` from the delay of the analysis, s, at a time, s; return True if `late`
-        changed."""
+        """Update `late` from the delay of the analysis, `behind_s`, s, at `now_s`, s; return True
+        if it changed.
+
+        A delay above 0 is late at once; `late` ends after CAUGHT_UP s without one.
+        """
         before = self.late
         self._last_s = now_s if behind_s > 0.0 else self._last_s
         self.late = now_s - self._last_s < CAUGHT_UP
@@ -208,7 +211,7 @@ class LiveMonitor:
     def close(self, patience: float | None = None) -> None:
         """Stop listening, analyse the frames received, and close the outputs.
 
-        With `patience` the analysis stops after that many s; the rest of the frames is only
+        With `patience` the analysis stops after that many s; frames not analysed by then are only
         recorded.
         """
         self._each(lambda output: output.on_links_closing())
@@ -356,8 +359,9 @@ class LiveMonitor:
         self._each(lambda output: output.on_round(self.fleet, now_us))
 
     def _found_us(self) -> int:
-        """Return the ground's clock, µs, up to which all data is analysed and the links were
-        checked."""
+        """Return the ground's clock, µs, up to which all frames are analysed and the links were
+        checked.
+        """
         until_us = self._ticked_us
         first = self._queue.first()
         waiting = [until_us] if first is None else [until_us, first.stamp_us - 1]
@@ -450,10 +454,11 @@ OutputFactory = Callable[[OutputContext, Any], Output]
 
 
 def spacing(round_s: float, vehicles: int) -> float:
-    """Return s from the start of an analysis round, which took `round_s`, to the start of the next.
+    """Return the s from the start of an analysis round, which took `round_s` s, to the start of the
+    next.
 
     With several vehicles at most 1/EACH analyses a second are made, however fast the computer is:
-    no alarm needs more, and the cost of an aircraft grows with their rate.
+    no alarm needs more, and the cost of an aircraft grows with their rate. At most RAREST.
     """
     longest = min(max(EACH * vehicles, LONGEST), RAREST)
     return min(max(round_s / DUTY, EACH * (vehicles - 1), SHORTEST), longest)

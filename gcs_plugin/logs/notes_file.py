@@ -65,7 +65,11 @@ def with_notes(logs: Sequence[FlightLog], path: Path) -> list[FlightLog]:
 
 
 def _of_sortie(line: _Line, log: FlightLog, start_s: float) -> EngineerNote:
-    """Convert a line to a note, at s from the first row of a sortie."""
+    """Convert a line to a note, at s from the first row of the sortie `log`.
+
+    `start_s` is the vehicle's clock at the first row of the first sortie. NaN for a date, if `log`
+    has none.
+    """
     if math.isfinite(line.unix_s):
         return EngineerNote(line.unix_s - (log.track.start_unix_s or math.nan), line.text)
     return EngineerNote(line.seconds + start_s - log.clock_start_s, line.text)

@@ -21,7 +21,7 @@ def piece(raw: bytes) -> str:
 
 
 def clean(text: str) -> str:
-    """Return the text with control and other unprintable characters as spaces.
+    """Return the text with each control or other unprintable character replaced by a space.
 
     Bytes of a file name that are not UTF-8 become question marks.
     """

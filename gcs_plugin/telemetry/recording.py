@@ -160,7 +160,7 @@ class LogHeader:
 
 
 def several_autopilots(system: int, chosen: int, others: Iterable[int]) -> Statement:
-    """Return the note that a system id has several autopilots, of which component `chosen` is read."""
+    """Return the note that component `chosen` of several autopilots with one system id is read."""
     left_out = ", ".join(map(str, others))
     return state("several autopilots", system=str(system), chosen=str(chosen), others=left_out)
 

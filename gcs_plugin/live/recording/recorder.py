@@ -119,15 +119,17 @@ class RecordingOutput(Output):
         self._recorder.close()
 
     def _write(self, until_us: float = math.inf) -> None:
-        """Write the waiting events up to a time, µs."""
+        """Write the waiting events up to `until_us`, the ground's clock, µs, in order of time."""
         with self._lock:
             while self._waiting and self._waiting[0][0] <= until_us:
                 self._recorder.event(heapq.heappop(self._waiting)[2])
 
 
 def sample_batch(update: Update, new: slice) -> pa.RecordBatch:
-    """Return the rows `new` of an update as a record batch; its schema depends on the rotor
-    count alone."""
+    """Return the rows `new` of an update as a record batch, one column a quantity, in SI.
+
+    The columns are those of the module's description; the schema depends on the rotor count alone.
+    """
     import pyarrow as pa
 
     analysis, track = update.analysis, update.analysis.track
@@ -252,10 +254,11 @@ class Recorder:
     def samples(
         self, vehicle: int, boot: int, rows: pa.RecordBatch, provisional: pa.RecordBatch
     ) -> None:
-        """Queue rows of samples for writing. All batches have one schema.
+        """Queue final `rows` of samples for writing. All batches of one vehicle and boot have one
+        schema.
 
         `provisional` rows are written too, and replaced at the next call for the vehicle, which
-        contains them again.
+        contains them again. After a restart (another `boot`) they stay.
         """
         with self._lock:
             before = self._later.get(vehicle)
