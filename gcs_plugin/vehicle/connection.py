@@ -185,7 +185,9 @@ class VehicleLink:
             raise LinkError(f"{self.name}: stopped before the transfer was complete")
 
     def too_much(self, content: str) -> LinkError:
-        """Return the error for a transfer that does not end; `content` says what the vehicle does."""
+        """Return the error for a transfer that does not end; `content` describes the vehicle's
+        answer.
+        """
         return LinkError(
             f"{self.name}: {content}; restart the autopilot, or upload the mission to it again"
         )
