@@ -35,8 +35,11 @@ class BootClocks:
         self._returns: list[float] = []
 
     def add(self, stamp_s: float, clock_s: float) -> None:
-        """Add one message, received at `stamp_s` of the ground's clock, with the sender's clock
-        since boot, `clock_s`, both s."""
+        """Add one message: `stamp_s`, the ground's clock at its arrival, and `clock_s`, the
+        sender's, both s.
+
+        The latter counts from the sender's boot.
+        """
         booted = stamp_s - clock_s
         same = [
             n for n, (line_s, _) in enumerate(self._lines) if abs(booted - line_s) <= SAME_CLOCK
@@ -56,9 +59,7 @@ class BootClocks:
         self._lines.append((booted, count))
 
     def shared(self, stamp_s: float) -> bool:
-        """Return True if boot times of two vehicles alternated in the 60 s before `stamp_s`, the
-        ground's, s.
-        """
+        """Return True if the boot times of two vehicles alternated in the 60 s before `stamp_s`, s."""
         if not self._returns:
             return False
         recent = [

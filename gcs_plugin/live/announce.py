@@ -84,9 +84,9 @@ class Announcer(Output):
     name = "--announce"
 
     def __init__(self, sender: Sender, *, limit: float = 0.5, battery: bool = False) -> None:
-        """Set the sender and `limit`, the smallest thrust margin that may last.
+        """Set the sender and `limit`, the smallest thrust margin, a share, that may last.
 
-        `battery`: margins are also sent as a battery (see the module).
+        `battery`: margin and tank level are also sent as two batteries, by share left.
         """
         self._sender = sender
         self._limit = limit

@@ -79,7 +79,10 @@ class Fleet:
         return {n: w for n, w in seen.items() if w.vehicle} or seen
 
     def take(self, frames: Sequence[Frame]) -> None:
-        """Process frames of any sender in the order of arrival."""
+        """Pass frames of any sender, in the order of arrival, to the monitor of their system.
+
+        Of a ground station only mission messages are used, by the vehicle that they are sent to.
+        """
         for frame in frames:
             if frame.verified and frame.id == HEARTBEAT and not self._is_vehicle(frame):
                 continue

@@ -465,7 +465,11 @@ def spacing(round_s: float, vehicles: int) -> float:
 
 
 def _pieces(frames: list[Frame]) -> list[list[Frame]]:
-    """Split frames of a recording into pieces of at most 256, and at pauses of a second."""
+    """Split frames of a recording, in order, into pieces of at most 256, and at pauses of over a
+    second.
+
+    Without frames there is one empty piece.
+    """
     pieces: list[list[Frame]] = [[]]
     for frame in frames:
         last = pieces[-1]

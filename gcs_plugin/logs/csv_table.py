@@ -218,12 +218,12 @@ def written_sources(path: Path, written: Any) -> dict[str, Provenance]:
 
 
 def _as_written(text: str) -> Statement:
-    """Return a text that a table contains, with unprintable characters removed."""
+    """Return a text that a table contains as a Statement, with unprintable characters as spaces."""
     return Statement.of_text(clean(text))
 
 
 def _cleaned_remark(remark: Statement) -> Statement:
-    """Return the remark with unprintable characters removed from all its texts.
+    """Return the remark with unprintable characters in all its texts replaced by spaces.
 
     A remark of a kind that this program does not know becomes plain text.
     """
@@ -241,7 +241,9 @@ def _cleaned_remark(remark: Statement) -> Statement:
 
 
 def _cleaned(source: Provenance) -> Provenance:
-    """Return the source with unprintable characters removed, for display."""
+    """Return the source with unprintable characters in all its texts replaced by spaces, for
+    display.
+    """
     return replace(
         source,
         name=clean(source.name),
@@ -481,7 +483,7 @@ def _state(cell: str, comma: bool, name: str) -> float:
 
 
 def _parts(text: str) -> tuple[list[str], list[str], str, str]:
-    """Split a table's text: its comment lines, its headings, the text from the heading line on,
+    """Return a table's comment lines, its headings, its text from the heading line on, and
     separator.
 
     Comment lines lose their first character; headings lose a unit in brackets if it is this

@@ -56,9 +56,9 @@ def claimed_flights(
 ) -> list[tuple[FlightLog, AirframeMatch]]:
     """Return every sortie of a log with its match: whether it was flown by the model's airframe.
 
-    `given` is True if the user stated the airframe; `options` are those of `read_sorties`. A
-    matched log has inferred channels filled in; one that matches no airframe is read without. Raise
-    the errors of `read_sorties`.
+    `given` is True if the user stated the airframe; `options` are those of `read_sorties`. A sortie
+    that matches has inferred channels filled in; one that does not is read without an airframe.
+    Raise the errors of `read_sorties`.
     """
     craft = identified_airframe(model)
 

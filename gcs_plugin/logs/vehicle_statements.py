@@ -114,8 +114,10 @@ def _statement(
     losses: Sequence[LossOfControl],
     yaw_reserve: Floats | None,
 ) -> VehicleStatement:
-    """Compare the vehicle's events `same`, all of one kind and subject, with the log at the time of
-    the first."""
+    """Compare the vehicle's events `same` with the log at the time of the first of them.
+
+    They are of one kind and one subject. Other arguments are those of `vehicle_statements`.
+    """
     first = same[0]
     named = ()
     if first.kind in _OF_MOTORS and first.subject.isdigit():

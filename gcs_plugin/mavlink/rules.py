@@ -124,9 +124,10 @@ def _of_one_unit(rule: Rule, unit: str, columns: Columns) -> Floats:
 def decode(
     rule: Rule, columns: Columns
 ) -> Iterator[tuple[int | None, NDArray[np.bool_] | slice, Floats]]:
-    """Yield index, rows and values in SI of each source that the rule's message contains.
+    """Yield index, rows and values of each source that the rule's n messages contain.
 
-    The index is None and the rows are all for a rule without `index`. Infinite values become NaN.
+    Rows are a mask (n,), and values, in SI, are those rows' alone. For a rule without `index` the
+    index is None and the rows are all, as a slice. Infinite values become NaN.
     """
     with np.errstate(invalid="ignore"):
         values = quantity(rule, columns)

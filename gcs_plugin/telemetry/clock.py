@@ -356,7 +356,7 @@ def _running_median(offset: Floats) -> Floats:
 
 
 def _repaired(stamps_s: Floats) -> Floats:
-    """Return the stamps (n,), s, with single outliers (damaged bytes) replaced by the stamp before."""
+    """Return the stamps (n,), s, with single outliers (damaged bytes) replaced by the one before."""
     known = without_leaps(stamps_s)
     bad = np.flatnonzero(~np.isfinite(known))
     good = np.flatnonzero(np.isfinite(known))

@@ -51,10 +51,10 @@ def lost_frames(
 
 
 def _by_counter(speed: Signal, errors: Signal | None) -> Signal | None:
-    """Return the share of lost frames in each window: errors over errors and reports.
+    """Return the signal of the share of lost frames in each window: errors over errors and reports.
 
-    `errors` is a counter, whose fall is a restart and counts as 0. None without one, or with fewer
-    than two windows' edges.
+    Windows begin with the reports of `speed`. `errors` is a counter, whose fall is a restart and
+    counts as 0. None without one, or with fewer than two windows' edges.
     """
     edges = _edges(speed.time_s)
     if errors is None or edges.size < 2:
@@ -68,7 +68,8 @@ def _by_counter(speed: Signal, errors: Signal | None) -> Signal | None:
 
 
 def _by_pauses(speed: Signal) -> Signal | None:
-    """Return the share of each window's time that is spent in pauses of the ESC's known speeds.
+    """Return the signal of the share of each window's time that pauses in the ESC's known speeds
+    take.
 
     A pause is a step of more than PAUSE times the median step; its first median step is no loss.
     None with fewer than two windows' edges.

@@ -212,7 +212,10 @@ def _with_absences(track: FlightTrack) -> FlightTrack:
 
 
 def with_track(log: FlightLog, track: FlightTrack) -> FlightLog:
-    """Return the log with another track, and new reports for channels that only this track has."""
+    """Return the log with another track, and new reports for channels that only this track has.
+
+    Other channels keep their reports.
+    """
     channels = tuple(
         channel_report(track, report.name, [_as_signal(track, report.name)])
         if report.samples == 0 and track.reports(report.name)

@@ -96,10 +96,10 @@ def _disarmed_since(signals: Signals, landed: Signal, clock_s: Floats) -> Bools:
 
 
 def _down_after(signals: Signals, end: float) -> bool:
-    """Return True if the vehicle's last report says landed, or disarmed, and is of `end` s or
-    later.
+    """Return True if the landed state was last reported as on the ground, at `end` s or later.
 
-    Only the last value of the best source of each of the two counts. False without any report.
+    True too if the vehicle was last reported as disarmed then. Times are of the vehicle's clock;
+    the best source of each counts. False without any report.
     """
     for channel, down in (("landed", (ON_GROUND,)), ("armed", (0.0,))):
         heights = best(signals, channel)
@@ -212,9 +212,9 @@ def _by_landed_state(landed: Signal) -> Provenance:
 def _borne(channels: Mapping[str, Floats], rows: int) -> Bools:
     """Flag rows (T,) in which the ground may bear the aircraft: no fall, and no climb or sink.
 
-    The specific force is above AT_REST g and the vertical speed below STEADY m/s. False where
-    either is unknown. An aircraft in the air with half of the thrust in cruise would fall, or sink
-    fast.
+    `channels` are on these rows, T = `rows`. The specific force is above AT_REST g and the vertical
+    speed below STEADY m/s. False where either is unknown. An aircraft in the air with half of the
+    thrust in cruise would fall, or sink fast.
     """
     nothing = np.full((rows, 3), NAN)
     force = np.linalg.norm(channels.get("specific_force_frd", nothing), axis=1)
@@ -356,11 +356,11 @@ def airborne_so_far(
 
 
 def _clear_of_ground(flying: Bools, height: Floats) -> Bools:
-    """Unflag, at both ends of each stretch of `flying` (T,), the rows not more than CLEAR m above
-    the ground.
+    """Return `flying` (T,) without the rows at both ends of each stretch that are not clear of the
+    ground.
 
-    The ground's height is that of the stretch's first or last known row. Nothing is unflagged where
-    the log begins or ends in the air.
+    Clear is more than CLEAR m above the height (T,), m, of the stretch's first or last known row.
+    No row is removed where the log begins or ends in the air.
     """
     result = flying.copy()
     for first, end in stretches(flying):

@@ -128,10 +128,11 @@ def tank_levels(
 
 
 def check_source(source: str) -> tuple[str, str]:
-    """Split a tank source such as "FUEL_STATUS 1": its kind in capitals, and its name or number, or
-    "".
+    """Split a tank source such as "FUEL_STATUS 1" into its kind, in capitals, and its name or
+    number.
 
-    Raise LogError if the kind is unknown or the number is none.
+    The latter is empty if there is none. Raise LogError if the kind is unknown, or FUEL_STATUS or
+    BATTERY_STATUS is followed by anything but a number.
     """
     kind, _, rest = source.strip().partition(" ")
     kind = kind.upper()
@@ -223,11 +224,11 @@ def _battery(signals: Signals, context: TankContext, chosen: int | None) -> Tank
 def _battery_level(
     percent: Signal, used: Signal | None, context: TankContext, number: int
 ) -> TankLevel:
-    """Return the tank level, kg, of a battery `number` that is a level sensor: from its percentage.
+    """Return the tank level, kg, from the percentage of battery `number`, which is a level sensor.
 
-    Where the ml used (`used`, with as many values) agree with it within AGREEMENT %, they are used.
-    The capacity is parameter BATTn_CAPACITY, else the airframe's. No signal without a capacity, or
-    if 0.
+    Reports in which the ml used (`used`, with as many values) agree with it within AGREEMENT % use
+    them. The capacity is parameter BATTn_CAPACITY, else the airframe's; without one, or if it is 0,
+    the level has no signal.
     """
     key = f"BATT{number + 1 if number else ''}_CAPACITY"
     if context.parameters.get(key, 0.0) > 0.0:
@@ -287,11 +288,11 @@ class PumpedSoFar:
 
 
 def pumped(share: Signal, context: TankContext) -> Signal:
-    """Return the mass, kg, that the pump has delivered by each report of its output `share` (0 to
-    1).
+    """Return the signal of the mass, kg, that the pump has delivered by each report of its output.
 
-    It starts at 0, or continues from `context.pumped`, whose time is then the first. NaN without an
-    airframe, because the flow is unknown. Pauses of more than LONGEST_STEP s are not summed over.
+    `share` is that output, 0 to 1. It starts at 0, or continues from `context.pumped`, whose time
+    is then the first. NaN without an airframe, because the flow is unknown. Pauses of more than
+    LONGEST_STEP s are not summed over.
     """
     time_s, output, before = share.time_s, np.nan_to_num(share.values), 0.0
     if context.pumped is not None:

@@ -152,7 +152,7 @@ def control(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
 
 
 def takeoff(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
-    """Return checks, row by row of a run-up, of whether a finding up to that row forbids to take
+    """Return checks (N, 1), row by row of a run-up, of whether a finding up to it forbids to take
     off.
 
     A finding clears at the first row after the run-up has ended.
@@ -218,13 +218,13 @@ def _low(
     rotors=True,
     bad: Sequence[int] = (),
 ) -> AlarmChecks:
-    """Return checks, row by row, of whether the least margin, 1 - `use` (N, R), is below the limit
-    of `s`.
+    """Return checks (N, 1), row by row, of whether the least margin, 1 - `use` (N, R), is below the
+    limit.
 
-    `ends` are the low and high ends (N, R) of the 90 % interval of `use`; with the limit in it the
-    alarm is a notice. Rows with `clears` (N,) clear above the limit, rows with `off` (N,) at any
-    margin. `what` names the margin; `rotors`: name the worst rotor; `bad` are rotors, from 1, with
-    an alarm.
+    The limit is that of `s`. `ends` are the low and high ends (N, R) of the 90 % interval of `use`;
+    with the limit in it the alarm is a notice. Rows with `clears` (N,) clear above the limit, rows
+    with `off` (N,) at any margin. `what` names the margin; `rotors`: name the worst rotor; `bad`
+    are rotors, from 1, with an alarm.
     """
     limit, at = 1.0 - s.max_utilisation, range(len(use))
     rotor = np.argmax(np.where(np.isfinite(use), use, -np.inf), axis=1)

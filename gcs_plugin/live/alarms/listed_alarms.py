@@ -152,7 +152,9 @@ class Alarms:
         return sorted(events, key=lambda event: event.time_s)
 
     def _rest(self, analysis: FlightAnalysis, rows: slice) -> None:
-        """Store the battery's voltage before take-off, or the first one received."""
+        """Store the battery's last voltage on the ground in these rows, V; before any, the first
+        received.
+        """
         track = analysis.track
         volts = track.voltage[rows]
         rest = volts[(volts > 0.0) & ~track.flying[rows]]
@@ -390,7 +392,11 @@ class Alarms:
         time_s: float,
         missing: Missing = Missing.NOTHING,
     ) -> None:
-        """Store an alarm with a state, and append an event to `events` if the state is new."""
+        """Store the alarm with the state `state`; append an event at `time_s`, s, if it had
+        another.
+
+        `missing` is why it cannot be confirmed. A cleared alarm is removed from the list.
+        """
         now = replace(alarm, state=state, missing=missing)
         if state is AlarmState.UNCONFIRMED:
             now = replace(now, text=alarm.past or alarm.text)

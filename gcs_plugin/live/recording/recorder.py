@@ -402,7 +402,10 @@ class _Parts:
         return self._closed_rows + self._written
 
     def write(self, new: list[pa.RecordBatch], later: list[pa.RecordBatch]) -> None:
-        """Add final rows `new`, and provisional rows `later` that the next call replaces."""
+        """Add final rows `new`, and provisional rows `later` that the next call replaces.
+
+        If the disk refuses, `trouble` says why and the rows wait for the next call.
+        """
         import pyarrow as pa
 
         if not self._tables:

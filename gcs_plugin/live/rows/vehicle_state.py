@@ -140,9 +140,10 @@ def fold(state: VehicleState, frame: Frame) -> VehicleState:
 def fold_mission(state: VehicleState, frame: Frame) -> VehicleState:
     """Return the state after a mission message that was sent to the vehicle or by it.
 
-    An upload begins with a ground station's MISSION_COUNT and ends with the vehicle's MISSION_ACK,
-    which also answers a station's MISSION_CLEAR_ALL. A MISSION_COUNT of the vehicle itself begins a
-    download.
+    Items are gathered until as many as MISSION_COUNT announced have come, and then become the
+    mission. A count or MISSION_CLEAR_ALL from a ground station, or the vehicle's MISSION_ACK after
+    an upload, shows that the mission on board is replaced; a count from the vehicle begins a
+    download. Fences and rally points change nothing.
     """
     columns = fields(frame)
     if columns is None or int(columns["mission_type"][0]) not in (0, OF_ALL_KINDS):

@@ -75,7 +75,8 @@ def unknown_lines(
 ) -> Iterable[str]:
     """Yield one sentence for each reason, with all figures that are unknown for it.
 
-    `asked` are the options by which the vehicle is already asked for messages.
+    `figures` maps a figure's name to its reason, `asked` are the options by which the vehicle is
+    already asked for messages.
     """
     for reason in dict.fromkeys(figures.values()):
         names = [name for name, why in figures.items() if why == reason]

@@ -246,7 +246,10 @@ def _seconds_to_empty(tank: float, flow: float) -> float:
 
 
 def _plan(waypoints: Iterable[PlanItem], *, home_first: bool) -> MissionPlan | None:
-    """Return the mission whose transfer was received from the link; None unless it is complete."""
+    """Return the mission of the items received from the link; None unless it is complete and valid.
+
+    `home_first`: item 0 is the home position, as in ArduPilot.
+    """
     ordered = sorted(waypoints, key=lambda w: w.number)
     if not ordered or [w.number for w in ordered] != list(range(len(ordered))):
         return None

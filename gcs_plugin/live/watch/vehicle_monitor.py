@@ -140,7 +140,11 @@ class VehicleMonitor:
         self._outlook.use_plan(plan, self.state)
 
     def take(self, frame: Frame) -> None:
-        """Process the next frame of this vehicle, in the order of arrival."""
+        """Process the next frame of this vehicle, in the order of arrival.
+
+        Copies and late frames are dropped. While two vehicles share the id, frames count as heard,
+        and all that is known of the vehicle is forgotten.
+        """
         if not self.link.take(frame):
             return
         if self.link.shared:
@@ -175,7 +179,10 @@ class VehicleMonitor:
         return made
 
     def _update(self, new: LiveRows | None) -> Update:
-        """Make the next update from `new` rows; None makes the last predictions final."""
+        """Return the next Update, with the `new` rows; None makes the last predictions final.
+
+        It is stored as `last`.
+        """
         last = self.last
         if last is None or (new is not None and not continues(last, new)):
             if last is not None and new is not None and last.boot != new.boot:
@@ -297,8 +304,12 @@ class VehicleMonitor:
     def _beyond_the_rows(
         self, analysis: FlightAnalysis, first: int, new: LiveRows
     ) -> dict[str, NDArray[Any]]:
-        """Return the arrays named by CARRIED for the new rows: vehicle and ground clocks, pumped
-        and delivered mass, kg, and the least margin on the remaining route."""
+        """Return the arrays that CARRIED names for the new rows, which are the analysis's from
+        `first` on.
+
+        They are vehicle's and ground's clock, pumped and delivered mass, kg, and the least margin
+        on the remaining route.
+        """
         delivered, margin_ahead = self._outlook.rows(analysis, first, new, self.state)
         return {
             "clock_s": new.clock_s,
@@ -336,9 +347,10 @@ class VehicleMonitor:
         return max(self.telemetry.read_us - int(self.last.stamp_us[-1]), 0) * 1e-6
 
     def stale(self, now_us: int) -> str:
-        """Return the sentence on fields that are no longer reported; empty if all are.
+        """Return the sentence on fields that are no longer reported at `now_us`, the ground's
+        clock, µs.
 
-        It is empty also while the vehicle as a whole is silent.
+        Empty if all are, or while the vehicle as a whole is silent.
         """
         if self.link.shared or self.link.silent(now_us) > self.alarms.settings.silence:
             return ""

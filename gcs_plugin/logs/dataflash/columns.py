@@ -109,10 +109,10 @@ class Units:
 
     @classmethod
     def from_tables(cls, table: Callable[[str], NDArray[np.void] | None]) -> Units:
-        """Return the units that a log states; `table` returns the messages of a name, None if
-        absent.
+        """Return the units that a log states in UNIT, MULT and FMTU.
 
-        Factors are logged as single precision widened to double.
+        `table` returns the messages of a name, None if absent. Factors are rounded to 7 digits:
+        they are logged as single precision widened to double.
         """
 
         def rows(name: str, *columns: str) -> Iterator[tuple[Any, ...]]:

@@ -321,7 +321,7 @@ def _landed(stream: Stream) -> list[Signal]:
 
 
 def _armed(streams: Mapping[str, Stream]) -> list[Signal]:
-    """Return signals of 1 (armed) and 0 (disarmed), by each logged change.
+    """Return a signal of 1 (armed) and 0 (disarmed) by the changes in each of messages ARM and EV.
 
     Before the first change the state is its opposite. A crash check disarms, and before a second
     arming the vehicle was disarmed, even if the log pauses while disarmed.

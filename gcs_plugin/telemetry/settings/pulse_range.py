@@ -32,8 +32,7 @@ INT32 = 6  # MAV_PARAM_TYPE
 
 
 def sent_values(values: NDArray[Any], kinds: NDArray[Any]) -> Floats:
-    """Return the true values (N,) of N PARAM_VALUE messages from their float fields `param_value`
-    (N,).
+    """Return the true values (N,) of N PARAM_VALUE messages, from their float fields `param_value`.
 
     `kinds` (N,) is their `param_type`. ArduPilot sends an integer as a float; PX4 sends its 32 bits
     in the float's place (MAVLink's parameter protocol, "bytewise"). Read as a float these bits are
@@ -59,11 +58,10 @@ def motor_outputs(parameters: Mapping[str, float]) -> dict[int, int]:
 
 
 def moved_motors(parameters: Mapping[str, float], count: int) -> list[int]:
-    """List the motors among the first `count`, from 0, that SERVOn_FUNCTION puts not on their own
-    output.
+    """List the motors, from 0, of the first `count` that are not on the output of their own number.
 
-    Motor k's own output is k. A motor on no output is listed only if its own output's function is
-    set.
+    SERVOn_FUNCTION states a motor's output. A motor on no output is listed only if the function of
+    the output of its number is set.
     """
     on = motor_outputs(parameters)
     functions = [whole_number(parameters, f"SERVO{k + 1}_FUNCTION") for k in range(count)]
@@ -118,7 +116,10 @@ class PulseRange:
 
 
 def ranges_remark(ranges: Iterable[PulseRange]) -> Statement:
-    """Return the distinct ranges as a remark: "1000 to 2000 µs, assumed"."""
+    """Return the distinct ranges as a remark: "1000 to 2000 µs, assumed".
+
+    "assumed" stands for an empty `set_by`.
+    """
     distinct = (
         state(
             "pulse range", low=r.low_us, high=r.high_us, unit=r.unit, set_by=r.set_by or "assumed"
@@ -131,7 +132,8 @@ def ranges_remark(ranges: Iterable[PulseRange]) -> Statement:
 def pulse_ranges(
     parameters: Mapping[str, float], outputs: Sequence[int], *, bank: str = "MAIN"
 ) -> tuple[PulseRange, ...]:
-    """Return the pulse range that parameters set for each of `outputs`, from 0.
+    """Return the pulse range that parameters set for each servo output in `outputs`, numbered from
+    0.
 
     Where none is set it is 1000 to 2000 µs, with an empty `set_by`. `bank` is PX4's "MAIN" or
     "AUX".
@@ -191,7 +193,8 @@ def _stated(parameters: Mapping[str, float], number: int, bank: str) -> PulseRan
 def _pairs(parameters: Mapping[str, float], number: int, bank: str) -> Iterator[tuple[str, str]]:
     """Yield pairs of parameter names, of the lowest and highest pulse of output `number`, from 1.
 
-    The pair with the highest priority comes first; a parameter need not exist.
+    The pair with the highest priority comes first; a parameter need not exist. `bank` is PX4's
+    "MAIN" or "AUX".
     """
     hover = "Q_M_PWM_MIN" in parameters
     prefix = "Q_M_PWM_" if hover else "MOT_PWM_"

@@ -196,7 +196,12 @@ def _counted(count: int, evidence: Evidence) -> Statement:
 def _by_frame(
     parameters: Mapping[str, float], texts: tuple[str, ...], *, winged: bool
 ) -> tuple[int, Evidence]:
-    """Return the number of motors of ArduPilot's frame and the evidence for it; 0 if unknown."""
+    """Return the number of motors of ArduPilot's frame and the evidence for it; 0 and "" if
+    unknown.
+
+    The frame is FRAME_CLASS, of a quadplane (`winged`) Q_FRAME_CLASS, else a status text "Frame:
+    ...".
+    """
     name = "Q_FRAME_CLASS" if winged else "FRAME_CLASS"
     frame = whole_number(parameters, name)
     if count := FRAME_ROTORS.get(-1 if frame is None else frame, 0):

@@ -265,7 +265,10 @@ def stop_server(server: viser.ViserServer) -> None:
 def _handed_to_viser(
     listening: socket.socket, loopback_only: bool, addition: PageAddition | None, door: Door | None
 ) -> Iterator[None]:
-    """Make viser, while it starts, use the guarded WebSocket server on the socket `listening`."""
+    """Make viser, while the block runs, start its WebSocket server on the socket `listening`.
+
+    Its requests pass the checks of this file; `addition` and `door` are those of `guarded_server`.
+    """
     import websockets.asyncio.server as server_module
 
     plain = server_module.serve

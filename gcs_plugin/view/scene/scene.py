@@ -269,7 +269,7 @@ class Scene:
         self._rescale()
 
     def add_name(self, key: str) -> LabelHandle:
-        """Add the name of an aircraft, hidden until it is placed."""
+        """Add a label with the name `key` of an aircraft, hidden until it is placed, and return it."""
         return self._api.add_label(
             f"/world/name_{key}",
             key,
@@ -287,7 +287,7 @@ class Scene:
         faulty: frozenset[int] = frozenset(),
         old: bool = False,
     ) -> None:
-        """Move one aircraft to `row`; with `focus` a following camera moves with it.
+        """Move the aircraft `key` to `row`; with `focus` a following camera moves with it.
 
         `faulty` are the numbers, from 1, of the rotors with an alarm. Rotors of an `old` row have
         no colour.
@@ -348,8 +348,9 @@ class Scene:
         self._note.text = ", ".join(dict.fromkeys(note))
 
     def _look(self) -> None:
-        """Aim this scene's browser as the chosen camera; without a browser, all pages that open
-        later."""
+        """Aim the camera of this scene's browser; without a browser, that of all pages that open
+        later.
+        """
         if self._client is not None:
             self._aim(self._client)
             return
@@ -358,7 +359,10 @@ class Scene:
         self._server.initial_camera.look_at = tuple(look_at)
 
     def _keep_fitted(self, client: ClientHandle) -> None:
-        """Aim now, and again when the picture's shape changes: panels dock, windows are resized."""
+        """Aim the browser's camera now, and again when its picture's shape changes.
+
+        It does when panels dock or the window is resized.
+        """
         fitted = [client.camera.aspect]
 
         def refit(camera: CameraHandle) -> None:

@@ -108,8 +108,8 @@ class SprayedGround:
         """Add rows in order of time: positions (T, 3), m, and `spraying` (T,), 1 pump on, 0 off,
         NaN unknown.
 
-        Stretches are drawn at height `ground`, m, between rows with the pump on at least STEP
-        apart.
+        A stretch joins two rows at least STEP m apart, between which the pump was on in every row.
+        It is drawn at the height `ground`, m.
         """
         for position, on in zip(positions_enu, spraying, strict=True):
             if on != 1.0 or not np.all(np.isfinite(position[:2])):
