@@ -49,8 +49,7 @@ class Link:
         self._splitters: dict[Address | None, FrameSplitter] = {}
 
     def frames(self, chunk: Chunk, stamp_us: int) -> tuple[list[Frame], bytes]:
-        """Return the frames of a chunk received at `stamp_us`, Unix µs, and the bytes to forward
-        for it.
+        """Return the frames of a chunk received at `stamp_us`, Unix µs, and bytes to forward.
 
         The bytes of a stream are forwarded once a frame is whole, those of a datagram as they came.
         """
@@ -136,8 +135,7 @@ class Listener:
         return min(looked, default=self.now_us())
 
     def send(self, data: bytes, *, system: int | None = None, forwards: bool = False) -> None:
-        """Send bytes to the link, and address, where `system` was last received, else to every
-        link.
+        """Send bytes to link and address where `system` was last received, else to all.
 
         With `forwards` send them to the ground stations too.
         """

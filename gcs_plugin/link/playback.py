@@ -36,8 +36,7 @@ def play(
     loop: bool = False,
     progress: Callable[[Played], None] | None = None,
 ) -> Played:
-    """Send every frame of the log `path` over `transport`, `speed` times as fast as it was
-    recorded.
+    """Send every frame of the log `path` over `transport`, `speed` times as fast as recorded.
 
     Each frame has its time from the start, so that delays do not add up; pauses are cut to
     LONGEST_PAUSE s. With `loop` it starts again at the end, without end. `progress` is called about

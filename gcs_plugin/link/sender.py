@@ -29,8 +29,7 @@ class Sender:
         self._packers: dict[int, Any] = {}
 
     def send(self, vehicle: int, message: Any, *, forwards: bool = False) -> None:
-        """Send a pymavlink `message` from the plugin's component, over the link where the vehicle
-        is heard.
+        """Send a pymavlink `message` from the plugin, over the link with the vehicle.
 
         `vehicle` is its system id; if it was never heard, every link is used. With `forwards` send
         it to the ground stations too.

@@ -35,8 +35,7 @@ class BootClocks:
         self._returns: list[float] = []
 
     def add(self, stamp_s: float, clock_s: float) -> None:
-        """Add one message: `stamp_s`, the ground's clock at its arrival, and `clock_s`, the
-        sender's, both s.
+        """Add one message: the ground's clock at its arrival and the sender's clock in it, s.
 
         The latter counts from the sender's boot.
         """
@@ -59,7 +58,7 @@ class BootClocks:
         self._lines.append((booted, count))
 
     def shared(self, stamp_s: float) -> bool:
-        """Return True if the boot times of two vehicles alternated in the 60 s before `stamp_s`, s."""
+        """Return True if boot times of two vehicles alternated in the 60 s up to `stamp_s`."""
         if not self._returns:
             return False
         recent = [
@@ -115,8 +114,7 @@ class SenderWatch:
         self._by_clocks = any(clock.shared(stamp_s) for clock in self._clocks.values())
 
     def look(self, sequence: int, data: bytes) -> Verdict:
-        """Count one frame; return NEW, DOUBLED (a copy of a recent frame) or LATE (overtaken by
-        newer ones).
+        """Count one frame; return NEW, DOUBLED (a copy) or LATE (overtaken by newer ones).
 
         `sequence` is its MAVLink sequence number, 0 to 255, `data` its bytes. Equal bytes within
         the last 128 frames are a copy; a number up to 32 behind the last is late. While two

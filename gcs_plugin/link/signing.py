@@ -121,8 +121,7 @@ class SigningFilter:
         return verdict == "accepted"
 
     def _verdict(self, frame: bytes) -> str:
-        """Classify a frame by its own bytes, without its age; return the name of a count of
-        SigningCounts.
+        """Classify a frame by its bytes, without its age; return a field of SigningCounts.
 
         "accepted" if digest and id are good; else "unsigned", "malformed", "wrong_key" or
         "unknown_id".

@@ -68,7 +68,7 @@ class Endpoint:
 def parse_url(url: str) -> Endpoint:
     """Parse a URL into its parts; raise LinkError for an unknown form.
 
-    A recording and a serial port must exist.
+    A recording, and a serial port under /dev, must exist.
     """
     kind, _, rest = url.partition(":")
     if kind in ("udpin", "udpout", "udp", "tcp", "tcpin"):

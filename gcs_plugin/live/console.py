@@ -150,8 +150,7 @@ def vehicle_cells(
 
 
 def numbers(update: Update, limit: float) -> tuple[Text, *tuple[str, ...]]:
-    """Return the figures of the newest row, formatted for the cells between the vehicle's id and
-    the age.
+    """Return the figures of the newest row, formatted for the cells between id and age.
 
     They are: thrust margin, coloured by `limit` (a share); predicted margin; redundancy with one
     rotor lost; tank, kg; tank by thrust, kg; time to empty; margin on the route ahead; margin with
@@ -379,8 +378,7 @@ class EventPrinter(Output):
         self.print()
 
     def look(self, *, page: bool = False) -> None:
-        """Print a line when the analysis has fallen behind the link or caught up again, since the
-        last call.
+        """Print a line if the analysis has fallen behind or caught up since the last call.
 
         `page`: the 3D page is open. Called from another thread, because the compute thread may
         hang.

@@ -134,8 +134,7 @@ class Fleet:
         return [(n, e) for n, w in self.vehicles.items() for e in w.tick(now_us)]
 
     def _is_vehicle(self, frame: Frame) -> bool:
-        """Return False for a heartbeat of a ground station, else True; store which systems are
-        stations.
+        """Return False for a heartbeat of a ground station, else True; note the stations.
 
         A program on board, or a station, may have the vehicle's own id: a system with an autopilot
         stays a vehicle, whichever heartbeat comes first.
@@ -180,8 +179,7 @@ class Presence:
         self._gone: dict[int, int] = {}  # vehicle -> when it was last heard
 
     def changes(self, fleet: Fleet, now_us: int) -> list[Happening]:
-        """Return the events since the last call: vehicles that appeared, left or returned, and
-        their notes.
+        """Return events since the last call: vehicles that came, left or returned; notes.
 
         `now_us` is the ground's clock, µs; a vehicle has left after GONE s of silence. The
         monitors' notes are removed from them.

@@ -102,8 +102,7 @@ class Lateness:
         self._last_s = -math.inf
 
     def changes(self, behind_s: float, now_s: float) -> bool:
-        """Update `late` from the delay of the analysis, `behind_s`, s, at `now_s`, s; return True
-        if it changed.
+        """Update `late` by a delay of `behind_s` s at `now_s`, s; return True if it changed.
 
         A delay above 0 is late at once; `late` ends after CAUGHT_UP s without one.
         """
@@ -359,9 +358,7 @@ class LiveMonitor:
         self._each(lambda output: output.on_round(self.fleet, now_us))
 
     def _found_us(self) -> int:
-        """Return the ground's clock, µs, up to which all frames are analysed and the links were
-        checked.
-        """
+        """Return the ground's clock, µs, up to which frames are analysed and links checked."""
         until_us = self._ticked_us
         first = self._queue.first()
         waiting = [until_us] if first is None else [until_us, first.stamp_us - 1]
@@ -454,8 +451,7 @@ OutputFactory = Callable[[OutputContext, Any], Output]
 
 
 def spacing(round_s: float, vehicles: int) -> float:
-    """Return the s from the start of an analysis round, which took `round_s` s, to the start of the
-    next.
+    """Return the s from the start of an analysis round, which took `round_s` s, to the next start.
 
     With several vehicles at most 1/EACH analyses a second are made, however fast the computer is:
     no alarm needs more, and the cost of an aircraft grows with their rate. At most RAREST.
@@ -465,8 +461,7 @@ def spacing(round_s: float, vehicles: int) -> float:
 
 
 def _pieces(frames: list[Frame]) -> list[list[Frame]]:
-    """Split frames of a recording, in order, into pieces of at most 256, and at pauses of over a
-    second.
+    """Split frames of a recording into pieces of at most 256, and at pauses of over a second.
 
     Without frames there is one empty piece.
     """

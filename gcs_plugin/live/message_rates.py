@@ -151,8 +151,7 @@ class RateRequester(Output):
                 asked.round_s = now_s
 
     def _ask(self, watch: VehicleMonitor, asked: _Asked, now_s: float) -> None:
-        """Queue the requests that are due at `now_s`, s; list in `watch.not_followed` those without
-        effect.
+        """Queue the requests due at `now_s`, s; list those without effect in `watch.not_followed`.
 
         A message is requested if it comes at less than half the needed rate, ever more rarely.
         Parameters are requested from ArduPilot only.

@@ -95,8 +95,7 @@ class PilotBar(Output):
         return ("image/svg+xml", _file("icon.svg")) if path == "/icon.svg" else None
 
     def content(self) -> dict[str, Any]:
-        """Return the content of /bar.json: the schema's name, the least margin in %, and a dict a
-        vehicle.
+        """Return the content of /bar.json: schema, least margin in %, and a dict a vehicle.
 
         Margins are in %; `margin`, `predicted` and `rotor` are None, and `action` empty, once they
         are older than FRESH s. `last_margin` stays.

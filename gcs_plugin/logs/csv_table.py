@@ -241,9 +241,7 @@ def _cleaned_remark(remark: Statement) -> Statement:
 
 
 def _cleaned(source: Provenance) -> Provenance:
-    """Return the source with unprintable characters in all its texts replaced by spaces, for
-    display.
-    """
+    """Return the source with unprintable characters in all texts replaced by spaces."""
     return replace(
         source,
         name=clean(source.name),
@@ -257,8 +255,7 @@ def _cleaned(source: Provenance) -> Provenance:
 
 
 def plausible_channels(track: FlightTrack) -> tuple[dict[str, Floats], list[Statement]]:
-    """Return each channel in its shape, with values out of its range as NaN, and notes on wrong
-    units.
+    """Return each channel in its shape, with NaN for values out of range, and notes on wrong units.
 
     Ranges are those of TRACK_CHANNELS. If more than 20 % of a column's numbers other than 0 are out
     of range, it probably has another unit: all of it becomes NaN, and one note for its channel is
@@ -312,8 +309,7 @@ _ROWS = 4096  # that are held as text at a time
 
 
 def _likeness(begins: Beginning) -> float:
-    """Return 0.9 for the beginning of a flight table, else 0.0; it is compared with other log
-    formats.
+    """Return 0.9 for the beginning of a flight table, else 0.0 of any other file.
 
     A table is text named .csv, or beginning with comment lines, or with a heading time_s.
     """
@@ -330,8 +326,7 @@ def _read(path: Path, _vehicle: int | None, options: Options) -> tuple[FlightLog
 
 
 def table_log(track: FlightTrack, path: Path, options: Options, *, format: str) -> FlightLog:
-    """Return the FlightLog of a track that was read from the table `path`, with the options
-    applied.
+    """Return the FlightLog of a track read from the table `path`, with the options applied.
 
     `format` is the name of its LogFormat. Values out of range become NaN; columns that seem to have
     another unit are listed in `other_units`. Rows in flight are detected if the track does not
@@ -417,8 +412,7 @@ def _known(name: str) -> bool:
 
 
 def unit_of_column(name: str) -> str | None:
-    """Return the unit of a column of this program, empty if it has none; None for any other
-    name."""
+    """Return the unit of a column of this program, "" without one; None for any other name."""
     if rotor := _ROTOR.fullmatch(name):
         return TRACK_CHANNELS[rotor[1]].unit
     if name in ("time_s", "flying"):
@@ -431,8 +425,7 @@ def unit_of_column(name: str) -> str | None:
 def _columns(
     body: str, separator: str, names: Sequence[str], used: Sequence[str], states: set[str]
 ) -> tuple[dict[str, Floats], int]:
-    """Return the columns named in `used` as numbers (T,), NaN where empty, and the count of skipped
-    rows.
+    """Return the columns `used` as numbers (T,), NaN where empty, and the count of skipped rows.
 
     `body` is the table with its heading line, `names` all its headings; columns in `states` may
     hold true and false. A row with another number of cells is skipped. Raise ValueError if these
@@ -483,8 +476,7 @@ def _state(cell: str, comma: bool, name: str) -> float:
 
 
 def _parts(text: str) -> tuple[list[str], list[str], str, str]:
-    """Return a table's comment lines, its headings, its text from the heading line on, and
-    separator.
+    """Return a table's comment lines, headings, text from the heading line on, and separator.
 
     Comment lines lose their first character; headings lose a unit in brackets if it is this
     program's. The separator is the most frequent of comma, semicolon and tab. No headings if they
@@ -526,8 +518,7 @@ def _statements(comments: Sequence[str], path: Path) -> dict[str, Any]:
 
 
 def _first_flight(columns: Mapping[str, Floats]) -> tuple[dict[str, Floats], tuple[Statement, ...]]:
-    """Return the rows of the flight of the first row, and a note with the count of flights if
-    several.
+    """Return the rows of the first row's flight, and a note with the count of flights if several.
 
     `columns`, each (T,), must include flight_number, which is left out of the result, as are
     columns without a finite value in these rows, except time_s.

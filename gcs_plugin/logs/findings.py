@@ -76,8 +76,7 @@ def gravest_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 
 def loss_findings(log: FlightLog) -> list[Finding]:
-    """Return one finding of lost control and one of control nearly lost; each only if there are
-    signs.
+    """Return a finding of lost control and one of control nearly lost, each if there are signs.
 
     `values` has time and value of each sign, an attitude or a rate.
     """
@@ -102,8 +101,7 @@ _OF_LOSS = ("time_s", "value")
 
 
 def takeoff_findings(track: FlightTrack, airframe: Airframe | None) -> list[Finding]:
-    """Return the findings of every run-up of a flight; a run-up without deviations is a finding
-    too.
+    """Return the findings of every run-up of a flight; one without deviations is a finding too.
 
     If `airframe` is None only the rotors are compared with each other. UNKNOWN is the severity of a
     motor that reports nothing.

@@ -57,8 +57,8 @@ def claimed_flights(
     """Return every sortie of a log with its match: whether it was flown by the model's airframe.
 
     `given` is True if the user stated the airframe; `options` are those of `read_sorties`. A sortie
-    that matches has inferred channels filled in; one that does not is read without an airframe.
-    Raise the errors of `read_sorties`.
+    that matches has inferred channels filled in; one of an unknown aircraft is read without an
+    airframe. Raise the errors of `read_sorties`.
     """
     craft = identified_airframe(model)
 

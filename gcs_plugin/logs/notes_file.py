@@ -76,7 +76,7 @@ def _of_sortie(line: _Line, log: FlightLog, start_s: float) -> EngineerNote:
 
 
 def _read(path: Path) -> list[_Line]:
-    """Return the notes in a file; raise LogError if it is not UTF-8 text with the header time,text."""
+    """Return the notes in a file; raise LogError without UTF-8 text and the header time,text."""
     try:
         text = path.read_text("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:

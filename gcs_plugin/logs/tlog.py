@@ -179,8 +179,7 @@ def _boot(
 
 
 def _hardware_id(frames: Frames, mine: Bools) -> str:
-    """Return the serial number, hexadecimal, in the last AUTOPILOT_VERSION that has one; else
-    empty.
+    """Return the serial number, hexadecimal, in the last AUTOPILOT_VERSION with one; else empty.
 
     `mine` (n,) flags the vehicle's frames. The longer number is preferred where a message has two.
     """
@@ -242,8 +241,7 @@ def _main_component(
 
 
 def _parameters(frames: Frames, mine: Bools, last_row: int) -> tuple[dict[str, float], bool]:
-    """Return the parameters by name, with the last values up to frame `last_row`, and if all are
-    there.
+    """Return the parameters' last values up to frame `last_row` by name, and if all are there.
 
     A parameter sent only after that frame has its first value. `mine` (n,) flags the vehicle's
     frames.
@@ -262,8 +260,7 @@ def _named_values(fields: Columns | NDArray[np.void]) -> Iterator[tuple[str, flo
 
 
 def _waypoints(frames: Frames, chosen: int, last_row: int) -> tuple[PlanItem, ...]:
-    """Return the mission last transferred completely up to frame `last_row`, in order of item
-    numbers.
+    """Return the mission last transferred completely up to frame `last_row`, in order.
 
     Empty if there was none. `chosen` is the vehicle's system id. An item whose MISSION_COUNT was
     not received replaces the known item of its number.
@@ -308,10 +305,10 @@ def _texts(streams: dict[str, Stream]) -> tuple[tuple[float, str], ...]:
 
 
 def _missing(component: NDArray[np.uint8], sequence: NDArray[np.uint8]) -> int:
-    """Count the frames missing by sequence number; `component` and `sequence` (n,) are in file
-    order.
+    """Count the frames missing by sequence number, from `component` and `sequence` (n,).
 
-    Each component counts its own frames. A step back is a late frame and counts as none.
+    They are in file order. Each component counts its own frames. A step back is a late frame and
+    counts as none.
     """
     lost = 0
     for sender in np.unique(component):

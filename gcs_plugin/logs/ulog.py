@@ -107,8 +107,7 @@ class _Rows:
         self.least[number], self.most[number], self.needs[number] = least, most, needed
 
     def behind(self, start: int, kept: bytearray) -> int:
-        """Return the offset after the consecutive valid data rows from `start`, and record the
-        needed ones.
+        """Return the offset after the consecutive valid rows from `start`; note needed ones.
 
         The first needed row of each topic is appended to `kept` as a message, for pyulog.
         """
@@ -285,8 +284,7 @@ def whole_messages(data: bytes, topics: Container[str]) -> WholeMessages:
 
 
 def _next_whole(log: _Log, start: int) -> int:
-    """Return the first offset after `start` from which _CHAIN messages, or all to the end, are
-    valid.
+    """Return the first offset from `start` at which _CHAIN messages, or all to the end, are valid.
 
     The end of the data if there is none.
     """
@@ -303,8 +301,7 @@ def _next_whole(log: _Log, start: int) -> int:
 
 
 def _keyed(body: bytes) -> bool:
-    """Return True if a body is one byte of length, a key with its type, and a value of that type's
-    size.
+    """Return True if a body is a byte of length, a key with its type, and a value of its size.
 
     A false key would swallow thousands of the bytes after it.
     """

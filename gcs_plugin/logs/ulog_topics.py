@@ -104,8 +104,7 @@ def _outputs(instances: Sequence[Topic], parameters: Mapping[str, float]) -> Ulo
 def _of_instance(
     topic: Topic, number: int, parameters: Mapping[str, float]
 ) -> tuple[list[Signal], Statement]:
-    """Return the output signal, 0 to 1, of each motor in instance `number` of actuator_outputs, and
-    order.
+    """Return each motor's output, 0 to 1, in instance `number` of actuator_outputs, and the order.
 
     The order states how outputs were matched to motors: by PX4's PWM_MAIN_FUNCn (PWM_AUX_FUNCn for
     other instances than 0), else motor n on output n for those that are driven. Empty if the values

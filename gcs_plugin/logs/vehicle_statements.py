@@ -145,8 +145,7 @@ def _statement(
 def _of_motors(
     time_s: float, named: tuple[int, ...], track: FlightTrack, faults: Sequence[FaultEpisode]
 ) -> tuple[Corroboration, tuple[int, ...], float]:
-    """Compare a report on motors at `time_s`, s, with the log; `named` are the motors it names,
-    from 0.
+    """Compare a report at `time_s`, s, with the log; `named` are the motors it names, from 0.
 
     Return the result, the motors that the log shows as faulty or exchanged, and the output, 0 to 1,
     of the first named motor (NaN without one).

@@ -172,8 +172,7 @@ _ESCS = tuple(
 
 
 def _by_id(message: str, *rows: tuple[str, str, str, tuple[int, ...]]) -> tuple[Rule, ...]:
-    """Return one rule for each of `rows`: field, channel, unit and the values that mean "not
-    known".
+    """Return one rule for each of `rows`: field, channel, unit and values for "not known".
 
     The channel is indexed by the message's field `id`.
     """

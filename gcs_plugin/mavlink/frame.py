@@ -141,8 +141,7 @@ def examine(
     closed: bool = False,
     cleared: Cleared | None = None,
 ) -> tuple[FrameKind, Header | None]:
-    """Return the class of the bytes from `start`, among the first `size`, and the header read
-    there.
+    """Return the class of the bytes from `start`, of the first `size`, and the header there.
 
     `data` must have HEADER_PADDING more bytes. `gap` is the number of bytes between two frames (the
     time stamp in a .tlog). `closed`: another frame may begin after the last byte, as after a
@@ -190,8 +189,7 @@ def _inner_frame(
 
 
 def _checked(data: bytes, start: int, size: int) -> tuple[FrameKind, Header | None]:
-    """Classify the bytes from `start` by header and checksum alone; return the class and the
-    header.
+    """Return the class of the bytes from `start`, by header and checksum alone, and the header.
 
     Any frame of unknown id is UNVERIFIED, since the frame after it is not looked at. `size` bytes
     count. The header is None if it is incomplete or has no magic byte.
@@ -233,8 +231,7 @@ class Walk:
     def frames(
         self, data: bytes, stop: int, size: int, *, gap: int = 0, closed: bool, wait: bool
     ) -> Iterator[tuple[FrameKind, int, Header]]:
-        """Yield class, offset and header of the frames that start before `stop`, among `size`
-        bytes.
+        """Yield class, offset and header of frames from before `stop`, of `size` bytes.
 
         The offset is that of the stamp of `gap` bytes, if any. Yielded are good and unverified
         frames, and those with a wrong checksum where a frame was expected. `closed` is as in

@@ -136,8 +136,7 @@ _SIGNS = (
 
 
 def two_of_one_id(frames: Frames, where: Bools) -> str:
-    """Return the name of a value that alternates between two levels, as with two vehicles of one
-    id.
+    """Return the name of a value that alternates between two levels, as of two vehicles.
 
     Empty if none does. `where` (n,) flags the frames of the vehicle's autopilot, without copies.
     """

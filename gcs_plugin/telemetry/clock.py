@@ -60,11 +60,10 @@ class Clock:
     on_arrival: bool = False  # every message has the time at which a listener got it
 
     def times(self, fields: NDArray[np.void], rows: Index) -> Floats:
-        """Return the times (n,), s since boot, of messages of one type: those they carry, else the
-        estimate.
+        """Return the times (n,), s since boot, of messages: those they carry, else the estimate.
 
-        `fields` (n,) are the messages' fields, `rows` (n,) their frames. A carried time is used
-        only where it is within TRUST s of the estimate, and never `on_arrival`.
+        `fields` (n,) are those of one message type, `rows` (n,) their frames. A carried time is
+        used only where it is within TRUST s of the estimate, and never `on_arrival`.
         """
         estimate = self.estimate_s[rows]
         own = own_clock(fields)
@@ -113,8 +112,7 @@ def gps_times(system_time: Columns) -> Bools:
 def vehicle_clocks(
     name: str, frames: Frames, pilot: Bools, stamps_s: Floats, *, listened: Bools | None = None
 ) -> Iterator[Clock]:
-    """Yield one clock for each run between restarts of the autopilot, whose frames `pilot` (n,)
-    flags.
+    """Yield one clock for each run between restarts of the autopilot, flagged by `pilot` (n,).
 
     `name` is the log's, for errors; `stamps_s` (n,) are the ground's times, s. Frames in `listened`
     (n,), if given, get the time that a live listener would give them. Without any carried clock the
@@ -231,9 +229,7 @@ class ArrivalClock:
         return bool(self.offsets)
 
     def now_s(self, stamp_us: int) -> float:
-        """Return the vehicle's time, s, at `stamp_us`, the ground's clock, µs; NaN before a clocked
-        message.
-        """
+        """Return the vehicle's time, s, at the ground's `stamp_us`, µs; NaN while unknown."""
         if not self.known:
             return float("nan")
         known = np.array([self.goes_by]).T
@@ -245,8 +241,7 @@ class ArrivalClock:
         return self.newest, self.stamp, sorted(self.offsets)[len(self.offsets) // 2]
 
     def after(self, own: int, stamp: int) -> tuple[ArrivalClock, Statement | None]:
-        """Update the clock by one message: `own`, the vehicle's time in it, and `stamp`, its
-        arrival, both ns.
+        """Update the clock by one message: `own`, the vehicle's time, `stamp`, its arrival, ns.
 
         Return the new clock and a note, None if there is none. A time behind the newest by more
         than BACKWARD s counts as late, until RESTART_AFTER in a row agree: a restart. Restarts and
@@ -324,8 +319,7 @@ def arrival_times(
 
 
 def _rising(delayed: NDArray[np.int64], last: int) -> NDArray[np.int64]:
-    """Return times (n,), ns, each raised to at least one more than the one before, the first than
-    `last`.
+    """Return times (n,), ns, each raised to 1 or more above the one before, the first above `last`.
 
     So the order of messages is kept.
     """
@@ -345,8 +339,7 @@ def _steps(offset: Floats) -> Index:
 
 
 def _running_median(offset: Floats) -> Floats:
-    """Return the median (n,) of each value and the WINDOW - 1 before it; the first values share
-    one.
+    """Return the median (n,) of each value and the WINDOW - 1 before it; the first share one.
 
     n must not be 0.
     """
@@ -356,7 +349,7 @@ def _running_median(offset: Floats) -> Floats:
 
 
 def _repaired(stamps_s: Floats) -> Floats:
-    """Return the stamps (n,), s, with single outliers (damaged bytes) replaced by the one before."""
+    """Return the stamps (n,), s, with single outliers (damage) replaced by the one before."""
     known = without_leaps(stamps_s)
     bad = np.flatnonzero(~np.isfinite(known))
     good = np.flatnonzero(np.isfinite(known))

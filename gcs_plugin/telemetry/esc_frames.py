@@ -68,8 +68,7 @@ def _by_counter(speed: Signal, errors: Signal | None) -> Signal | None:
 
 
 def _by_pauses(speed: Signal) -> Signal | None:
-    """Return the signal of the share of each window's time that pauses in the ESC's known speeds
-    take.
+    """Return the signal of the share of each window that pauses in the ESC's known speeds take.
 
     A pause is a step of more than PAUSE times the median step; its first median step is no loss.
     None with fewer than two windows' edges.
@@ -89,8 +88,7 @@ def _by_pauses(speed: Signal) -> Signal | None:
 
 
 def _edges(time_s: Floats) -> Floats:
-    """Return the edges, s, of windows of WINDOW_S from the first to the last of the times (n,),
-    ascending.
+    """Return the edges, s, of windows of WINDOW_S from the first to the last of the times (n,).
 
     Fewer than two edges if the times do not fill a window.
     """

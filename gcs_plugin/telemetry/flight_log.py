@@ -193,9 +193,7 @@ def log_of_track(
 
 
 def _with_absences(track: FlightTrack) -> FlightTrack:
-    """Return the track with a note on motors without rotor speeds, and a statement on coarse
-    speeds.
-    """
+    """Return the track with notes on motors without speeds, and a statement on coarse speeds."""
     if not track.reports("rotor_speed_rpm"):
         silent = "rotor_speed_rpm" not in track.sources
         note = state("no ESC telemetry" if silent else "no ESC telemetry that measures")

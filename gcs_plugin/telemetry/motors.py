@@ -75,11 +75,10 @@ class MotorMap:
         ]
 
     def esc_readings(self, signals: Signals, channel: str) -> list[Signal | None]:
-        """Return a signal of an ESC channel such as `esc_current` for each of R motors, None
-        without a value.
+        """Return a signal of an ESC channel such as `esc_current` for each of R motors.
 
-        A reading of 0 becomes NaN: it is what an ESC without that sensor reports. A true 0 A, of a
-        stopped motor, shows nothing of the arm.
+        None for a motor without a value. A reading of 0 becomes NaN: it is what an ESC without that
+        sensor reports. A true 0 A, of a stopped motor, shows nothing of the arm.
         """
         escs = by_index(signals, channel)
         found = []
@@ -93,8 +92,7 @@ class MotorMap:
     def throttle(
         self, signals: Signals, parameters: Mapping[str, float], before: Span = NOTHING_SENT
     ) -> list[Signal | None]:
-        """Return a signal of output, 0 to 1, for each of R motors, by the range of its ESC's
-        protocol.
+        """Return a signal of output, 0 to 1, for each of R motors, by its ESC's protocol.
 
         None for a motor without values; for all, if one has none and the outputs are assumed, or if
         the values fit no protocol. `before` is the span of earlier values, which decides the
@@ -194,8 +192,7 @@ def motor_map(
     esc_order: Statement | None = None,
     turned: Collection[int] | None = None,
 ) -> MotorMap:
-    """Match motors to servo outputs and ESCs, and find the pump's output, by the vehicle's
-    parameters.
+    """Match motors to servo outputs and ESCs, and find the pump's output, by the parameters.
 
     `name` is the log's, for errors; `facts` the vehicle's kind and rotor count. `motor_order` and
     `esc_order` describe a numbering by motor that the log already has. `turned` are the ESCs that

@@ -77,8 +77,7 @@ def airborne(
 
 
 def _disarmed_since(signals: Signals, landed: Signal, clock_s: Floats) -> Bools:
-    """Flag rows (T,) at which the newest report of disarming is later than that of the landed
-    state.
+    """Flag rows (T,) where the newest report of disarming is later than that of the landed state.
 
     A crashed vehicle reports no landing. `landed` is the signal of the landed state; all times are
     of the vehicle's clock, s. False throughout without reports of arming.
@@ -223,8 +222,7 @@ def _borne(channels: Mapping[str, Floats], rows: int) -> Bools:
 
 
 def _motors_on(signals: Signals, clock_s: Floats) -> Bools:
-    """Flag rows (T,) at which the vehicle is not reported as disarmed; all if arming is never
-    reported.
+    """Flag rows (T,) where the vehicle is not reported as disarmed; all without any such report.
 
     A row is not flagged either if the vehicle was disarmed since the row before.
     """
@@ -257,8 +255,7 @@ def _idle_throughout(above_idle: Bools, clock_s: Floats) -> Bools:
 
 
 def _stayed_down(height: Floats, on: Bools) -> bool:
-    """Return True if the height never rose by more than CLEAR m over the last one known before
-    arming.
+    """Return True if the height never rose more than CLEAR m above the last before arming.
 
     `height` (T,) is in m, `on` (T,) flags armed rows, the first of which ends the time before
     arming. False if no height is known before or while armed.
@@ -272,8 +269,7 @@ def _stayed_down(height: Floats, on: Bools) -> bool:
 def _too_slow(
     squares: Floats, rotors: int, height: Floats | None, airframe: Airframe | None
 ) -> bool:
-    """Return True if the largest of `squares` lifts less than half the empty weight, and nothing
-    rose.
+    """Return True if the largest of `squares` lifts under half the empty weight, and nothing rose.
 
     `squares` (T,), rpm², is the mean over the rotors; `height` (T,), m, rose if above RISEN. False
     without airframe or speeds.
@@ -302,7 +298,7 @@ def airborne_so_far(
     contact: GroundContact,
     before: HeldSoFar,
 ) -> tuple[Bools, Provenance, GroundContact, HeldSoFar]:
-    """Flag rows (T,) off the ground from past rows only; also return their source and the two new
+    """Flag rows (T,) off the ground from past rows only; also return their source and two new
     states.
 
     `contact` and `before` are the states that the last call returned; arguments otherwise as in
@@ -356,8 +352,7 @@ def airborne_so_far(
 
 
 def _clear_of_ground(flying: Bools, height: Floats) -> Bools:
-    """Return `flying` (T,) without the rows at both ends of each stretch that are not clear of the
-    ground.
+    """Return `flying` (T,) without rows at the ends of its stretches that are not clear of ground.
 
     Clear is more than CLEAR m above the height (T,), m, of the stretch's first or last known row.
     No row is removed where the log begins or ends in the air.
@@ -419,8 +414,7 @@ class PlaceOfZero:
 
 
 def position_sources(signals: Signals, zero: PlaceOfZero | None) -> tuple[Signal, ...]:
-    """Return the sources of the position, m NED, best first: geographic fixes about `zero`, then
-    local.
+    """Return the sources of the position, m NED, best first: geographic about `zero`, then local.
 
     Local positions count from the estimator's origin. Geographic fixes are left out if `zero` is
     None; without any source the tuple is empty.
@@ -443,8 +437,7 @@ def position_sources(signals: Signals, zero: PlaceOfZero | None) -> tuple[Signal
 def place_of_zero(
     signals: Signals, clock_s: Floats, flying: Bools, before: PlaceOfZero | None = None
 ) -> PlaceOfZero | None:
-    """Return the origin of positions: home as at take-off, else the estimator's origin, else first
-    fix.
+    """Return the origin of positions: home at take-off, else the estimator's, else first fix.
 
     None without any. `flying` (T,) flags rows in flight, at `clock_s` (T,). Home counts only if
     fixes are reported. An origin `before` that a take-off has fixed is replaced only by a better

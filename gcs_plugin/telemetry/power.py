@@ -84,8 +84,7 @@ def stated_battery(signals: Signals) -> StatedBattery:
 
 
 def _of_escs(channel: str, signals: Signals, sampling: Sampling) -> Iterator[Signal]:
-    """Yield one signal of the ESCs at the first ESC's report times: mean "voltage" or summed
-    "current".
+    """Yield the ESCs' mean "voltage" or summed "current" at the first ESC's report times.
 
     Nothing if no ESC reports a value above 0. With `sampling` "hold" each ESC's last report counts,
     and a current of 0 is unknown; else values are interpolated.

@@ -256,8 +256,7 @@ def serial_digits(text: str) -> str:
 def damage_of(
     skipped: Sequence[tuple[int, int]], place: NDArray[np.int64], clock_s: Floats
 ) -> dict[str, Any]:
-    """Return bytes_skipped, damage and damaged_places of LogQuality for the stretches that were
-    skipped.
+    """Return bytes_skipped, damage and damaged_places of LogQuality for the skipped stretches.
 
     `skipped` has (offset, length), bytes, of each; the 20 longest are listed singly, in file order.
     `clock_s` (n,) is the vehicle's clock at the ascending file offsets `place` (n,).
@@ -286,8 +285,7 @@ class Stretch(NamedTuple):
 
 
 def stretches(time_s: Floats, name: str) -> tuple[Stretch, ...]:
-    """Divide times (n,), s, in file order, into the runs between restarts; every row is in one of
-    them.
+    """Divide times (n,), s, in file order, into the runs between restarts; every row is in one.
 
     A fall of more than BACKWARD s is a restart, but not a single late message. `name` is the log's,
     for the LogError raised if two clocks alternate, as when two vehicles share a system id.

@@ -193,9 +193,7 @@ def thinned(time_s: Floats, after_s: float = -np.inf) -> Floats:
 
 
 def increasing(values: Floats) -> Floats:
-    """Return the sorted distinct `values` (n,), as `np.unique`, but faster if they are sorted
-    already.
-    """
+    """Return the sorted distinct `values` (n,), as `np.unique`, but faster if already sorted."""
     if all_true(values[1:] > values[:-1]):
         return values
     step = np.diff(values)

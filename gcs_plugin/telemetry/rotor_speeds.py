@@ -58,8 +58,7 @@ def measured_speeds(
     heard_s: float = -np.inf,
     memory: Sequence[RotorMemory] = (),
 ) -> MeasuredSpeeds:
-    """Divide the readings of `speeds` (rpm, one signal a rotor) into true rotor speeds and rejected
-    ones.
+    """Divide the readings of `speeds` (rpm, one signal a rotor) into true and rejected ones.
 
     `outputs` are the motor outputs from 0 to 1, None where unknown. Readings up to `heard_s`, s on
     the signals' clock, were processed by an earlier call, whose result's `memory` is passed again.
@@ -112,8 +111,7 @@ def measured_speeds(
 def _after_tail(
     tail: Signal | None, new: Signal, since: float, times: dict[int, tuple[Floats, Floats]]
 ) -> tuple[Signal, Signal]:
-    """Return the readings of `new`, rpm, appended to those of `tail`, and the part of them from
-    `since` on.
+    """Return the readings of `tail` and `new`, rpm, joined, and their part from `since` on.
 
     `since` is in s. `times` caches the joined times, because rotors that report together share
     them.
@@ -196,8 +194,7 @@ def _known(signal: Signal) -> Signal:
 
 
 def _demand(output: Signal | None, time_s: Floats) -> tuple[Floats, Bools]:
-    """Return the motor output (n,), 0 to 1, at each time, and flags (n,) of a lasting demand for
-    thrust.
+    """Return the motor output (n,), 0 to 1, at each time, and flags (n,) of a lasting demand.
 
     The output is NaN where none was reported within FRESH s before. A flag is True where it has
     been above idle for SPIN_UP s.
@@ -228,9 +225,7 @@ def last_speeds(known: Sequence[Signal | None], time_s: Floats) -> Floats:
 
 
 def median_speeds(values: Floats) -> Floats:
-    """Return the median (n,) over the first axis of the finite `values` (R, n); NaN where none is
-    finite.
-    """
+    """Return the median (n,) of R finite `values` (R, n); NaN where none is finite."""
     if not values.size:
         return np.full(values.shape[1], np.nan)
     stack = np.sort(values, axis=0)  # NaN at the end; np.nanmedian takes ten times as long

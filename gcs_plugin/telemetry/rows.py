@@ -317,8 +317,7 @@ def row_times(
 
 
 def _first_row(spoke_s: float, signals: Signals) -> float:
-    """Return the start, s, of a recorded flight: the first rotor speed, at `spoke_s`, or the first
-    arming.
+    """Return the start, s, of a recorded flight: the first rotor speed, `spoke_s`, or arming.
 
     Arming counts if it was more than SILENT s before.
     """

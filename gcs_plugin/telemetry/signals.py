@@ -51,8 +51,7 @@ def signals_by_channel(signals: Iterable[Signal]) -> Signals:
 
 
 def best(signals: Signals, channel: str) -> Signal | None:
-    """Return a channel's first source that covers at least 90 % of the time of the best-covering
-    one.
+    """Return a channel's first source that covers 90 % or more of the time of the best one.
 
     None if no source has a finite value.
     """
@@ -69,8 +68,7 @@ def best(signals: Signals, channel: str) -> Signal | None:
 
 
 def rejected_sources(there: Iterable[Signal], used: Signal) -> tuple[Rejected, ...]:
-    """Return the sources `there` of a channel other than `used`, each with the reason why it is not
-    used.
+    """Return a channel's sources other than `used`, each with the reason why it is not used.
 
     `there` are all its sources, preferred first. The reason is that a source has no finite value,
     covers less time than `used`, or is less preferred.
@@ -107,8 +105,7 @@ def by_index(signals: Signals, channel: str) -> dict[int | str, Signal]:
 
 
 def _together(first: Signal, second: Signal) -> Signal:
-    """Merge two sources of one quantity into one signal, sorted by time; it has the source of
-    `second`.
+    """Merge two sources of one quantity into one signal with the source of `second`.
 
     If one of them has no finite value, return the other.
     """
@@ -122,11 +119,10 @@ def _together(first: Signal, second: Signal) -> Signal:
 
 
 def mavlink_signals(streams: dict[str, Stream], airspeed: Provenance) -> Signals:
-    """Return the signals of every MAVLink message in `streams` (message name -> Stream), by
-    channel.
+    """Return the signals of every MAVLink message in `streams`, by channel.
 
-    `airspeed` is the source of VFR_HUD's airspeed. `streams` is emptied in the process to limit
-    memory.
+    `airspeed` is the source of VFR_HUD's airspeed. `streams` (message name -> Stream) is emptied in
+    the process to limit memory.
     """
     signals = sorted(decoded(streams, airspeed), key=lambda item: item[0])
     return signals_by_channel(
@@ -135,8 +131,7 @@ def mavlink_signals(streams: dict[str, Stream], airspeed: Provenance) -> Signals
 
 
 def decoded(streams: dict[str, Stream], airspeed: Provenance) -> Iterator[tuple[int, Signal]]:
-    """Yield (rank, signal) for each source of a channel in the messages `streams`; rank 0 is the
-    best.
+    """Yield (rank, signal) for each source of a channel in `streams`; rank 0 is the best.
 
     `airspeed` is the source of VFR_HUD's airspeed. `streams` (message name -> Stream) is emptied.
     """
@@ -295,8 +290,7 @@ def ordered_signal(
 
 
 def airspeed_sources(signals: Signals, sampling: Sampling) -> Iterator[Signal]:
-    """Yield the sources of the airspeed, m/s, preferred first: those reported, then velocity minus
-    wind.
+    """Yield the airspeed's sources, m/s, preferred first: those reported, then velocity - wind.
 
     The latter is left out if a reported one covers as much of a recorded flight (`sampling`
     "linear"). Without a wind it is the speed over ground. An airspeed of 0 is no airspeed, as PX4

@@ -187,8 +187,7 @@ def _samples_between(
 
 
 def _cut(recording: Recording, signals: Signals, span: Span) -> tuple[Recording, Signals]:
-    """Return the recording and the signals restricted to the sortie's `span`, s of the vehicle's
-    clock.
+    """Return recording and signals restricted to a sortie's `span`, s of the vehicle's clock.
 
     Signals that are reported only on changes include all reports before it.
     """

@@ -128,8 +128,7 @@ def tank_levels(
 
 
 def check_source(source: str) -> tuple[str, str]:
-    """Split a tank source such as "FUEL_STATUS 1" into its kind, in capitals, and its name or
-    number.
+    """Split a tank source such as "FUEL_STATUS 1" into its kind, in capitals, and name or number.
 
     The latter is empty if there is none. Raise LogError if the kind is unknown, or FUEL_STATUS or
     BATTERY_STATUS is followed by anything but a number.

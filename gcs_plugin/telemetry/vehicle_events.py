@@ -54,8 +54,7 @@ def stated_channels(
     spraying: Floats,
     pumped_kg: Floats,
 ) -> Iterator[tuple[str, Floats, Provenance, Floats | None]]:
-    """Yield the channels that the user stated in `options`: name, values (T,), source, standard
-    error (T,).
+    """Yield name, values (T,), source, standard error (T,) of channels that `options` state.
 
     `time_s` and `flying` (T,) are the rows'. `spraying` (T,) is 1 while the pump runs, `pumped_kg`
     (T,) the sum of its output; both NaN where unknown. The error is None where none can be stated.
@@ -313,11 +312,10 @@ def error_events(time_s: Floats, subsystem: Floats, code: Floats) -> Iterator[Ve
 def flag_events(
     kind: EventKind, time_s: Floats, flags: Floats, subject: str, text: str
 ) -> Iterator[VehicleEvent]:
-    """Yield an event of `kind` about `subject` at each report in which a bit of the flags is newly
-    set.
+    """Yield an event of `kind` about `subject` at each report in which a flag is newly set.
 
-    `flags` (n,) are integers, NaN without a report, at `time_s` (n,), s. The event's text is `text`
-    with the flags in hexadecimal digits.
+    The bits of `flags` (n,) are the flags, NaN without a report, at `time_s` (n,), s. The event's
+    text is `text` with the flags in hexadecimal digits.
     """
     before = 0
     for when, value in zip(time_s.tolist(), flags.tolist(), strict=True):

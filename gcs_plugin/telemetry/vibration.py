@@ -34,8 +34,7 @@ SLOWEST_RPM = 300.0  # below which a rotor is at rest or idles
 
 
 def vibration_per_rev(signals: Signals, speeds: Sequence[Signal | None]) -> list[Signal | None]:
-    """Return for each rotor a signal of the vibration amplitude, m/s², at the frequency at which it
-    turns.
+    """Return for each rotor a signal of the vibration amplitude, m/s², at its own frequency.
 
     It has one value at the middle of each window of WINDOW_S in which it is known. `speeds` are the
     rotors' measured speeds, rpm. None for a rotor without a value, and for all if the accelerometer
@@ -94,8 +93,7 @@ def _usual_rpm(speed: Signal) -> float:
 
 
 def _amplitudes(time_s: Floats, force: Floats, speeds: Sequence[Signal | None]) -> Floats:
-    """Return the amplitudes (R,), m/s², of one window of specific force (n, 3), m/s², at times
-    (n,), s.
+    """Return the amplitudes (R,), m/s², in a window of specific force (n, 3), m/s², at times (n,).
 
     `speeds` are the R rotors' speeds, rpm, of the whole flight. NaN for a rotor that does not turn
     throughout, or is too close in speed to another.

@@ -96,9 +96,7 @@ class VehicleLink:
         return link
 
     def feed(self, data: bytes) -> None:
-        """Pass on bytes received from the vehicle (only for a link made by `from_sender`);
-        thread-safe.
-        """
+        """Pass on bytes received (only for a link made by `from_sender`); thread-safe."""
         self._mavsdk.pass_received_raw_bytes(data)
 
     def cancel(self) -> None:
@@ -185,9 +183,7 @@ class VehicleLink:
             raise LinkError(f"{self.name}: stopped before the transfer was complete")
 
     def too_much(self, content: str) -> LinkError:
-        """Return the error for a transfer that does not end; `content` describes the vehicle's
-        answer.
-        """
+        """Return the error for a transfer that does not end; `content` describes it."""
         return LinkError(
             f"{self.name}: {content}; restart the autopilot, or upload the mission to it again"
         )

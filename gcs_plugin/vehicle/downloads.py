@@ -186,8 +186,7 @@ class VehicleLogs:
         return choose_log(self.entries, number, self._link.name)
 
     def download(self, entry: LogEntry, path: Path, progress: Progress | None = None) -> None:
-        """Save the log `entry` at `path` atomically; `progress` is called with bytes received and
-        their total.
+        """Save the log `entry` at `path` atomically; `progress` gets bytes received, total.
 
         Raise LinkError if the vehicle stops sending or `path` cannot be written.
         """
@@ -255,8 +254,7 @@ _PX4_INTEGERS = {1: "B", 2: "b", 3: "H", 4: "h", 5: "I", 6: "i"}  # MAV_PARAM_TY
 def download_parameters(
     link: VehicleLink, vehicle: System, progress: Progress | None = None
 ) -> dict[str, float]:
-    """Download the parameters of `vehicle` by name; those missing are requested again, five times
-    at most.
+    """Download the parameters of `vehicle` by name; missing ones are requested five times at most.
 
     `progress` is called with the number received and their total. Some may still be missing then.
     Raise LinkError if the vehicle sends none.

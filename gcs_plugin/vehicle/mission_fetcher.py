@@ -85,8 +85,7 @@ class MissionFetcher(Output):
                 self._link.feed(data)
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
-        """Queue the requests for missions that are due, and pass missions that arrived to their
-        monitors.
+        """Queue the requests for missions that are due, and pass on those that arrived.
 
         One is due SETTLED s after the mission changed, the vehicle restarted or was heard again,
         and after a growing delay if unanswered. `now_us` is the ground's clock, µs.

@@ -379,8 +379,7 @@ class LiveView(ViewPage, Output):
         return [self._advised(one) for one in self._heard.summaries]
 
     def _advised(self, one: VehicleSummary) -> VehicleSummary:
-        """Return a summary with the largest fill, in kg and in words; unchanged if there is no such
-        advice.
+        """Return a summary with the largest fill, in kg and words; unchanged without one.
 
         Only this function makes the page's line on the fill.
         """
@@ -391,8 +390,7 @@ class LiveView(ViewPage, Output):
         return replace(one, largest=largest, fill=advice.text(largest))
 
     def _live_state(self, tab: str) -> dict[str, Any]:
-        """Return the page's state other than the aircraft as JSON, for one tab: link, overlay,
-        camera, focus.
+        """Return a tab's state other than the aircraft as JSON: link, overlay, camera, focus.
 
         While no aircraft is heard it also includes what to display before the first message.
         """
@@ -407,8 +405,7 @@ class LiveView(ViewPage, Output):
         return {**shown, "waiting": self._waiting()}
 
     def _waiting(self) -> dict[str, Any]:
-        """Return what to display before the first message: the links, and how a phone opens the
-        page.
+        """Return what to display before the first message: links, and the way for a phone.
 
         `page` is the address for a phone, `option` the option that opens the page to other devices.
         """
@@ -487,7 +484,7 @@ class LiveView(ViewPage, Output):
             one.label.position = position + scene.above(key)
 
     def _offset_ned(self, one: Aircraft, update: Update) -> Floats:
-        """Return the vector (3,), m NED, from the scene's origin to the origin of the aircraft's
+        """Return the vector (3,), m NED, from the scene's origin to that of the aircraft's
         positions.
 
         The scene's origin is that of the first aircraft that has one. Zero while either is unknown.

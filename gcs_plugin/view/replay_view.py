@@ -164,8 +164,7 @@ class ReplayView(ViewPage):
         self._tabs = Tabs(self._new_tab)
 
     def _new_tab(self, name: str) -> ReplayTab:
-        """Return a tab coloured by the first overlay, at the time and state that `seek` and `pause`
-        set.
+        """Return a tab with the first overlay, at the time and state set by `seek` and `pause`.
 
         Without such a call it plays from the begin of the flight.
         """
@@ -324,8 +323,7 @@ class ReplayView(ViewPage):
         self.ask(lambda: self._set_camera(tab, camera))
 
     def _replay_state(self, tab: str) -> dict[str, Any]:
-        """Return the state of a replay in a tab other than the aircraft: time, overlays and camera,
-        as JSON.
+        """Return a tab's state other than the aircraft as JSON: time, overlays and camera.
 
         Times are s from the first row.
         """
@@ -353,9 +351,7 @@ class ReplayView(ViewPage):
         return {"charts": charts.chart_images(self._analysis.places, self._speeds, now_s, **shown)}
 
     def _clicked(self, event: SceneClickEvent) -> None:
-        """Move the tab's time to the row whose position is nearest to the click; nothing if none is
-        near.
-        """
+        """Move the tab's time to the row of the position nearest to the click, if near."""
         tab = self._tabs.of_client(event.client_id)
         if tab.scene is None:
             return

@@ -192,8 +192,7 @@ class Debounce:
     since: float = float("nan")  # when the opposite of `active` began; NaN: it has not
 
     def after(self, time_s: float, on: bool, off: bool) -> Debounce:
-        """Return the state after the time `time_s`, s: `on` requests active, `off` inactive, else
-        no change.
+        """Return the state after `time_s`, s: `on` requests active, `off` inactive.
 
         The state changes once a request has lasted `hold` s (to active) or `release` s (to
         inactive) without a break.
@@ -286,8 +285,7 @@ class AlarmRule:
 
 
 def one_alarm(on: ArrayLike, off: ArrayLike, known: ArrayLike, **more: Any) -> AlarmChecks:
-    """Return the checks (N, 1) of a single alarm, from (N,) arrays or single values; N = 1 for the
-    latter.
+    """Return the checks (N, 1) of a single alarm, from (N,) arrays or single values (N = 1).
 
     `more` are further fields of AlarmChecks.
     """

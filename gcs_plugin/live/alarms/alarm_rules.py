@@ -152,8 +152,7 @@ def control(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
 
 
 def takeoff(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
-    """Return checks (N, 1), row by row of a run-up, of whether a finding up to it forbids to take
-    off.
+    """Return checks (N, 1), row by row of a run-up, of whether a finding by then forbids take-off.
 
     A finding clears at the first row after the run-up has ended.
     """
@@ -218,13 +217,12 @@ def _low(
     rotors=True,
     bad: Sequence[int] = (),
 ) -> AlarmChecks:
-    """Return checks (N, 1), row by row, of whether the least margin, 1 - `use` (N, R), is below the
-    limit.
+    """Return checks (N, 1), by row, of whether the least margin, 1 - `use` (N, R), is too low.
 
-    The limit is that of `s`. `ends` are the low and high ends (N, R) of the 90 % interval of `use`;
-    with the limit in it the alarm is a notice. Rows with `clears` (N,) clear above the limit, rows
-    with `off` (N,) at any margin. `what` names the margin; `rotors`: name the worst rotor; `bad`
-    are rotors, from 1, with an alarm.
+    The limit is `s`'s. `ends` are the low and high ends (N, R) of the 90 % interval of `use`; with
+    the limit in it the alarm is a notice. Rows with `clears` (N,) clear above the limit, rows with
+    `off` (N,) at any margin. `what` names the margin; `rotors`: name the worst rotor; `bad` are
+    rotors, from 1, with an alarm.
     """
     limit, at = 1.0 - s.max_utilisation, range(len(use))
     rotor = np.argmax(np.where(np.isfinite(use), use, -np.inf), axis=1)
@@ -317,8 +315,7 @@ def esc(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
 
 
 def heat(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
-    """Return checks (N, R), row by row, of whether an ESC or motor will soon be at its temperature
-    limit.
+    """Return checks (N, R), by row, of whether an ESC or motor soon reaches its temperature limit.
 
     Of the two of an arm the sooner one counts; soon is `s.heat_ahead` s. Unknown without
     temperatures.
@@ -365,9 +362,7 @@ def lead(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
 
 
 def desync(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
-    """Return checks (N, R), row by row, of whether a motor has lost synchronism `s.desyncs` times
-    or more.
-    """
+    """Return checks (N, R), by row, of whether a motor lost synchronism `s.desyncs` times."""
     none: Floats = np.full(now.analysis.track.rotor_speed_rpm[now.rows].shape, np.nan)
     falls = none if now.heat is None else now.heat.desyncs
     return AlarmChecks(

@@ -152,9 +152,7 @@ class Alarms:
         return sorted(events, key=lambda event: event.time_s)
 
     def _rest(self, analysis: FlightAnalysis, rows: slice) -> None:
-        """Store the battery's last voltage on the ground in these rows, V; before any, the first
-        received.
-        """
+        """Store the battery's last voltage on the ground, V; before any, the first received."""
         track = analysis.track
         volts = track.voltage[rows]
         rest = volts[(volts > 0.0) & ~track.flying[rows]]
@@ -198,8 +196,7 @@ class Alarms:
         pumped_kg: Floats,
         virtual_kg: Floats,
     ) -> list[TankBalance | None]:
-        """Return, for each row of the slice `rows`, the balance of the tank by gauge, pump and
-        thrust.
+        """Return, for each row of the slice `rows`, the tank by gauge, pump and thrust.
 
         None except once a second, and in all rows without a verdict. `clock_s`, s, `pumped_kg` and
         `virtual_kg` (mass by thrust) are (T,).
@@ -324,12 +321,11 @@ class Alarms:
         seen: tuple[bool, bool, bool, bool],
         missing: Missing,
     ) -> None:
-        """Apply one row of a rule's checks, at `time_s`, s, to one alarm; append its change to
-        `events`.
+        """Apply a row of a rule's checks, at `time_s`, s, to one alarm; note its change.
 
-        `at` is (row, column) in `found`. `seen` is on, off, known and over there; an alarm is over
-        at once when the vehicle has landed or its object no longer exists. `missing` is the reason
-        if unknown.
+        Changes are appended to `events`. `at` is (row, column) in `found`. `seen` is on, off, known
+        and over there; an alarm is over at once when the vehicle has landed or its object no longer
+        exists. `missing` is the reason if unknown.
         """
         on, off, known, over = seen
         before = self._conditions.get(key)
@@ -370,8 +366,7 @@ class Alarms:
         at: tuple[int, int],
         time_s: float,
     ) -> None:
-        """Raise the alarm `key` at `time_s`, s, with the text that `found` has at `at`, (row,
-        column).
+        """Raise the alarm `key` at `time_s`, s, with the text of `found` at (row, column).
 
         If it is listed, or was cleared within AGAIN s, it is the same alarm, and its count
         increases.
@@ -392,8 +387,7 @@ class Alarms:
         time_s: float,
         missing: Missing = Missing.NOTHING,
     ) -> None:
-        """Store the alarm with the state `state`; append an event at `time_s`, s, if it had
-        another.
+        """Store the alarm with `state`; append an event at `time_s`, s, if it had another.
 
         `missing` is why it cannot be confirmed. A cleared alarm is removed from the list.
         """
@@ -410,8 +404,7 @@ class Alarms:
 
 
 def _worded(alarm: Alarm, found: AlarmChecks, at: tuple[int, int]) -> Alarm:
-    """Return the alarm with severity, text and rotors of the check at `at`, (row, column) in
-    `found`.
+    """Return the alarm with severity, text and rotors that `found` has at (row, column).
 
     Texts are cut to the 50 characters of a STATUSTEXT.
     """

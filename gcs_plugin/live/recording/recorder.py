@@ -254,8 +254,7 @@ class Recorder:
     def samples(
         self, vehicle: int, boot: int, rows: pa.RecordBatch, provisional: pa.RecordBatch
     ) -> None:
-        """Queue final `rows` of samples for writing. All batches of one vehicle and boot have one
-        schema.
+        """Queue final `rows` of samples for writing. Batches of one boot have one schema.
 
         `provisional` rows are written too, and replaced at the next call for the vehicle, which
         contains them again. After a restart (another `boot`) they stay.

@@ -43,8 +43,7 @@ class DeliveryMeter:
         self._points: deque[tuple[float, float]] = deque()  # kg by the gauge, kg pumped
 
     def add(self, gauge: float, pumped: float) -> None:
-        """Add a sample, in order of time: kg by the gauge, and kg pumped so far; ignored if one is
-        NaN.
+        """Add the next sample: kg by the gauge, and kg pumped so far; ignored if NaN.
 
         A refill, or a count that begins anew, begins the comparison anew.
         """
@@ -109,8 +108,7 @@ class BalanceWatch:
         self._first = self._last = 0
 
     def add(self, time_s: float, gauge: float, pumped: float, virtual: float) -> None:
-        """Add a sample in order of time, s: kg by the gauge, kg pumped so far, kg by the virtual
-        gauge.
+        """Add the next sample: time, s; kg by gauge; kg pumped so far; kg by virtual gauge.
 
         NaN where unknown. A step back in time, or a pause of more than 5 s, begins a new window.
         """
@@ -126,8 +124,7 @@ class BalanceWatch:
             self._first += 1
 
     def balance(self) -> TankBalance | None:
-        """Return the losses of the tank over the window by each estimate, kg; None until it is
-        full.
+        """Return the tank's loss over the window by each estimate, kg; None until full.
 
         A loss is the mean over the first `end` s less the mean over the last; NaN if either is
         unknown.

@@ -143,7 +143,8 @@ def fold_mission(state: VehicleState, frame: Frame) -> VehicleState:
     Items are gathered until as many as MISSION_COUNT announced have come, and then become the
     mission. A count or MISSION_CLEAR_ALL from a ground station, or the vehicle's MISSION_ACK after
     an upload, shows that the mission on board is replaced; a count from the vehicle begins a
-    download. Fences and rally points change nothing.
+    download. An item outside a transfer replaces the one of its number. Fences and rally points
+    change nothing.
     """
     columns = fields(frame)
     if columns is None or int(columns["mission_type"][0]) not in (0, OF_ALL_KINDS):
@@ -265,8 +266,7 @@ def dated_by_gps(
     groups: Mapping[str, tuple[NDArray[np.intp], NDArray[np.void]]],
     already: int | None,
 ) -> Bools:
-    """Flag the frames (n,) at or after the first GPS time of their start of the vehicle, `boots`
-    (n,).
+    """Flag the frames (n,) from the first GPS time of their start of the vehicle, `boots` (n,).
 
     `groups` is the result of `grouped`. No frame of the start `already` is flagged: its GPS time
     was known before these frames.

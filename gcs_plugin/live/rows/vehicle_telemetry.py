@@ -214,8 +214,7 @@ class VehicleTelemetry:
         self._restart()
 
     def rows(self) -> list[LiveRows]:
-        """Return the new rows of the stored frames, in order, in parts; the frames are then
-        dropped.
+        """Return the rows of the stored frames, in order, in parts; then drop the frames.
 
         A new part begins where the vehicle restarted, and where it reported something new
         (parameters, its kind, its first GPS time), which is valid from the next row on. Empty, and
@@ -274,8 +273,7 @@ class VehicleTelemetry:
     def _part(
         self, boot: int, piece: _Piece, streams: dict[str, Stream], until_s: float
     ) -> LiveRows | None:
-        """Make the rows of restart number `boot` from messages up to `until_s`, s of the vehicle's
-        clock.
+        """Make the rows of start number `boot` up to `until_s`, s of the vehicle's clock.
 
         `streams` are the messages by name, during which the vehicle's state was `piece.state`.
         `rows` sets the stamps of the result. None if no row is complete yet, or the vehicle's
@@ -385,8 +383,7 @@ class VehicleTelemetry:
         return self._motors
 
     def stale(self) -> dict[str, float]:
-        """Return the fields that are no longer reported, in words, each with the s since its last
-        report.
+        """Return the fields no longer reported, in words, each with the s since its last.
 
         A field is listed beyond its channel's age limit; one never reported is not. Time is the
         vehicle's clock up to the last message that `rows` has processed: frames not processed may

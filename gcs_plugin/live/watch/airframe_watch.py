@@ -121,8 +121,7 @@ class AirframeWatch:
     def look(
         self, track: FlightTrack, facts: VehicleFacts, parameters: Mapping[str, float]
     ) -> AirframeMatch:
-        """Add new rows, in order of time, and return the match that holds from the first of them
-        on.
+        """Add new rows, in order of time, and return the match that holds from the first on.
 
         `facts` and `parameters` are what the vehicle has reported so far. Another rotor count
         contradicts at once. The match must not depend on how many rows come at once: the caller

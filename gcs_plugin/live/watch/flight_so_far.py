@@ -137,9 +137,7 @@ class FlightSoFar:
 
     @cached_property
     def so_far(self) -> FlightAdvice:
-        """Return the advice that a report of these rows would give, with the faults that alarms
-        found.
-        """
+        """Return the advice of a report of these rows, with the faults that alarms found."""
         track, state = self._prepared, self.state
         made = advise(
             analyse(track, self.model, airframe_match=self.shown_by(self.airframe_match)),
@@ -207,8 +205,7 @@ class SortieRows:
         state: VehicleState,
         events: Sequence[AlarmEvent],
     ) -> None:
-        """Add the next rows of the vehicle, in order of time, and compute the flight's result anew
-        if due.
+        """Add the vehicle's next rows, and compute the flight's result anew if due.
 
         `clock_s` (T,) is the vehicle's clock, s, at the rows of `track` (T at least 1).
         `airframe_match` and `state` are the latest decision on the airframe and the vehicle's
@@ -312,8 +309,7 @@ class SortieRows:
         self._reported = False
 
     def _begin(self, down_s: float, up_s: float) -> None:
-        """Begin another flight after a stay on the ground from `down_s` to `up_s`, s of the track's
-        time.
+        """Begin another flight after a stay on the ground, `down_s` to `up_s`, track's s.
 
         Of the stay the later half is kept, at most REST s.
         """

@@ -64,8 +64,7 @@ class LandedFlights:
             lasting += stamped
 
     def follow_landing(self, flying: Bools, stamp_us: NDArray[np.int64]) -> None:
-        """Set `landed_us` from new rows: the stamp of the first row on the ground after the last in
-        flight.
+        """Set `landed_us` to the stamp of the first row on the ground after the last in flight.
 
         `flying` (N,) flags rows in flight; `stamp_us` (N,) is the ground's clock, µs. It becomes 0
         where the last row is in flight, and stays if no row is, and none was.
@@ -77,16 +76,13 @@ class LandedFlights:
             self.landed_us = 0 if self._was_flying else int(stamp_us[down])
 
     def forget(self, before_us: float) -> None:
-        """Drop messages from before `before_us`, the ground's clock, µs, except those that stay
-        valid.
-        """
+        """Drop messages before `before_us`, the ground's clock, µs, that are of no use later."""
         for k, (first_us, whole, lasting) in enumerate(self._chunks[:-1]):
             if self._chunks[k + 1][0] <= before_us and len(whole) > len(lasting):
                 self._chunks[k] = first_us, lasting, lasting
 
     def answer(self, flight: FlightSoFar) -> Callable[[], FlightAdvice | None]:
-        """Start the report of an ended flight; return a function that returns its advice, None
-        until ready.
+        """Start an ended flight's report; return a function for its advice, None until ready.
 
         If no report can be made, it is the advice that `flight` has from the live rows.
         """

@@ -121,8 +121,7 @@ class LookAhead:
         mission_item: int,
         state: VehicleState,
     ) -> None:
-        """Set `now` to the forecast from one row of the analysis, at the vehicle's clock `clock_s`,
-        s.
+        """Set `now` to the forecast from one row, at the vehicle's clock `clock_s`, s.
 
         `pump_share` is the pump's output, 0 to 1, NaN if unknown; `mission_item` the number of the
         item flown to, -1 if unknown.
@@ -149,8 +148,7 @@ class LookAhead:
     def _flow(
         self, clock_s: float, level: float, error: float, pump_share: float, delivery: float
     ) -> float:
-        """Return the flow out of the tank while spraying, kg/s, from the pump, else the gauge's
-        fall.
+        """Return the flow out of the tank while spraying, kg/s, by pump, else by gauge.
 
         `pump_share` is the pump's output, 0 to 1, NaN if unknown: off, the last flow is kept.
         `delivery` is the ratio of delivered to pumped liquid; `level` kg, with the standard error
@@ -205,8 +203,7 @@ class LookAhead:
 
 
 def recorded_seconds_to_empty(track: FlightTrack, row: int) -> float:
-    """Return the s until a recorded flight's tank is empty, at its rate in the FLOW_WINDOW s before
-    `row`.
+    """Return the s until a recorded flight's tank is empty, at its rate in FLOW_WINDOW s to `row`.
 
     NaN where the level is known for less than 80 % of that window or does not fall significantly.
     """

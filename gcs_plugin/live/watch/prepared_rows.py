@@ -53,8 +53,7 @@ class FrozenWatch:
         self._voltage = VoltageSoFar()
 
     def without_frozen(self, track: FlightTrack, parameters: Mapping[str, float]) -> FlightTrack:
-        """Return new rows, in order of time, with NaN for a broken voltage and for channels frozen
-        by now.
+        """Return the next rows with NaN for a broken voltage and for channels frozen by now.
 
         Channels are checked every EVERY s; one that moves again is returned from this call on. Rows
         that begin no later than the last ones begin a new flight.
@@ -121,8 +120,7 @@ class RowPreparation:
         self._inferred = Inferred()
 
     def parts(self, rows: LiveRows) -> Iterator[LiveRows]:
-        """Yield the new rows in parts of at most PART s that begin where the airframe is compared
-        again.
+        """Yield the rows in parts of at most PART s that begin where the airframe is compared.
 
         So a decision between two rows does not depend on how many rows came at once.
         """
@@ -142,8 +140,7 @@ class RowPreparation:
     def prepare(
         self, new: LiveRows, facts: VehicleFacts, parameters: Mapping[str, float]
     ) -> LiveRows:
-        """Return new rows without frozen readings, with inferred speeds and load where the airframe
-        matches.
+        """Return new rows without frozen readings; with inferred ones if the airframe matches.
 
         The match, `airframe_match`, is decided first, and holds from their first row on. `facts`
         and `parameters` are the vehicle's own reports.

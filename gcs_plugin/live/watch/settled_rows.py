@@ -85,8 +85,7 @@ class SettledRows:
         *,
         last: bool,
     ) -> tuple[AlarmEvent, ...]:
-        """Return the events, sorted by time, with the Unix time at which the report arrived that
-        showed them.
+        """Return the events with the Unix time of the report that showed them, sorted by it.
 
         Where predictions are final only later, that is the report that made them final. `last`: no
         further report will come, and the newest counts. `time_s` (T,) is the track's, s; `arrays`
@@ -106,8 +105,7 @@ class SettledRows:
 
 
 def kept_rows(last: Update, look_back_s: float) -> tuple[slice, FlightState | None]:
-    """Return the rows of the last update that the next one needs, and the model's state before
-    them.
+    """Return the rows of the last update that the next needs, and the model's state before them.
 
     They are the rows that are not final, and `look_back_s` s before, which the model needs; at
     least SHOWN.

@@ -272,8 +272,7 @@ class VehicleMonitor:
     def _state_under_claim(
         self, before: AirframeMatch, new: LiveRows, start: FlightState | None
     ) -> FlightState | None:
-        """Report a changed decision on the airframe in `notes`; return the model's state for the
-        new rows.
+        """Note a changed decision on the airframe; return the model's state for new rows.
 
         `before` is the decision of the last rows, `start` the model's state after them. Return
         None, to start anew, if the verdict was allowed or withdrawn with the change.
@@ -304,8 +303,7 @@ class VehicleMonitor:
     def _beyond_the_rows(
         self, analysis: FlightAnalysis, first: int, new: LiveRows
     ) -> dict[str, NDArray[Any]]:
-        """Return the arrays that CARRIED names for the new rows, which are the analysis's from
-        `first` on.
+        """Return the arrays that CARRIED names for the rows `new`, the analysis's from `first` on.
 
         They are vehicle's and ground's clock, pumped and delivered mass, kg, and the least margin
         on the remaining route.
@@ -347,8 +345,7 @@ class VehicleMonitor:
         return max(self.telemetry.read_us - int(self.last.stamp_us[-1]), 0) * 1e-6
 
     def stale(self, now_us: int) -> str:
-        """Return the sentence on fields that are no longer reported at `now_us`, the ground's
-        clock, µs.
+        """Return the sentence on fields no longer reported at `now_us`, the ground's clock, µs.
 
         Empty if all are, or while the vehicle as a whole is silent.
         """

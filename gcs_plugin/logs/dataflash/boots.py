@@ -119,8 +119,7 @@ def boots_of(
 
 
 def _stream(messages: Messages, units: Units, *, in_text: bool) -> Stream | None:
-    """Return the messages as a Stream; None if a time is missing, or a required column, or all
-    messages.
+    """Return the messages as a Stream; None if there are none, or a time or column is missing.
 
     `in_text`: they are from a text log, whose numbers are scaled already. Parameters and mission
     items need no time.
@@ -208,9 +207,7 @@ def _unix_offset(stream: Stream | None) -> float | None:
 
 
 def _waypoints(stream: Stream | None) -> tuple[PlanItem, ...]:
-    """Return the mission items as last logged in messages CMD, in order of numbers; empty if none
-    is.
-    """
+    """Return the mission items as last logged in messages CMD, in order; empty if none is."""
     if stream is None:
         return ()
     columns = columns_of(stream)

@@ -77,8 +77,7 @@ class DataFlashColumns:
 
 
 def own_clock(columns: Sequence[str]) -> tuple[str, float] | None:
-    """Return the name of the column with the vehicle's clock and the length of its unit, s; else
-    None.
+    """Return the name of the column with the vehicle's clock, and its unit in s; else None.
 
     Logs from before 2015 count ms; their GPS message has the clock in T, and its TimeMS is of the
     GPS week.

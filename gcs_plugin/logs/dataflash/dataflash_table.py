@@ -246,8 +246,7 @@ def _rangefinder_good(columns: DataFlashColumns) -> np.ndarray:
 
 
 def _core(streams: Mapping[str, Stream], names: tuple[str, ...]) -> tuple[str, Stream] | None:
-    """Return name and stream of the first message of `names` that is present; None if all are
-    absent.
+    """Return name and stream of the first message of `names` that is present, else None.
 
     Of a message with several EKF cores only the rows of core 0 are kept.
     """

@@ -168,8 +168,7 @@ def _formats(data: Bytes, start: Index) -> dict[int, Format]:
 
 
 def _torn_tail(data: Bytes, size: int, lengths: NDArray[np.int64]) -> int:
-    """Return the offset of a last message that the end of the file cuts off; `size` if there is
-    none.
+    """Return the offset of a last message that the end of the file cuts off, else `size`.
 
     `size` is the file's length and `lengths` (256,) the bytes of each message type, 0 if unknown.
     """

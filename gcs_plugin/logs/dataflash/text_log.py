@@ -116,8 +116,7 @@ def _format(rest: bytes) -> Format | None:
 
 
 def _table(form: Format, cells: list[list[str]]) -> tuple[NDArray[np.void], Bools]:
-    """Return the lines whose every cell fits its format letter, and flags (n,) of these among all
-    n.
+    """Return the lines whose every cell fits its format letter, and their flags (n,) among all.
 
     `cells` are the cells of each line of one message. The lines are a structured array with float64
     or S64 columns; NaN is a number.

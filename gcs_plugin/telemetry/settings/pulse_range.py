@@ -108,9 +108,7 @@ class PulseRange:
     unit: str = "µs"  # of another protocol than pulses: "counts"
 
     def share(self, pulses: Floats) -> Floats:
-        """Return the output from 0 to 1, in the shape of `pulses`, in the range's unit; NaN for 0
-        or less.
-        """
+        """Return the output, 0 to 1, of `pulses` in the range's unit; NaN for 0 or less."""
         share = np.clip((pulses - self.low_us) / (self.high_us - self.low_us), 0.0, 1.0)
         return np.where(pulses > 0, share, np.nan)
 
@@ -132,8 +130,7 @@ def ranges_remark(ranges: Iterable[PulseRange]) -> Statement:
 def pulse_ranges(
     parameters: Mapping[str, float], outputs: Sequence[int], *, bank: str = "MAIN"
 ) -> tuple[PulseRange, ...]:
-    """Return the pulse range that parameters set for each servo output in `outputs`, numbered from
-    0.
+    """Return the pulse range that parameters set for each servo output in `outputs`, from 0.
 
     Where none is set it is 1000 to 2000 µs, with an empty `set_by`. `bank` is PX4's "MAIN" or
     "AUX".
@@ -142,9 +139,7 @@ def pulse_ranges(
 
 
 def span_of(values: Iterable[Floats], before: Span = NOTHING_SENT) -> Span:
-    """Return (smallest, largest) value above 0 in all arrays and the span `before`; (inf, 0)
-    without any.
-    """
+    """Return the least and the largest value above 0 of all arrays and `before`, else (inf, 0)."""
     low, high = before
     for sent in values:
         there = sent[sent > 0]

@@ -183,8 +183,7 @@ MOST_CELLS = 100
 def _battery(
     parameters: Mapping[str, float], highest_voltage: float, battery: StatedBattery
 ) -> dict[str, Quantity]:
-    """Return {"nominal_voltage": V} by the first stated number of cells that `highest_voltage`
-    allows.
+    """Return {"nominal_voltage": V} by the first stated cell count that `highest_voltage` allows.
 
     Cells are stated by `battery` or BAT1_N_CELLS. Otherwise use the cells that other settings and
     the voltage agree on; empty if nothing is known.
@@ -203,8 +202,7 @@ def _battery(
 def _cells_by_settings(
     parameters: Mapping[str, float], highest_voltage: float
 ) -> dict[str, Quantity]:
-    """Return {"nominal_voltage": V} by the cell count that fits settings and the log's voltage
-    best.
+    """Return {"nominal_voltage": V} by the cell count that best fits settings and voltage.
 
     The count is marked as guessed if a single voltage supports it, or if lithium polymer,
     high-voltage and lithium ion cells give different counts. Empty if no cell count allows the

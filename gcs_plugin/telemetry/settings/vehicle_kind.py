@@ -93,7 +93,7 @@ def vehicle_facts(
     """Return kind and rotors of a vehicle by its parameters, its MAV_TYPE and its status texts.
 
     If not `whole`, more parameters may follow, and motors are not counted by SERVOn_FUNCTION until
-    1 to 16 are all known. Rotors are counted for vehicles that lift by rotors only, else 0.
+    1 to 16 are all known. Rotors are counted only of vehicles that rotors lift; else 0.
     """
     if not whole and any(f"SERVO{n}_FUNCTION" not in parameters for n in OUTPUTS):
         functions = {f"SERVO{n}_FUNCTION" for n in range(1, 33)}
@@ -110,8 +110,7 @@ def vehicle_facts(
 def _kind(
     parameters: Mapping[str, float], mav_type: int | None, texts: tuple[str, ...]
 ) -> tuple[VehicleKind, Evidence]:
-    """Return the kind of vehicle and the evidence for it, from parameters, MAV_TYPE and status
-    texts.
+    """Return the kind of vehicle and its evidence, from parameters, MAV_TYPE and status texts.
 
     "unknown" and no evidence if these do not show it.
     """
@@ -196,8 +195,7 @@ def _counted(count: int, evidence: Evidence) -> Statement:
 def _by_frame(
     parameters: Mapping[str, float], texts: tuple[str, ...], *, winged: bool
 ) -> tuple[int, Evidence]:
-    """Return the number of motors of ArduPilot's frame and the evidence for it; 0 and "" if
-    unknown.
+    """Return the number of motors of ArduPilot's frame and its evidence; 0 and "" if unknown.
 
     The frame is FRAME_CLASS, of a quadplane (`winged`) Q_FRAME_CLASS, else a status text "Frame:
     ...".

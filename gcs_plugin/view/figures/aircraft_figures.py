@@ -137,8 +137,7 @@ def _room(places: Floats) -> float:
 
 
 def _tank(row: ShownRow, airframe: Airframe) -> dict[str, Any]:
-    """Return the tank level in kg and in litres, the tank's capacity, and its share that is full,
-    as JSON.
+    """Return the tank level in kg, litres and as a share, and the tank's capacity, as JSON.
 
     Litres are by the airframe's density, 1 kg/L without one. A `capacity_l` of 0 means an aircraft
     without a tank. `within_kg` is half the 90 % interval of an inferred level.
@@ -160,8 +159,7 @@ def _tank(row: ShownRow, airframe: Airframe) -> dict[str, Any]:
 
 
 def _lost(row: ShownRow) -> dict[str, Any]:
-    """Return the code of what happens if one rotor is lost, with the redundancy, its interval and
-    colour.
+    """Return the code of what happens if a rotor is lost, with redundancy, interval and colour.
 
     "bad_part" or "no_data" if unknown; "sinks"; "cannot_tell" if the aircraft would stay up, but
     not by more than the error of redundancy; "spins" if yaw is lost; "holds".

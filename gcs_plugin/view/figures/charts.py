@@ -52,8 +52,7 @@ class Speeds(NamedTuple):
 def chart_images(
     places: Sequence[str], speeds: Speeds, now_s: float, *, window_s: float, future_share: float
 ) -> list[dict[str, Any]]:
-    """Return one chart for each rotor of `places`, their names: its number from 1, name, and an
-    SVG.
+    """Return a chart for each rotor of `places`, their names: number from 1, name, and SVG.
 
     The window is `window_s` s long; the share `future_share` of it is after `now_s`, on the clock
     of `speeds`. The page sets the line colours.
@@ -74,8 +73,7 @@ def chart_images(
 
 
 def shown_rows(time_s: Floats, start_s: float, end_s: float) -> NDArray[np.intp]:
-    """Return the indices of the rows at `time_s` (T,) from `start_s` to `end_s`, thinned to about
-    POINTS.
+    """Return the rows at `time_s` (T,) from `start_s` to `end_s`, thinned to about POINTS.
 
     The stride is counted from the flight's first row, so that points do not change while the window
     moves.
@@ -143,8 +141,7 @@ def speed_range(given: Speeds) -> tuple[float, float]:
 
 
 def timeline_colours(analysis: FlightAnalysis, least: float = 0.5) -> list[str]:
-    """Return the CSS colours of equally long parts of the flight, by the least thrust margin in
-    each.
+    """Return CSS colours of equally long parts of the flight, by the least margin in each.
 
     The colour scale turns at `least`, the share of thrust that must be left. Grey is a part on the
     ground, or one without a known margin. There are at most STRETCHES parts; one grey for fewer

@@ -99,9 +99,7 @@ class FillAdvice:
         return self._fill
 
     def text(self, fill: NextFill) -> str:
-        """Return the sentence on `fill`, then the day for which it holds, then a problem in reading
-        that day.
-        """
+        """Return the sentence on `fill`, then the day it is for, then a problem in reading it."""
         if fill.reason == "unsound":
             return f"{say(UNSOUND)}."
         of_day = f"{day_line(self._day, self._loaded_v)}{self._problem}"
@@ -188,8 +186,7 @@ class PageState:
         return made
 
     def acknowledge(self, vehicle: int | None = None) -> None:
-        """Mark every active alarm as known to the pilot, and the answer of a vehicle's last flight
-        as seen.
+        """Mark all alarms as known to the pilot, and the answer of a last flight as seen.
 
         That is vehicle `vehicle`; for None the only one, and none of several: answers that are not
         first on the page were not seen.
@@ -299,8 +296,7 @@ class PageState:
         return {"number": one.number, "at": _at(self._clock() - round(one.silent * 1e6))}
 
     def _landed(self, one: VehicleSummary) -> dict[str, Any] | None:
-        """Return when the last flight ended (time of day), the s since then, and whether its answer
-        is unseen.
+        """Return the last flight's end (time of day), s since, and if its answer is unseen.
 
         None in the air, and without an answer.
         """
@@ -310,8 +306,7 @@ class PageState:
         return {"at": _at(one.landed_us), "ago_s": round(ago_s), "unseen": one.finding}
 
     def _vehicle(self, one: VehicleSummary) -> dict[str, Any]:
-        """Return the state of an aircraft as JSON, with its figures; `figures` is None before the
-        first row.
+        """Return the state of an aircraft as JSON; `figures` is None before the first row.
 
         The age is None for a recorded flight.
         """

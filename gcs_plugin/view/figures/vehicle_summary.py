@@ -138,8 +138,7 @@ class VehicleSummary:
         return "", self.pending, "green" if calm else "grey"
 
     def _leads(self, answer: FlightAnswer) -> bool:
-        """Return True if a flight's answer is displayed before the alarms that are listed on the
-        ground.
+        """Return True if a flight's answer is displayed before the alarms on the ground.
 
         It is if the aircraft was damaged or lost, or if no other alarm is a warning or graver.
         """

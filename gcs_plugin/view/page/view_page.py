@@ -94,8 +94,7 @@ class ViewPage(ABC):
         return f"http://{address_of(self._host)}:{self._server.get_port()}{ends}"
 
     def phone_page(self) -> dict[str, str] | None:
-        """Return keys `url` and `code`: the page's address with token for a phone, and its QR code
-        as SVG.
+        """Return `url`, the page's address with token for a phone, and `code`, its QR code (SVG).
 
         None where no phone in the network can reach the page, or it is not open.
         """
@@ -234,8 +233,7 @@ class Tabs(Generic[Of]):
         self.shared = new("")
 
     def of(self, name: str) -> Of:
-        """Return the tab of this name, a new one at its first request; the shared one for an empty
-        name.
+        """Return the tab of this name, at first a new one; the shared one for "".
 
         Of more than MOST_TABS the one unused longest is forgotten. Safe to call from any thread.
         """

@@ -40,8 +40,7 @@ class Overlay:
     extreme: str = "worst"  # what its worst value is called
 
     def at(self, row: int, time_s: float, rotor_names: Sequence[str]) -> dict[str, Any]:
-        """Return the value of row `row` as JSON for the page, with its rotor and `time_s`, s, as a
-        clock.
+        """Return the value of row `row` as JSON, with its rotor and `time_s`, s, as a clock.
 
         `number` is the rotor's, from 1, and `place` its name; None and "" where the value is not a
         rotor's.
@@ -123,8 +122,7 @@ def speed_overlay(track: FlightTrack) -> Overlay:
 
 
 def before_and_after(before: FlightAnalysis, after: FlightAnalysis) -> tuple[Overlay, Overlay]:
-    """Return the overlays of the residual, rpm, of one flight under two models, with one colour
-    scale.
+    """Return overlays of the residual, rpm, of one flight under two models, on one colour scale.
 
     The scale ends at the value that 98 % of the rows in flight under the first model do not exceed.
     Raise DataError if the two are of different flights.
@@ -147,8 +145,7 @@ def _residual(name: str, analysis: FlightAnalysis, note: str = "") -> Overlay:
 
 
 def residual_limit(residual_rpm: Floats, flying: Bools) -> float:
-    """Return the end of the residual's colour scale: the 98 % quantile, rpm, of absolute residuals
-    (T,).
+    """Return the end of the residual's colour scale: the 98 % quantile, rpm, of its size (T,).
 
     Only rows that `flying` (T,) flags count. At least 1; 1 where no residual is known.
     """

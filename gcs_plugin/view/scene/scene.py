@@ -202,11 +202,10 @@ class Scene:
         self._lines("/world/swaths", flat, FIELD_GREEN, 2.0)
 
     def set_plan(self, key: str, points_enu: Floats, ground: float) -> None:
-        """Draw the planned path of aircraft `key` through W positions, flat at the height `ground`,
-        m.
+        """Draw the planned path of aircraft `key`, flat at the height `ground`, m.
 
-        `points_enu` (W, 3) is in m; with W below 2 a path drawn before is removed. Legs of a large
-        plan that no picture of it can distinguish are drawn once.
+        `points_enu` (W, 3) are its places, m; with W below 2 a path drawn before is removed. Legs
+        of a large plan that no picture of it can distinguish are drawn once.
         """
         name = f"/world/plan_{key}"
         legs = distinct_legs(points_enu[:, :2])
@@ -219,8 +218,7 @@ class Scene:
             self._planned.remove(name)
 
     def set_route(self, key: str, points_enu: Floats, values: Floats, scale: ColourScale) -> None:
-        """Draw the flown segments (S, 2, 3), m east, north, up, of aircraft `key`, in place of
-        earlier ones.
+        """Draw aircraft `key`'s flown segments (S, 2, 3), m east, north, up, replacing others.
 
         Segment k has the colour of `values[k]`, of S values, on `scale`.
         """
@@ -253,8 +251,7 @@ class Scene:
         self._pin.visible = self._pinned and self.camera is Camera.FIELD and not self._covered
 
     def in_world(self, origin: Sequence[float], ray: Sequence[float]) -> tuple[Floats, Floats]:
-        """Convert a ray of the page to coordinates of the world, which moves under a following
-        camera.
+        """Convert a ray of the page to coordinates of the world, which a camera moves.
 
         `origin` (3,) is in m, `ray` (3,) a direction; return both as arrays (3,).
         """
@@ -269,7 +266,7 @@ class Scene:
         self._rescale()
 
     def add_name(self, key: str) -> LabelHandle:
-        """Add a label with the name `key` of an aircraft, hidden until it is placed, and return it."""
+        """Add and return a label with an aircraft's name `key`, hidden until it is placed."""
         return self._api.add_label(
             f"/world/name_{key}",
             key,
@@ -348,9 +345,7 @@ class Scene:
         self._note.text = ", ".join(dict.fromkeys(note))
 
     def _look(self) -> None:
-        """Aim the camera of this scene's browser; without a browser, that of all pages that open
-        later.
-        """
+        """Aim the camera of this scene's browser; without one, of all pages that open later."""
         if self._client is not None:
             self._aim(self._client)
             return
@@ -412,9 +407,7 @@ def row_hit(points_enu: Floats, among: Bools, origin: Floats, ray: Floats) -> in
 
 
 def grid_cell(extent: float) -> float:
-    """Return the side of a grid's cells, m: the 1, 2, 5 or 10 times a power of ten nearest to
-    extent / 10.
-    """
+    """Return the side of a grid's cell, m: the 1, 2, 5 or 10 x power of ten nearest extent / 10."""
     raw = extent / 10
     power = 10.0 ** np.floor(np.log10(raw))
     return float(power * min((1, 2, 5, 10), key=lambda m: abs(m * power - raw)))

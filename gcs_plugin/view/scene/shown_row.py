@@ -250,8 +250,7 @@ def plan_enu(waypoints: Sequence[PlanItem], origin: Origin | None, ground: float
 
 
 def distinct_legs(points: Floats) -> Floats:
-    """Return the legs (S, 2, 2) between successive `points` (W, 2), m, that a picture of all can
-    show.
+    """Return the legs (S, 2, 2) between successive `points` (W, 2), m, that a picture can show.
 
     A pixel is 1/PIXELS of the longer side. Of legs with both ends on the same two pixels the first
     is returned, and none within one pixel.

@@ -142,9 +142,7 @@ class Surroundings:
         self._homes: dict[str, Floats] = {}
 
     def home(self, key: str, position_enu: Floats) -> None:
-        """Draw a square of 2 m and a label at the origin of aircraft `key`'s positions, (3,) m in
-        the scene.
-        """
+        """Draw a square and a label at the origin of aircraft `key`'s positions, (3,) m."""
         if key in self._homes and np.allclose(self._homes[key], position_enu):
             return
         self._homes[key] = position_enu
@@ -162,8 +160,7 @@ class Surroundings:
             self.lines(f"/world/sprayed_{key}", points_enu, SPRAYED, 14.0)
 
     def wind(self, wind_ned: Floats, place_enu: Floats, length: float) -> None:
-        """Draw a label with the wind's speed, and an arrow of `length` m centred at `place_enu`
-        (3,), m.
+        """Draw the wind's speed and an arrow of `length` m centred at `place_enu` (3,), m.
 
         `wind_ned` (3,), m/s, is the velocity of the air, in whose direction the arrow points. No
         arrow below LEAST_WIND; neither for NaN.
