@@ -116,7 +116,8 @@ def _statement(
 ) -> VehicleStatement:
     """Compare the vehicle's events `same` with the log at the time of the first of them.
 
-    They are of one kind and one subject. Other arguments are those of `vehicle_statements`.
+    They are of one kind and one subject. `faults` and `losses` are those found in the flight;
+    `yaw_reserve` (T,) is the unused share of yaw authority, None without airframe.
     """
     first = same[0]
     named = ()

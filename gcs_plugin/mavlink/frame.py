@@ -234,8 +234,9 @@ class Walk:
         """Yield class, offset and header of frames from before `stop`, of `size` bytes.
 
         The offset is that of the stamp of `gap` bytes, if any. Yielded are good and unverified
-        frames, and those with a wrong checksum where a frame was expected. `closed` is as in
-        `examine`. With `wait`, stop at the first that more bytes may complete.
+        frames, and those with a wrong checksum where a frame was expected. `closed`: another frame
+        may begin after the last byte. With `wait`, stop at the first frame that more bytes may
+        complete.
         """
         while self.position + gap < stop:
             start = self.position + gap

@@ -14,8 +14,9 @@ def printable(raw: bytes) -> str:
 
 
 def piece(raw: bytes) -> str:
-    """Return a field's text as `printable` does but untrimmed, for a text sent in several
-    fields.
+    """Return a field's text up to its first zero byte, for a text that is sent in several fields.
+
+    Control characters become spaces; nothing is trimmed.
     """
     return clean(bytes(raw).split(b"\0", 1)[0].decode("utf-8", "replace"))
 

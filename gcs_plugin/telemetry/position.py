@@ -119,7 +119,8 @@ def _airborne(
 
     The rest follow the landed state and the height; without a landed state, thrust above IDLE_SHARE
     of that in cruise by rotor speeds or outputs; without these, a height of more than 1 m above
-    home. Stretches in which the aircraft is held are on the ground. Arguments as in `airborne`.
+    home. Stretches in which the aircraft is held are on the ground. `clock_s` (T,) is the vehicle's
+    clock, s; `channels` are on these rows.
     """
     on = _motors_on(signals, clock_s)
     if not on.any():
@@ -241,9 +242,10 @@ def _motors_on(signals: Signals, clock_s: Floats) -> Bools:
 
 
 def _idle_throughout(above_idle: Bools, clock_s: Floats) -> Bools:
-    """Flag rows (T,) that are not above idle and more than IDLE_S from the nearest row that is.
+    """Flag rows (T,) not above idle that are more than IDLE_S s from the nearest row above idle.
 
-    A shorter time at idle may be a fast descent. `clock_s` (T,) grows.
+    `above_idle` (T,) flags the latter, `clock_s` (T,), s, ascends. A shorter time at idle may be a
+    fast descent. All rows are flagged if none is above idle.
     """
     when = clock_s[above_idle]
     if when.size == 0:
@@ -298,11 +300,11 @@ def airborne_so_far(
     contact: GroundContact,
     before: HeldSoFar,
 ) -> tuple[Bools, Provenance, GroundContact, HeldSoFar]:
-    """Flag rows (T,) off the ground from past rows only; also return their source and two new
-    states.
+    """Flag rows (T,) off the ground from past rows only; return source and two new states too.
 
-    `contact` and `before` are the states that the last call returned; arguments otherwise as in
-    `airborne`. Unlike there, the last moments before a landing count as flying, half the empty
+    `contact` and `before` are the states that the last call returned. `clock_s` (T,) is the
+    vehicle's clock, s; `channels`, on these rows, must include rotor_speed_rpm and throttle, (T,
+    R). Unlike in `airborne`, the last moments before a landing count as flying, half the empty
     weight replaces the unknown cruise thrust, and an armed vehicle without rotor speeds counts as
     flying, so that it is watched.
     """

@@ -154,10 +154,10 @@ def rejected_readings(
 ) -> tuple[Statement, ...]:
     """Return statements on the readings rejected in flight, one for each rotor and reason.
 
-    A reason that concerns every rotor makes one statement. `hidden` (T, R) is from
-    `stopped_in_flight`; `clock_s` and `flying` are (T,). `counted` adds the number of readings,
-    which a listener cannot know yet, and the rotors without a reading for SILENT of the rows
-    (`speeds`, (T, R)) in which another has one.
+    A reason that concerns every rotor makes one statement. `hidden` (T, R) flags a zero speed in
+    flight with unknown output; `clock_s`, s, and `flying` are (T,). `counted` adds the number of
+    readings, which a listener cannot know yet, and the rotors that lack a reading in more than
+    SILENT of the rows in which another has one (`speeds`, (T, R)).
     """
     rows_by_rotor: dict[int, dict[int, int]] = {why: {} for why in REASONS}
     for (rotor, why), time_s in measured.rejected.items():

@@ -126,9 +126,10 @@ class RecordingOutput(Output):
 
 
 def sample_batch(update: Update, new: slice) -> pa.RecordBatch:
-    """Return the rows `new` of an update as a record batch, one column a quantity, in SI.
+    """Return the rows `new` of an update as a record batch in SI, one column a quantity.
 
-    The columns are those of the module's description; the schema depends on the rotor count alone.
+    They are vehicle, boot, three times, the analysis, tank by thrust, mass pumped and forecast. The
+    schema depends on the rotor count alone.
     """
     import pyarrow as pa
 

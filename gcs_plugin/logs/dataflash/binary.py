@@ -38,7 +38,7 @@ def dataflash_boots(path: Path, *, vehicle: int | None = None) -> Iterator[Recor
 
 
 def _scanned_messages(path: Path) -> dict[str, Any]:
-    """Return the keyword arguments of `boots_of` for a file, but for `vehicle`.
+    """Return messages, times, size, kept and skipped, keyword arguments of `boots_of`, for a file.
 
     The file's bytes are freed before tables are made. Raise LogError if there is no message, or the
     log is an old one of PX4.

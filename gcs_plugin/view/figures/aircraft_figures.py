@@ -123,8 +123,10 @@ def rotor_places(airframe: Airframe) -> tuple[Floats, float]:
 
 
 def by_number(rotors: int) -> tuple[Floats, float]:
-    """Return places and radius, as `rotor_places`, of rotors with unknown places: in rows by
-    number."""
+    """Return places (R, 2), right and back, and radius of rotors with unknown places.
+
+    They are in rows by number; the unit is the distance between two.
+    """
     number = np.arange(rotors, dtype=np.float64)
     return np.column_stack([number % IN_A_ROW, number // IN_A_ROW]) - [1.5, 0.0], 0.48
 

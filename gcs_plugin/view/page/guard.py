@@ -267,7 +267,8 @@ def _handed_to_viser(
 ) -> Iterator[None]:
     """Make viser, while the block runs, start its WebSocket server on the socket `listening`.
 
-    Its requests pass the checks of this file; `addition` and `door` are those of `guarded_server`.
+    Its requests pass the checks of this file; with `loopback_only` they must name a loopback
+    address. `addition` answers some of them; `door` may end them with its own response.
     """
     import websockets.asyncio.server as server_module
 
