@@ -153,8 +153,8 @@ def numbers(update: Update, limit: float) -> tuple[Text, *tuple[str, ...]]:
     """Return the figures of the newest row, formatted for the cells between id and age.
 
     They are: thrust margin, coloured by `limit` (a share); predicted margin; redundancy with one
-    rotor lost; tank, kg; tank by thrust, kg; time to empty; margin on the route ahead; margin with
-    a full tank. "-" where unknown.
+    rotor lost; tank, kg; tank by thrust, kg; time to empty; margin on the remaining route; margin
+    with a full tank. "-" where unknown.
     """
     from rich.text import Text
 
