@@ -123,9 +123,10 @@ def _way_out(
     home: tuple[float, float, float],
     off: Sequence[PlanItem],
 ) -> list[PlanItem]:
-    """Return the items of the flight, pump off, from take-off to the line end `last`.
+    """Return the items of the flight, pump off, from take-off at `home` to the line end `last`.
 
-    They include the speeds in force in the step `following`.
+    They include the speeds in force in the step `following`, and the items `off` that switch the
+    pump off. Their numbers are 0.
     """
     assert last.place is not None  # a line end has one
     height = last.place[2]

@@ -59,10 +59,10 @@ _ESC_OFFSET = 0.3
 def power(
     signals: Signals, sampling: Sampling, notes: list[Statement]
 ) -> dict[str, Iterable[Signal]]:
-    """Return the flight battery's voltage and current, each from its message, SYS_STATUS and the
-    ESCs.
+    """Return the sources of the flight battery's "voltage" and "current", preferred first.
 
-    Append to `notes` if further batteries have a flight battery's voltage.
+    They are the battery's own message, SYS_STATUS and the ESCs. With `sampling` "hold" only past
+    reports count. Append to `notes` if further batteries have a flight battery's voltage.
     """
     sources: dict[str, Iterable[Signal]] = {}
     flown = flight_battery(signals)
@@ -117,7 +117,11 @@ def stated_battery(signals: Signals) -> StatedBattery:
 
 
 def _of_escs(channel: str, signals: Signals, sampling: Sampling) -> Iterator[Signal]:
-    """Yield the mean voltage or summed current of the ESCs, at the reports of the first ESC."""
+    """Yield the ESCs' mean "voltage" or summed "current" at the first ESC's report times.
+
+    Nothing if no ESC reports a value above 0. With `sampling` "hold" each ESC's last report counts,
+    and a current of 0 is unknown; else values are interpolated.
+    """
     escs = [s for s in by_index(signals, f"esc_{channel}").values() if np.any(s.values > 0)]
     if not escs:
         return
@@ -145,8 +149,9 @@ def _of_escs(channel: str, signals: Signals, sampling: Sampling) -> Iterator[Sig
 def esc_voltage_offsets(signals: Signals, outputs: Sequence[int]) -> tuple[float, ...]:
     """Return the constant offset, V, of each motor's ESC voltage from the others'; NaN without one.
 
-    All ESCs share one battery: the drop along a cable grows with the load, the offset of an
-    instrument does not. At least three ESCs are needed, and all but one must agree.
+    `outputs` are the motors' ESC numbers. All ESCs share one battery: the drop along a cable grows
+    with the load, the offset of an instrument does not. All ESCs must report, at least three, and
+    all but one must agree.
     """
     escs = by_index(signals, "esc_voltage")
     of_rotors = [escs.get(output) for output in outputs]
@@ -202,10 +207,10 @@ class TankContext:
 
 
 def flight_battery(signals: Signals) -> int | None:
-    """Return the id of the flight battery; None if there is none.
+    """Return the id of the flight battery; None if no battery qualifies.
 
-    It is the lowest id whose median voltage is above that of a level sensor and above half of the
-    highest one: batteries below feed the autopilot.
+    It is the lowest id whose median voltage is above SENDER_VOLTAGE, that of a level sensor, and
+    above half of the highest median: batteries below that feed the autopilot.
     """
     volts = {n: known_median(s.values) for n, s in _heard(signals, "battery_voltage").items()}
     least = max(SENDER_VOLTAGE, 0.5 * max(volts.values(), default=0.0))
@@ -227,7 +232,9 @@ def tank_levels(
 ) -> Iterator[TankLevel]:
     """Yield each tank level that the signals contain by `source` ("auto": any), preferred first.
 
-    Raise LogError if a source that was named is not in the log.
+    A level without a signal has notes that give the reason. With "auto" the airframe's own source,
+    if it names one, is used. Raise LogError if `source` is malformed, or a named source is not
+    reported.
     """
     if source.strip().upper() == "AUTO" and context.airframe is not None:
         source = context.airframe.tank_source
@@ -258,9 +265,10 @@ def tank_levels(
 
 
 def check_source(source: str) -> tuple[str, str]:
-    """Return the kind of a tank source in capitals, and its name or number, empty if it has none.
+    """Split a tank source such as "FUEL_STATUS 1" into its kind, in capitals, and name or number.
 
-    Raise LogError if it is not a known kind; the check needs no signals.
+    The latter is empty if there is none. Raise LogError if the kind is unknown, or FUEL_STATUS or
+    BATTERY_STATUS is followed by anything but a number.
     """
     kind, _, rest = source.strip().partition(" ")
     kind = kind.upper()
@@ -352,8 +360,12 @@ def _battery(signals: Signals, context: TankContext, chosen: int | None) -> Tank
 def _battery_level(
     percent: Signal, used: Signal | None, context: TankContext, number: int
 ) -> TankLevel:
-    """Return the level from the percentage of battery `number` and, where they agree, its ml
-    used."""
+    """Return the tank level, kg, from the percentage of battery `number`, which is a level sensor.
+
+    Reports in which the ml used (`used`, with as many values) agree with it within AGREEMENT % use
+    them. The capacity is parameter BATTn_CAPACITY, else the airframe's; without one, or if it is 0,
+    the level has no signal.
+    """
     key = f"BATT{number + 1 if number else ''}_CAPACITY"
     if context.parameters.get(key, 0.0) > 0.0:
         capacity_ml = context.parameters[key]
@@ -412,10 +424,11 @@ class PumpedSoFar:
 
 
 def pumped(share: Signal, context: TankContext) -> Signal:
-    """Return the mass, kg, that the pump has delivered by each report of its output `share` (0 to
-    1).
+    """Return the signal of the mass, kg, that the pump has delivered by each report of its output.
 
-    It starts at 0, or at `context.pumped`. NaN without an airframe, because the flow is unknown.
+    `share` is that output, 0 to 1. It starts at 0, or continues from `context.pumped`, whose time
+    is then the first. NaN without an airframe, because the flow is unknown. Pauses of more than
+    LONGEST_STEP s are not summed over.
     """
     time_s, output, before = share.time_s, np.nan_to_num(share.values), 0.0
     if context.pumped is not None:
@@ -434,9 +447,10 @@ def pumped(share: Signal, context: TankContext) -> Signal:
 
 
 def pump_share(signals: Signals, context: TankContext) -> Signal | None:
-    """Return the pump's output from 0 (off) to 1 (full), NaN without a pulse.
+    """Return the signal of the pump's output from 0 (off) to 1 (full), NaN without a pulse.
 
-    None if no output is known as the pump's, it has no pulse at all, or its range is invalid.
+    Full and off are SERVOn_MAX and _MIN, 1900 and 1100 µs if unset. None if `context` names no pump
+    output, it has no pulse at all, or its range is invalid.
     """
     if context.pump_output is None or not (sent := output_pulses(signals, context.pump_output)):
         return None
@@ -460,10 +474,10 @@ _SPRAY_WINDOW = 4.0  # s
 def spraying_sources(
     share: Signal | None, tank: Signal | None, sampling: Sampling, notes: list[Statement]
 ) -> tuple[Signal, ...]:
-    """Return the sources of `spraying`, 1 while the pump runs: its output `share`, then the falling
-    tank.
+    """Return the sources of `spraying`, 1 while the pump runs, else 0, preferred first.
 
-    Append to `notes` if the output is unknown.
+    They are the pump's output `share` (0 to 1) and the falling level `tank`, kg. An unknown output
+    is 0, with `sampling` "hold" NaN. Append to `notes` if there is no pump output.
     """
     sources = []
     if share is not None:

@@ -80,8 +80,8 @@ def sorties_of(
     """Return the numbered sorties of a log from its recordings and signals, one pair for each boot.
 
     An aircraft that turned over before it rose makes a sortie too. If nothing flew, return the
-    recording with most rows. Raise LogError if no recording makes a table, AirframeError if the
-    airframe has another number of rotors.
+    recording with most rows alone. Raise LogError if no recording makes a table, AirframeError if
+    the airframe has another number of rotors.
     """
     flown: list[FlightLog] = []
     idle: list[FlightLog] = []
@@ -116,8 +116,10 @@ def sorties_of(
 
 
 def _unflown(seconds: Sequence[float], reasons: Sequence[str]) -> tuple[Statement, ...]:
-    """Return the parts of a log without a verdict: on the ground (`seconds`), or unreadable
-    (`reasons`)."""
+    """Return a note on the parts of a log without flight, and one on each part that is unreadable.
+
+    `seconds` are the durations, s, of the former, `reasons` the errors of the latter.
+    """
     idle = ()
     if seconds:
         kind = "stretch without flight" if len(seconds) == 1 else "stretches without flight"
@@ -126,7 +128,9 @@ def _unflown(seconds: Sequence[float], reasons: Sequence[str]) -> tuple[Statemen
 
 
 def _numbered(log: FlightLog) -> FlightLog:
-    """Add the sortie's number to the name of its track, and notes on the rest of the file."""
+    """Return the log with the sortie's number in its track's name, and notes on the rest of the
+    file.
+    """
     track, restarts = log.track, len(log.quality.clock_jumps)
     notes = (state("restarts", count=float(restarts)),) if restarts else ()
     name = f"{track.name}{log.sortie_suffix}"
@@ -139,7 +143,10 @@ def is_sortie(track: FlightTrack, signals: Signals) -> bool:
 
 
 def has_flight(track: FlightTrack, signals: Signals) -> bool:
-    """Return True if a row is off the ground, and the motors were not off or idle throughout."""
+    """Return True if a row is off the ground, and the motors ran above idle.
+
+    False if the vehicle was never armed, or no output in flight is above IDLE.
+    """
     armed = best(signals, "armed")
     output = track.throttle[track.flying]
     off = armed is not None and not np.any(armed.values > 0)
@@ -150,8 +157,8 @@ def has_flight(track: FlightTrack, signals: Signals) -> bool:
 def flight_spans(track: FlightTrack, clock_start_s: float, signals: Signals) -> list[Span]:
     """Return start and end, s of the vehicle's clock, of each sortie of one boot.
 
-    Each includes some ground before and after. The first starts at -inf and the last ends at inf,
-    to include all rows.
+    `clock_start_s` is that clock at the track's time 0. Each span includes at most REST s of ground
+    before and after. The first starts at -inf and the last ends at inf, to include all rows.
     """
     clock_s = clock_start_s + track.time_s
     flying = np.concatenate([[False], track.flying, [False]])
@@ -170,8 +177,9 @@ def flight_spans(track: FlightTrack, clock_start_s: float, signals: Signals) -> 
 def _stay(track: FlightTrack, clock_s: Floats, rows: slice, signals: Signals) -> Span | None:
     """Return start and end, s of the vehicle's clock, of a stay on the ground that ends a sortie.
 
-    It ends one if the vehicle was disarmed, on the ground for LONG_DOWN or more, or serviced; else
-    None. `rows` run from the first on the ground to the first in the air again.
+    It ends one if the vehicle was disarmed, landed for LONG_DOWN s or more, or serviced; else None.
+    `clock_s` (T,) is the clock of the track's rows; `rows` run from the first on the ground to the
+    first in the air again.
     """
     down, up = float(clock_s[rows.start]), float(clock_s[rows.stop - 1])
     # In a pause of the log it may have been disarmed before the first row on the ground.
@@ -188,8 +196,11 @@ def _stay(track: FlightTrack, clock_s: Floats, rows: slice, signals: Signals) ->
 
 
 def serviced(track: FlightTrack, clock_s: Floats, down: float, up: float) -> bool:
-    """Return True if tank or battery were fuller after a stay from `down` to `up`, s of
-    `clock_s` (T,)."""
+    """Return True if tank or battery were fuller after a stay of at least SERVICE s than before it.
+
+    The stay is from `down` to `up`, s of `clock_s` (T,), the clock of the track's rows. False where
+    the levels are unknown.
+    """
     before = (clock_s > down - LOOK) & (clock_s < down)
     after = (clock_s >= up) & (clock_s < up + LOOK)
     refilled = known_median(track.tank_kg[after]) - known_median(track.tank_kg[before]) >= REFILL_KG
@@ -212,9 +223,9 @@ def _samples_between(
 
 
 def _cut(recording: Recording, signals: Signals, span: Span) -> tuple[Recording, Signals]:
-    """Return the recording and the signals restricted to the time span of one sortie.
+    """Return recording and signals restricted to a sortie's `span`, s of the vehicle's clock.
 
-    Signals of states include the last report before the span.
+    Signals that are reported only on changes include all reports before it.
     """
     start, end = span
     quality = recording.quality
@@ -263,10 +274,10 @@ def _cut_signals(signals: Signals, span: Span) -> Iterator[tuple[str, tuple[Sign
 
 
 def tabulate(recording: Recording, signals: Signals, options: Options) -> FlightRows:
-    """Return the rows of one vehicle's flight, without rotors if it is no multirotor.
+    """Return the rows of one vehicle's flight; with no rotors if rotors do not lift it.
 
-    Raise LogError if no row can be made, AirframeError if the airframe has another number of
-    rotors.
+    `signals` are those of the recording, by channel. Raise LogError if no row can be made or times
+    span over a week, AirframeError if the airframe has another number of rotors.
     """
     name = clean(recording.path.name)
     facts = vehicle_facts(
@@ -305,7 +316,10 @@ def tabulate(recording: Recording, signals: Signals, options: Options) -> Flight
 
 
 def log_of_rows(rows: FlightRows, recording: Recording, signals: Signals) -> FlightLog:
-    """Build the log of a flight from its rows, with channel reports, events and texts."""
+    """Build the log of a flight from its rows, with channel reports, events and texts.
+
+    `signals` are those of the `recording`, by channel. Times become s from the first row.
+    """
     track, motors = rows.track, rows.motors
     start_s = float(rows.clock_s[0])
     # What is reported and not in the table, then what a reader met and could not use.
@@ -358,9 +372,9 @@ def log_of_track(
     *,
     format: str = "CSV",
 ) -> FlightLog:
-    """Return the FlightLog of a track that was read as a table of `size` bytes.
+    """Return the FlightLog of a track that was read from a table at `path`, a file of `size` bytes.
 
-    Invalid rotor speeds are removed. `format` is the name of its LogFormat. A table has no system
+    Invalid rotor speeds become NaN. `format` is the name of its LogFormat. A table has no system
     id: `vehicles` is empty.
     """
     speeds, outputs = (
@@ -392,8 +406,7 @@ def log_of_track(
 
 
 def _with_absences(track: FlightTrack) -> FlightTrack:
-    """Add a note on motors without rotor speeds, and a statement if the speeds' resolution is
-    coarse."""
+    """Return the track with notes on motors without speeds, and a statement on coarse speeds."""
     if not track.reports("rotor_speed_rpm"):
         silent = "rotor_speed_rpm" not in track.sources
         note = state("no ESC telemetry" if silent else "no ESC telemetry that measures")
@@ -410,7 +423,10 @@ def _with_absences(track: FlightTrack) -> FlightTrack:
 
 
 def with_track(log: FlightLog, track: FlightTrack) -> FlightLog:
-    """Return the log with another track, and new reports for channels that only this track has."""
+    """Return the log with another track, and new reports for channels that only this track has.
+
+    Other channels keep their reports.
+    """
     channels = tuple(
         channel_report(track, report.name, [_as_signal(track, report.name)])
         if report.samples == 0 and track.reports(report.name)
@@ -438,7 +454,8 @@ def channel_report(
 ) -> ChannelReport:
     """Return rate and pauses of a channel's reports, and the range of its values in the track.
 
-    `unused` is the reason for a channel without values.
+    `signals` are the sources used; that with most reports counts. `unused` is the reason for a
+    channel without values, of which all figures are NaN and `samples` 0.
     """
     values, source = getattr(track, name), track.source(name)
     finite = values[np.isfinite(values)]

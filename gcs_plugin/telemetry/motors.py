@@ -76,7 +76,7 @@ class MotorMap:
     any_port: bool = False  # outputs are numbered on whichever port drives them
 
     def rotor_speed(self, signals: Signals) -> list[Signal | None]:
-        """Return a signal of speed, rpm, for each motor; None for one whose ESC reports none.
+        """Return a signal of speed, rpm, for each of R motors; None for one whose ESC reports none.
 
         The sign is dropped: CAN sends reversed motors below 0.
         """
@@ -88,11 +88,10 @@ class MotorMap:
         ]
 
     def esc_readings(self, signals: Signals, channel: str) -> list[Signal | None]:
-        """Return a signal of an ESC channel such as `esc_current` for each motor, None without a
-        value.
+        """Return a signal of an ESC channel such as `esc_current` for each of R motors.
 
-        A reading of 0 becomes NaN: it is what an ESC without that sensor reports. A true 0 A, of a
-        stopped motor, shows nothing of the arm.
+        None for a motor without a value. A reading of 0 becomes NaN: it is what an ESC without that
+        sensor reports. A true 0 A, of a stopped motor, shows nothing of the arm.
         """
         escs = by_index(signals, channel)
         found = []
@@ -106,10 +105,10 @@ class MotorMap:
     def throttle(
         self, signals: Signals, parameters: Mapping[str, float], before: Span = NOTHING_SENT
     ) -> list[Signal | None]:
-        """Return a signal of output, 0 to 1, for each motor, by the range of its pulses or other
-        protocol.
+        """Return a signal of output, 0 to 1, for each of R motors, by its ESC's protocol.
 
-        None for a motor without values. `before` is the span of earlier values, which decides the
+        None for a motor without values; for all, if one has none and the outputs are assumed, or if
+        the values fit no protocol. `before` is the span of earlier values, which decides the
         protocol too.
         """
         direct = by_index(signals, "throttle")
@@ -155,7 +154,10 @@ class MotorMap:
         return ranges_of_span(span, self.outputs, parameters, bank=bank)
 
     def failures(self, signals: Signals, clock_s: Floats) -> Floats:
-        """Return the ESC_FAILURE_FLAGS (T, R) of each ESC, NaN if unknown or too old."""
+        """Return the ESC_FAILURE_FLAGS (T, R) of each motor's ESC at the times `clock_s` (T,), s.
+
+        NaN if unknown or older than FAILURES_AGE.
+        """
         result = np.full((clock_s.size, self.rotor_count), np.nan)
         reported = by_index(signals, "esc_failure")
         for rotor, esc in enumerate(self.escs):
@@ -203,12 +205,12 @@ def motor_map(
     esc_order: Statement | None = None,
     turned: Collection[int] | None = None,
 ) -> MotorMap:
-    """Return outputs and ESCs of the motors, and the output of the pump.
+    """Match motors to servo outputs and ESCs, and find the pump's output, by the parameters.
 
-    `facts` are the vehicle's kind and rotor count. `motor_order` and `esc_order` describe a
-    numbering by motor that the log already has. `turned` are the ESCs that have turned so
-    far; None: those in `signals`. Raise AirframeError if the vehicle and `airframe` differ in the
-    number of rotors.
+    `name` is the log's, for errors; `facts` the vehicle's kind and rotor count. `motor_order` and
+    `esc_order` describe a numbering by motor that the log already has. `turned` are the ESCs that
+    have turned so far; None: those in `signals`. A vehicle that rotors do not lift gets no motors.
+    Raise AirframeError if the vehicle and `airframe` differ in the number of rotors.
     """
     facts = VehicleFacts() if facts is None else facts
     pump = next(
@@ -322,8 +324,10 @@ def _listed(outputs: Iterable[int]) -> str:
 
 
 def counted_by_reports(facts: VehicleFacts, signals: Signals) -> VehicleFacts:
-    """Add the rotor count by the ESCs that turned, or else by the motors driven, if it is 3 or
-    more."""
+    """Add the rotor count by the ESCs that turned, else by the motors with an output above 0.
+
+    The count is the highest number; fewer than 3 of them leave the facts unchanged.
+    """
     driven = {k for k, s in by_index(signals, "throttle").items() if np.any(s.values > 0)}
     for numbers, kind in (
         (turned_escs(signals), "ESCs that report"),
@@ -369,12 +373,12 @@ def measured_speeds(
     heard_s: float = -np.inf,
     memory: Sequence[RotorMemory] = (),
 ) -> MeasuredSpeeds:
-    """Divide the readings of `speeds` (rpm, one signal a rotor) into true rotor speeds and rejected
-    ones.
+    """Divide the readings of `speeds` (rpm, one signal a rotor) into true and rejected ones.
 
-    `outputs` are the motor outputs from 0 to 1. Readings up to `heard_s`, on the signals' clock,
-    were processed by an earlier call, whose state is `memory`. `look_ahead`: the signals are of the
-    whole flight, so later readings may be used.
+    `outputs` are the motor outputs from 0 to 1, None where unknown. Readings up to `heard_s`, s on
+    the signals' clock, were processed by an earlier call, whose result's `memory` is passed again.
+    `look_ahead`: the signals are of the whole flight, so later readings may be used. With an
+    `airframe` speeds too high for its propeller are rejected too.
     """
     if len(memory) != len(speeds):
         memory = [RotorMemory()] * len(speeds)
@@ -422,10 +426,10 @@ def measured_speeds(
 def _after_tail(
     tail: Signal | None, new: Signal, since: float, times: dict[int, tuple[Floats, Floats]]
 ) -> tuple[Signal, Signal]:
-    """Return the readings of `new`, rpm, appended to `tail`, and the part of them from `since`, s,
-    on.
+    """Return the readings of `tail` and `new`, rpm, joined, and their part from `since` on.
 
-    `times` caches the joined times, because rotors that report together share them.
+    `since` is in s. `times` caches the joined times, because rotors that report together share
+    them.
     """
     rpm, key = new.values, 0
     if tail is not None:
@@ -439,8 +443,9 @@ def _after_tail(
 
 
 def lifting(speeds: Floats, outputs: Floats) -> Bools:
-    """Flag rows (T,) where some output (T, R) is above idle; without any output, where a rotor
-    turns.
+    """Flag rows (T,) in which hover motors run: some output (T, R) is above idle.
+
+    Where no output is known, a rotor must turn (`speeds` (T, R), rpm) or no speed be known.
     """
     known = np.isfinite(outputs).any(axis=1)
     driven = (np.nan_to_num(outputs) > IDLE).any(axis=1)
@@ -462,12 +467,12 @@ def rejected_readings(
     *,
     counted: bool,
 ) -> tuple[Statement, ...]:
-    """List the readings rejected in flight: one statement for each rotor and reason, or for all
-    rotors.
+    """Return statements on the readings rejected in flight, one for each rotor and reason.
 
-    `hidden` (T, R) is from `stopped_in_flight`; `clock_s` and `flying` are (T,). `counted` adds
-    the number of readings, which a listener cannot know yet, and the rotors without a reading for
-    SILENT of the rows (`speeds`, (T, R)) in which another has one.
+    A reason that concerns every rotor makes one statement. `hidden` (T, R) flags a zero speed in
+    flight with unknown output; `clock_s`, s, and `flying` are (T,). `counted` adds the number of
+    readings, which a listener cannot know yet, and the rotors that lack a reading in more than
+    SILENT of the rows in which another has one (`speeds`, (T, R)).
     """
     rows_by_rotor: dict[int, dict[int, int]] = {why: {} for why in REASONS}
     for (rotor, why), time_s in measured.rejected.items():
@@ -504,9 +509,10 @@ def _known(signal: Signal) -> Signal:
 
 
 def _demand(output: Signal | None, time_s: Floats) -> tuple[Floats, Bools]:
-    """Return the motor output (n,) at each time, NaN if unknown, and a flag (n,).
+    """Return the motor output (n,), 0 to 1, at each time, and flags (n,) of a lasting demand.
 
-    The flag is True where the output has been above idle for SPIN_UP s.
+    The output is NaN where none was reported within FRESH s before. A flag is True where it has
+    been above idle for SPIN_UP s.
     """
     if output is None:
         return np.full(time_s.size, np.nan), np.zeros(time_s.size, dtype=np.bool_)
@@ -520,8 +526,11 @@ def _demand(output: Signal | None, time_s: Floats) -> tuple[Floats, Bools]:
 
 
 def last_speeds(known: Sequence[Signal | None], time_s: Floats) -> Floats:
-    """Return each rotor's last absolute speed (R, n), rpm, at each time; NaN before its first
-    reading."""
+    """Return each rotor's last absolute speed (R, n), rpm, at each of the times (n,), s.
+
+    `known` has one signal of finite readings for each of R rotors, None without; NaN before the
+    first.
+    """
     last = np.full((len(known), time_s.size), np.nan)
     for values, signal in zip(last, known, strict=True):
         if signal is not None and signal.time_s.size:
@@ -531,7 +540,7 @@ def last_speeds(known: Sequence[Signal | None], time_s: Floats) -> Floats:
 
 
 def median_speeds(values: Floats) -> Floats:
-    """Return the median (n,) of the finite values over the first axis; NaN where none is finite."""
+    """Return the median (n,) of R finite `values` (R, n); NaN where none is finite."""
     if not values.size:
         return np.full(values.shape[1], np.nan)
     stack = np.sort(values, axis=0)  # NaN at the end; np.nanmedian takes ten times as long

@@ -58,8 +58,7 @@ def signals_by_channel(signals: Iterable[Signal]) -> Signals:
 
 
 def best(signals: Signals, channel: str) -> Signal | None:
-    """Return a channel's first source that covers at least 90 % of the time of the best-covering
-    one.
+    """Return a channel's first source that covers 90 % or more of the time of the best one.
 
     None if no source has a finite value.
     """
@@ -76,7 +75,11 @@ def best(signals: Signals, channel: str) -> Signal | None:
 
 
 def rejected_sources(there: Iterable[Signal], used: Signal) -> tuple[Rejected, ...]:
-    """List the sources of a channel other than `used`, each with the reason why it is not used."""
+    """Return a channel's sources other than `used`, each with the reason why it is not used.
+
+    `there` are all its sources, preferred first. The reason is that a source has no finite value,
+    covers less time than `used`, or is less preferred.
+    """
     rejected, before = [], True
     for signal in there:
         if signal is used:
@@ -109,7 +112,10 @@ def by_index(signals: Signals, channel: str) -> dict[int | str, Signal]:
 
 
 def _together(first: Signal, second: Signal) -> Signal:
-    """Merge the reports of two sources of one quantity into one signal, sorted by time."""
+    """Merge two sources of one quantity into one signal with the source of `second`.
+
+    If one of them has no finite value, return the other.
+    """
     for one, other in ((first, second), (second, first)):
         if not known_rows(other.values).any():
             return one
@@ -122,8 +128,8 @@ def _together(first: Signal, second: Signal) -> Signal:
 def mavlink_signals(streams: dict[str, Stream], airspeed: Provenance) -> Signals:
     """Return the signals of every MAVLink message in `streams`, by channel.
 
-    `airspeed` is the source of VFR_HUD's airspeed. `streams` is emptied in the process to limit
-    memory.
+    `airspeed` is the source of VFR_HUD's airspeed. `streams` (message name -> Stream) is emptied in
+    the process to limit memory.
     """
     signals = sorted(decoded(streams, airspeed), key=lambda item: item[0])
     return signals_by_channel(
@@ -132,9 +138,9 @@ def mavlink_signals(streams: dict[str, Stream], airspeed: Provenance) -> Signals
 
 
 def decoded(streams: dict[str, Stream], airspeed: Provenance) -> Iterator[tuple[int, Signal]]:
-    """Yield each signal of the messages in `streams` with the rank of its source, 0 the best.
+    """Yield (rank, signal) for each source of a channel in `streams`; rank 0 is the best.
 
-    `streams` is emptied in the process.
+    `airspeed` is the source of VFR_HUD's airspeed. `streams` (message name -> Stream) is emptied.
     """
     while streams:
         message, stream = streams.popitem()
@@ -191,8 +197,10 @@ class _Times:
         return self._made[key][0]
 
     def shortened(self, time_s: Floats, values: Floats) -> tuple[Floats, Floats]:
-        """Return times (n,), s, and values (n, ...) without rows before `since`, except the last
-        known one before it."""
+        """Return times (n,), s, and values (n, ...) without the rows before `since`, s.
+
+        The last row before it with a finite value is kept.
+        """
         first = int(time_s.searchsorted(self.since))
         known = np.flatnonzero(known_rows(values[:first]))
         last = int(known[-1]) if known.size else first
@@ -217,8 +225,12 @@ class SignalBuffer:
         self.heard: set[str] = set()
 
     def add(self, streams: dict[str, Stream], airspeed: Provenance, after_s: float) -> None:
-        """Append the reports later than `after_s`, s of the vehicle's clock, to the signals;
-        `streams` is emptied. `airspeed` is the source of the airspeed."""
+        """Append to the signals the reports later than `after_s`, s of the vehicle's clock.
+
+        `streams` (message name -> Stream) is emptied. `airspeed` is the source of VFR_HUD's
+        airspeed. Reports more than `seconds` before `after_s` may be dropped, except each signal's
+        last known one.
+        """
         self.heard |= set(streams)
         times = _Times(after_s, after_s - self._seconds)
         for rank, new in decoded(streams, airspeed):
@@ -253,8 +265,9 @@ def _used_outputs(servos: Signal) -> Signal:
 
 
 def output_pulses(signals: Signals, output: int) -> Signal | None:
-    """Return the pulses (n,) of one servo output, counted from 0 through all ports; None if not
-    received.
+    """Return the pulses (n,) of one servo output, counted from 0 through all ports.
+
+    None if the output was not received.
     """
     for servos in signals.get("servo_us", ()):
         column = output - OUTPUTS_OF_PORT * int(servos.index or 0)
@@ -284,11 +297,12 @@ def ordered_signal(
 
 
 def airspeed_sources(signals: Signals, sampling: Sampling) -> Iterator[Signal]:
-    """Yield the reported airspeeds; then, if they cover less, the speed by velocity minus wind.
+    """Yield the airspeed's sources, m/s, preferred first: those reported, then velocity - wind.
 
-    Without a wind that is the speed over ground. An airspeed of 0 is no airspeed, as PX4 sends it
-    without a sensor: in a recorded flight if it is 0 throughout, for a listener in each report. A
-    wind of 0 throughout is no wind estimate.
+    The latter is left out if a reported one covers as much of a recorded flight (`sampling`
+    "linear"). Without a wind it is the speed over ground. An airspeed of 0 is no airspeed, as PX4
+    sends it without a sensor: in a recorded flight if it is 0 throughout, for a listener ("hold")
+    in each report. A wind of 0 throughout is no wind estimate.
     """
     own, live = signals.get("airspeed", ()), sampling == "hold"
     for signal in own if live else ():
@@ -315,8 +329,10 @@ def airspeed_sources(signals: Signals, sampling: Sampling) -> Iterator[Signal]:
 
 
 def pitot_present(streams: Mapping[str, Stream], parameters: Mapping[str, float]) -> bool | None:
-    """Return True or False as the vehicle reports an airspeed sensor or none; None if it reports
-    neither."""
+    """Return True if the vehicle reports that it has an airspeed sensor, False if it reports none.
+
+    By ARSPD_TYPE, else by SYS_STATUS; None if it reports neither.
+    """
     kind = parameter(parameters, "ARSPD_TYPE")
     if np.isfinite(kind):
         return kind > 0
@@ -381,8 +397,10 @@ def known_rows(values: Floats) -> Bools:
 
 
 def sample(channel: str, signal: Signal, time_s: Floats, sampling: Sampling) -> Floats:
-    """Return the signal at `time_s` (T,), as (T,) or (T, k); NaN where no report is recent
-    enough.
+    """Return the channel's signal at the times `time_s` (T,), as (T,) or (T, k).
+
+    NaN where no report is within the channel's age limit. "linear" interpolates, after averaging
+    fast reports; "hold" takes the last report.
     """
     when, values = _reports(channel, signal)
     if when.size == 0:
@@ -401,8 +419,10 @@ def sample(channel: str, signal: Signal, time_s: Floats, sampling: Sampling) -> 
 
 
 def _reports(channel: str, signal: Signal) -> tuple[Floats, Floats]:
-    """Return times (n,) and values (n,) or (n, k) of the reports in range; the last of several
-    at one time."""
+    """Return times (n,) and values (n,) or (n, k) of the signal's reports in the channel's range.
+
+    Of several at one time the last is returned.
+    """
     limit, values, time_s = TRACK_CHANNELS[channel], signal.values, signal.time_s
     if within(channel, values) and all_true(time_s[1:] > time_s[:-1]):
         return time_s, values
@@ -414,8 +434,10 @@ def _reports(channel: str, signal: Signal) -> tuple[Floats, Floats]:
 
 
 def _averaged(when: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Return means of times and values over GRID s, so that vibration faster than the rows is not
-    aliased."""
+    """Return means of times `when` (n,) and `values` (n,) or (n, k) over each GRID s.
+
+    So vibration faster than the rows is not aliased.
+    """
     bins = np.floor(when / GRID)
     edges = np.concatenate([[0], np.flatnonzero(np.diff(bins)) + 1])
     counts = np.diff(edges, append=when.size).astype(np.float64)
@@ -464,8 +486,8 @@ def first_known(
 ) -> tuple[Floats | None, list[Signal]]:
     """Return a channel's values at `time_s` (T,) as a live listener has them, and the sources used.
 
-    At each row it is the value of the first source, in the order given, with a recent report. None
-    without any source.
+    Each row has the value of the first source, in the order given, with a recent report, NaN
+    without. The values are (T,) or (T, k), None without any source.
     """
     values, used = None, []
     for signal in sources:
@@ -483,8 +505,9 @@ def first_known(
 
 
 def last_before(signal: Signal, time_s: Floats) -> Floats:
-    """Return the last known report at each time, (T,) or (T, k), however old; NaN before the
-    first.
+    """Return the last known report at each of the times `time_s` (T,), however old.
+
+    The result is (T,) or (T, k), NaN before the first report.
     """
     values, when = signal.values, signal.time_s
     keep = known_rows(values)
@@ -514,8 +537,7 @@ def thinned(time_s: Floats, after_s: float = -np.inf) -> Floats:
 
 
 def increasing(values: Floats) -> Floats:
-    """Return the sorted distinct values (m,) of (n,), as `np.unique` but faster if they are
-    increasing already."""
+    """Return the sorted distinct `values` (n,), as `np.unique`, but faster if already sorted."""
     if all_true(values[1:] > values[:-1]):
         return values
     step = np.diff(values)

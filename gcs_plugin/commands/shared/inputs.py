@@ -83,9 +83,10 @@ Reading = Annotated[ReadingOptions, tyro.conf.OmitArgPrefixes]
 
 
 def reading_keywords(reading: ReadingOptions) -> dict[str, Any]:
-    """Return the options as keyword arguments of `read_log` and `WatchSettings`, checked.
+    """Check the options for reading logs, and return them as keyword arguments of `read_log`.
 
-    Raises UsageError if one of them is impossible or two exclude each other.
+    `WatchSettings` takes them too. The air temperature becomes K. Raises UsageError if an option is
+    out of range, or two exclude each other.
     """
     # Imported here: the MAVProxy module loads this file at once and must stay light.
     from thrustmargin.gcs_plugin.telemetry.battery_and_tank import check_source
@@ -158,10 +159,11 @@ LIMIT = 0.5  # share of a rotor's maximum thrust, where nobody names another
 
 
 def chosen_model(model: Path | None, airframe: str | None) -> RotorModel:
-    """Load the model file; without one return the shipped model.
+    """Return the model that the options --model and --airframe choose.
 
-    For another `airframe` than the shipped one, return a model of its weight and thrust curve.
-    Raises ModelError or AirframeError when a file is unfit, DataError when the two disagree.
+    It is that of the file `model`; without one the shipped model, if `airframe` is None or equals
+    the shipped airframe; else a model by weight and thrust curve of `airframe`. Raises ModelError
+    or AirframeError if a file is unfit, DataError if model and airframe contradict.
     """
     # Imported here, as in the functions below: a command's help must be there at once.
     from thrustmargin.models.model.model_file import shipped_model
@@ -180,9 +182,10 @@ def chosen_model(model: Path | None, airframe: str | None) -> RotorModel:
 
 
 def _same_numbers(one: Airframe, other: Airframe) -> bool:
-    """Return True if two airframes are equal in name, quantities and rotor positions.
+    """Return True if two airframes have the same name, quantities and rotor positions.
 
-    The name alone is not enough: a user's own file may have kept the name of another.
+    The name alone does not suffice: a user's file may have kept the name of the file it was copied
+    from.
     """
     import numpy as np
 
@@ -192,12 +195,12 @@ def _same_numbers(one: Airframe, other: Airframe) -> bool:
 
 
 def starting_model(inputs: Inputs) -> tuple[RotorModel, str]:
-    """Return the model that a search starts from, and its name for the result.
+    """Return the model that a search for effects starts from, and its name for the result.
 
-    For a known aircraft it is the model as trained, without updates by later flights, which the
-    search has to explain. It is the shipped model if no aircraft is given. Unlike in
-    `chosen_model`, an airframe alone always means its weight and thrust curve, so that the search
-    can begin without a network. Raises as `chosen_model`.
+    For a known aircraft it is the model as trained, without updates by later flights, because the
+    search has to explain these. Else it is the model file; without one, weight and thrust curve of
+    the airframe; without both, the shipped model. Raises ModelError or AirframeError if a file is
+    unfit, DataError if the two contradict.
     """
     from thrustmargin.models.model.model_file import shipped_model
     from thrustmargin.models.model.rotor_model import physics_model
@@ -264,8 +267,10 @@ class Inputs:
         return [*self.logs, self.model, self.airframe]
 
     def rotor_model(self) -> RotorModel:
-        """Load the model of the named aircraft, with its state now; without one as
-        `chosen_model`."""
+        """Load the model of the known aircraft that the options name, in its present state.
+
+        Without one, or with a model or airframe in the options, return what `chosen_model` chooses.
+        """
         if self.known.aircraft is None or self.by_file:
             return chosen_model(self.model, self.airframe)
         import time
@@ -276,7 +281,10 @@ class Inputs:
 
     @property
     def words(self) -> str:
-        """Return the options as they would be typed."""
+        """Return the options as they would be typed on a command line, separated by spaces.
+
+        Options without a value, and the default tank source, are left out.
+        """
         named = {
             "--model": self.model,
             "--airframe": self.airframe,
@@ -292,7 +300,10 @@ class Inputs:
         return " ".join(f"{name} {value}" for name, value in named.items() if value is not None)
 
     def as_table(self) -> dict[str, Any]:
-        """Return the options for the options.json of a recording; files with absolute paths."""
+        """Return the options as a dict, to be stored in the options.json of a recording.
+
+        Paths of files become absolute.
+        """
         airframe = self.airframe
         if airframe is not None and airframe.endswith(".toml"):
             airframe = str(Path(airframe).resolve())
@@ -318,9 +329,11 @@ class _Table:
 
 
 def with_recorded(user: Inputs, console: Console) -> Inputs:
-    """Return the inputs with the recording's options where the user gave none; print those used.
+    """Return the inputs with the options of the recording where the user gave none; print those
+    used.
 
-    Raises DataError when a recording's options cannot be read, or those of the logs differ.
+    A recording of `monitor` has a file of its options next to it. Raises DataError if that file
+    cannot be read, or if the options of several logs differ.
     """
     logs = user.logs
     recorded = [_options_of(log) for log in logs]
@@ -359,7 +372,10 @@ def _common(recorded: Sequence[Inputs], logs: Sequence[Path], part: Callable[[In
 
 
 def _options_of(log: Path) -> Inputs:
-    """Read the options.json next to a .tlog; return no options if there is none."""
+    """Return the options in the options.json next to a .tlog; the defaults if there is none.
+
+    Raises DataError if the file is damaged or has an impossible value.
+    """
     path = log.parent / OPTIONS
     if log.suffix.lower() != ".tlog" or not path.exists():
         return Inputs()

@@ -41,10 +41,10 @@ if TYPE_CHECKING:
 def analysed_flights(
     inputs: Inputs, console: Console
 ) -> tuple[list[tuple[FlightAnalysis, FlightLog]], float, list[UnusedLog]]:
-    """Return the analysis and log of every sortie, the limit of utilisation, and the unread logs.
+    """Return the analysis and log of every sortie, the utilisation limit, and the logs not read.
 
-    Options that the user did not give are those of the recording. Raises DataError when no log can
-    be read, UsageError when the limit is not a share.
+    For the logs of a recording, options that the user did not give are those it was recorded with.
+    Raises DataError if no log can be read, UsageError if the limit is no share.
     """
     inputs = with_recorded(inputs, console)
     check_utilisation(inputs.limit)
@@ -55,9 +55,12 @@ def analysed_flights(
 def flights_of(
     inputs: Inputs, console: Console
 ) -> tuple[list[tuple[FlightAnalysis, FlightLog]], list[UnusedLog]]:
-    """Return the analysis for the verdict and the log of every sortie, and the logs not read.
+    """Return the analysis and log of every sortie in the order of the inputs, and the logs not
+    read.
 
-    Raises DataError when no log can be read.
+    Flights of known aircraft are analysed with their aircraft's model, the others with that of the
+    options. The analysis is the one that the verdict is based on. Raises DataError if no log can be
+    read.
     """
     from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
 
@@ -83,10 +86,10 @@ NAMED = 3  # logs that an error names besides the first: a line, whatever their 
 
 
 def listed(unused: Sequence[UnusedLog]) -> str:
-    """Return one sentence that lists the unusable logs with their reasons.
+    """Return one text that lists the unusable logs with their reasons.
 
-    Reasons that differ only in numbers and in the log's name are listed once, with NAMED of their
-    logs.
+    Logs whose reasons differ only in numbers or in the log's own name are listed together; at most
+    NAMED of them are named.
     """
     alike: dict[str, list[UnusedLog]] = {}
     for log in unused:
@@ -113,10 +116,11 @@ def read_logs(
     model: RotorModel,
     skipped: type[ThrustMarginError] = LogError,
 ) -> Iterator[tuple[FlightLog, AirframeMatch]]:
-    """Yield each sortie of the logs that can be read, in order, as `matched_flights`.
+    """Yield each sortie of the logs in `inputs`, with its match to the model's airframe.
 
-    Meanwhile the `console` shows a progress bar, and a line for every log that is not exactly one
-    sortie. A log that cannot be read for an error of the kind `skipped` is added to `unused`.
+    Logs keep their order. Meanwhile `console` shows a progress bar, and remarks on a log, such as
+    several sorties in it. A log whose reading raises an error of the class `skipped` is appended to
+    `unused`; other errors are raised.
     """
     from thrustmargin.gcs_plugin.logs.log_answer import matched_flights
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
@@ -138,6 +142,8 @@ def read_logs(
 def log_lines(log: FlightLog, *, stated: bool) -> tuple[str, ...]:
     """Return remarks on a sortie's log: further sorties, stretches without a flight, ignored
     columns.
+
+    `stated`: the user stated the load, which then applies to several sorties.
     """
     from thrustmargin.gcs_plugin.wording.check_words import statement_words
     from thrustmargin.gcs_plugin.wording.flight_words import several_words
@@ -157,11 +163,12 @@ def unnamed(error: Exception, path: Path) -> str:
 def matching_logs(
     read: Iterable[tuple[FlightLog, AirframeMatch]], unused: list[UnusedLog], console: Console
 ) -> Iterator[FlightLog]:
-    """Yield the logs that are flights of the airframe; add the others to `unused` with the reason.
+    """Yield the logs of `read` that are flights of the airframe, cut to what a model may learn
+    from.
 
-    Print the parts of a flight that its log lacks. Rows after a loss of control are dropped with a
-    remark, and so are speeds that motor outputs gave while telemetry was lost: neither is a flight
-    to learn from.
+    The others are appended to `unused` with the reason. Rows after a loss of control are dropped,
+    and rotor speeds inferred from motor outputs where measured ones exist. Print what was dropped,
+    and parts of a flight that its log lacks.
     """
     from thrustmargin.gcs_plugin.logs.inspection import left_out_findings
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
@@ -194,8 +201,9 @@ def with_engineer_notes(
 ) -> list[FlightLog]:
     """Return the logs, in their order, with the notes of the file `notes`.
 
-    Without it, a notes.csv next to each log is read; if it cannot be, that is printed and the log
-    has none. Raises LogError if `notes` cannot be read, UsageError if it is given for several logs.
+    If `notes` is None, the notes.csv next to each log is read; if that cannot be read, print so and
+    leave the log without notes. Raises LogError if `notes` cannot be read, UsageError if it is
+    given for several logs.
     """
     from thrustmargin.gcs_plugin.logs.notes_file import notes_file_of, with_notes
 
@@ -227,17 +235,18 @@ def hangar_of(inputs: Inputs) -> Hangar:
 
 
 def named_aircraft(inputs: Inputs) -> KnownAircraft | None:
-    """Return the known aircraft that the user named; None without one."""
+    """Return the known aircraft that the option --aircraft names; None without the option."""
     if inputs.known.aircraft is None or inputs.by_file:
         return None
     return hangar_of(inputs).load(inputs.known.aircraft)
 
 
 def recognised(path: Path, inputs: Inputs, hangar: Hangar) -> Recognition:
-    """Return which known aircraft flew a log: the one named by the options, else by the log's
-    marks.
+    """Return which aircraft of the hangar flew a log.
 
-    Raises LogError if the log cannot be read.
+    It is the aircraft that the options name, else the one whose marks (serial number, device ids,
+    calibration) the log has. Raises LogError if the log cannot be read, DataError if the hangar
+    lacks the named aircraft.
     """
     from thrustmargin.gcs_plugin.logs.read import read_sorties
     from thrustmargin.gcs_plugin.store.aircraft_marks import Recognition, marks_of
@@ -248,9 +257,11 @@ def recognised(path: Path, inputs: Inputs, hangar: Hangar) -> Recognition:
 
 
 def with_recognised(inputs: Inputs, console: Console) -> Inputs:
-    """Return the inputs with the name of the known aircraft, if all their logs are of one.
+    """Return the inputs with the known aircraft's name set and printed, if one aircraft flew all
+    logs.
 
-    Unchanged for logs of none or several, or if the user named the aircraft.
+    Logs that cannot be read are ignored here. Return the inputs unchanged if logs are of several or
+    unknown aircraft, or if the user named aircraft, airframe or model.
     """
     hangar = hangar_of(inputs)
     if inputs.given or not hangar.names():
@@ -271,12 +282,12 @@ def with_recognised(inputs: Inputs, console: Console) -> Inputs:
 def known_flights(
     inputs: Inputs, unread: list[UnusedLog], console: Console
 ) -> list[tuple[FlightAnalysis, FlightLog]]:
-    """Return the flights in logs of known aircraft, each analysed with the aircraft's state before
+    """Return the flights in logs of known aircraft, each analysed with its aircraft's state before
     it.
 
-    The flights of an aircraft are processed in order of time, and each updates the state before the
-    next, unless the options exclude that. A log whose aircraft the user must state is reported on
-    the console and left out, like one of an unknown aircraft.
+    The flights of an aircraft are processed by time, and each updates the state for the next,
+    unless an option forbids it. Logs of unknown aircraft are left out; one that fits several
+    aircraft is reported on the console. Logs that turn out unusable are appended to `unread`.
     """
     from thrustmargin.gcs_plugin.wording.aircraft_words import open_words
 
@@ -311,11 +322,13 @@ def learn_logs(
     *,
     must_keep: bool = False,
 ) -> tuple[list[tuple[LearntFlight, FlightLog]], KnownAircraft]:
-    """Analyse the logs of one aircraft in order of time, and store each flight's effect on its
+    """Analyse the logs of one aircraft by time, and store its flights with their effect on its
     state.
 
-    Return the flights, and the aircraft with them. If the disk refuses, the console reports it;
-    `must_keep` raises DataError instead.
+    Return all flights with their logs, and the aircraft with the stored ones added. Not stored are
+    flights without a date or a verdict, and all if an option forbids it. Unusable logs are appended
+    to `unread`. If the disk refuses, the console reports it, or with `must_keep` DataError is
+    raised.
     """
     from thrustmargin.gcs_plugin.store.hangar import NotTaught
     from thrustmargin.gcs_plugin.store.learnt_flight import learnt_flight
@@ -357,10 +370,10 @@ def learn_logs(
 def keep(
     flights: Sequence[tuple[LearntFlight, FlightLog]], aircraft: KnownAircraft, hangar: Hangar
 ) -> None:
-    """Write flights of a known aircraft to the hangar, and to the season's store if an extra has
-    one.
+    """Write flights of a known aircraft to the hangar, and to the season's store if that extra
+    exists.
 
-    Raises DataError where the disk refuses.
+    Raises DataError if the disk refuses.
     """
     from thrustmargin.gcs_plugin.commands import extras
 
@@ -377,10 +390,11 @@ def explained(
     aircraft: KnownAircraft,
     change: AircraftChange,
 ) -> AircraftChange:
-    """Return a change with its cause by the search over effects, if an extra has a search.
+    """Return `change` with its cause, found by the search over effects; unchanged without that
+    extra.
 
-    The search is over the flights since the change that were just analysed, against the state
-    before the first of them.
+    The search uses those of the flights `earlier` that began since the change, and `flight` itself.
+    It is against the aircraft's state before the change.
     """
     from thrustmargin.gcs_plugin.commands.__init__ import extras
 
@@ -396,7 +410,7 @@ def explained(
 
 
 def with_change(flight: LearntFlight, change: AircraftChange) -> LearntFlight:
-    """Return a flight with another change, in its analysis, advice and record."""
+    """Return the flight with `change` in its analysis, its assessment and its record."""
     return replace(
         flight,
         analysis=replace(flight.analysis, change=change),
@@ -408,10 +422,10 @@ def with_change(flight: LearntFlight, change: AircraftChange) -> LearntFlight:
 def mission_of(
     log: FlightLog, flight: LearntFlight, aircraft: KnownAircraft
 ) -> FlownMission | None:
-    """Compare the mission flown in a log with its forecast by the aircraft's state before the
+    """Compare the mission flown in a log with the forecast by the aircraft's state before the
     flight.
 
-    None where the log has no mission that it flew.
+    None if the log contains no complete mission that was flown, has no date, or has no verdict.
     """
     from thrustmargin.gcs_plugin.commands.shared.plan_source import plan_of_waypoints
     from thrustmargin.mission.forecast.battery import FlightBattery
@@ -443,11 +457,11 @@ def with_flight(aircraft: KnownAircraft, row: AircraftFlight) -> KnownAircraft:
 
 
 def model_of_log(inputs: Inputs, log: Path, console: Console) -> RotorModel:
-    """Return the model for a recorded flight: that of its known aircraft, in the state before the
-    flight.
+    """Return the model to predict the flight in `log` with.
 
-    Without a known aircraft, return the model of the options. Print the names among which the user
-    must choose if the log's marks do not decide.
+    It is that of the known aircraft that flew, in its state before the flight, or its state now if
+    the log has no date. Without a known aircraft, or if options name model or airframe, it is the
+    options' model. Print the candidates if the log fits several known aircraft.
     """
     from thrustmargin.gcs_plugin.logs.read import read_sorties
     from thrustmargin.gcs_plugin.store.aircraft_marks import marks_of
@@ -471,7 +485,9 @@ def model_of_log(inputs: Inputs, log: Path, console: Console) -> RotorModel:
 
 
 def flight_key(log: FlightLog) -> str:
-    """Return the digest of a log's file; from the second sortie on with the sortie's number."""
+    """Return the digest of a log's file; from the second sortie on with the sortie's number
+    appended.
+    """
     from hashlib import file_digest
 
     with log.path.open("rb") as file:

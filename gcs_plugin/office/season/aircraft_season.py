@@ -143,10 +143,12 @@ def aircraft_season(
     parts: Sequence[Part] = (),
     frames: Mapping[str, int] = MappingProxyType({}),
 ) -> AircraftSeason:
-    """Return the season of one aircraft from its rows of `flights` and `sums`, oldest first.
+    """Return the season of one aircraft: its flights, the changes over them, and findings.
 
-    Sums of another model than the newest one's are left out. `frames` has the number of flights of
-    each aircraft of this name, by its frame, if there are several. `with_parts` adds the parts.
+    `flights` and `sums` are its rows of the store's tables of these names, oldest first. Sums by
+    another model than the newest one's are left out. `frames`, frame -> number of flights, is given
+    if several aircraft share this name. `parts` serve to recognise a replaced rotor; `with_parts`
+    adds their histories.
     """
     flights, given = unique_flights(flights), len(flights)
     order = {f["flight"]: k for k, f in enumerate(flights)}
@@ -211,10 +213,10 @@ def sort_findings(findings: Iterable[SeasonFinding]) -> tuple[SeasonFinding, ...
 def change_level(
     ratio: float, acts: float = ACTS, firsts: float = FIRSTS, *, part: str = ""
 ) -> str:
-    """Return the level of a change by its `ratio` to the usual difference between sound aircraft.
+    """Return the level of a change: WATCH, ACT or FIRST (inspect this aircraft first).
 
-    From `acts` on it is ACT, from `firsts` on FIRST; but CHECK if `part`, to be inspected, is an
-    instrument. Below `acts` it is WATCH.
+    `ratio` is the change over the usual difference between fault-free aircraft. It is ACT from
+    `acts` on, FIRST from `firsts` on. If `part` is an instrument, it is CHECK from `acts` on.
     """
     if ratio >= acts and part in INSTRUMENTS:
         return CHECK
@@ -224,7 +226,8 @@ def change_level(
 def _change_findings(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[SeasonFinding]:
     """Yield a finding for each change of a value over the season.
 
-    Only the last change of a value is a reason to act, and one to a sound rotor is none.
+    Only the last change of a value gets a level that asks to act. A rotor that became sound again,
+    or makes more thrust than expected, does not.
     """
     count = len(season.counted)
     for trend in season.changes.trends if season.changes else ():
@@ -264,9 +267,11 @@ def _change_findings(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[
 def _swap_words(
     season: AircraftSeason, trend: Trend, entry: SeasonEntry, parts: Sequence[Part]
 ) -> str:
-    """Return, in words, the part that was installed on a rotor when its loss became smaller.
+    """Return the part that explains why the loss of a rotor became smaller: `propeller 2 P7,
+    installed ...`.
 
-    Without one in `parts` return the request to enter it into parts.csv.
+    It is the one of `parts` that was installed on that rotor between the flights before and after
+    the change. Without one, return the request to enter it into parts.csv.
     """
     rotor = words.rotor_of(trend.name)
     before = season.started(max(entry.earliest - 1, 0))
@@ -288,7 +293,7 @@ def reported_then(season: AircraftSeason, at: int) -> str:
 
 
 def _shared_findings(season: AircraftSeason) -> Iterable[SeasonFinding]:
-    """Yield a finding for each model error that all flights share."""
+    """Yield a finding for each value by which all flights differ from the model in the same way."""
     for one in season.changes.shared if season.changes else ():
         trend = season.changes.trend(one.name) if season.changes else None
         ratio = abs(one.value) / trend.usual if trend else 0.0
@@ -312,7 +317,11 @@ def _season_verdict(flight: Mapping[str, Any]) -> str | None:
 
 
 def _verdict_findings(season: AircraftSeason) -> Iterable[SeasonFinding]:
-    """Yield a finding for each bad verdict of the last RECENT flights, and for missing verdicts."""
+    """Yield findings on bad verdicts of the last RECENT flights, and on open caveats of the last
+    one.
+
+    Also yield one if more than half of all flights have no verdict.
+    """
     count = len(season.flights)
     recent = season.flights[-RECENT:]
     for gravity, verdict in enumerate(GROUNDING):
@@ -338,8 +347,8 @@ def _verdict_findings(season: AircraftSeason) -> Iterable[SeasonFinding]:
                 verdict=verdict,
             )
     for caveat in flight_caveats(recent[-1]) if recent else ():
-        count = sum(caveat in flight_caveats(f) for f in recent)
-        if sentence := words.open_sentence(caveat, count, len(recent)):
+        shared_by = sum(caveat in flight_caveats(f) for f in recent)
+        if sentence := words.open_sentence(caveat, shared_by, len(recent)):
             yield SeasonFinding(
                 level=CHECK,
                 weight=0.0,

@@ -35,10 +35,11 @@ Flights = Sequence[Mapping[str, Any]]
 
 
 def group_by_frame(flights: Flights) -> dict[str, list[Mapping[str, Any]]]:
-    """Group the flights of one name by number and layout of rotors, which no repair changes.
+    """Group the flights under one name by frame, number and layout of rotors, which no repair
+    changes.
 
-    The keys are the frames in words. A flight with an unknown number or layout joins the flights
-    that it fits if they are all of one frame.
+    The keys are the frames in words. A flight with an unknown number or layout joins the one frame
+    that it fits; if it fits none or several, it is a group of its own.
     """
     frames = dict.fromkeys((f["rotor_count"], f["layout"]) for f in flights)
 
@@ -56,8 +57,9 @@ def group_by_frame(flights: Flights) -> dict[str, list[Mapping[str, Any]]]:
 
 
 def alternating_boards(flights: Flights) -> int:
-    """Return the number of autopilots that flew alternately; 0 if each was only replaced by the
-    next.
+    """Return the number of autopilots that flew alternately under one name.
+
+    0 if each was only replaced once by the next.
     """
     known = [f["board"] for f in flights if f["board"]]
     turns = sum(1 for _ in groupby(known))
@@ -65,10 +67,10 @@ def alternating_boards(flights: Flights) -> int:
 
 
 def unique_flights(flights: Flights) -> list[Mapping[str, Any]]:
-    """Drop second logs of a flight, such as those of autopilot and ground station.
+    """Return the flights without second logs of a flight, such as those of a ground station.
 
-    `flights` are sorted by start time. Of two logs of one flight the one with the graver verdict
-    remains; of equally grave ones the one with sums, else the first.
+    `flights` are rows of the store, sorted by start time. Of two logs of a flight the one with the
+    graver verdict is kept; of equally grave ones the one with sums, else the first.
     """
     kept: list[Mapping[str, Any]] = []
     for flight in flights:
@@ -82,8 +84,7 @@ def unique_flights(flights: Flights) -> list[Mapping[str, Any]]:
 
 
 def _rank(flight: Mapping[str, Any]) -> tuple[int, bool]:
-    """Return a sort key of a flight's log; of two logs of one flight the one with the smaller
-    key remains."""
+    """Return a sort key of a log: of two logs of one flight, that with the smaller key is kept."""
     level = FlightLevel(flight["verdict"] or FlightLevel.UNKNOWN)
     return level.gravity, flight["sums_reason"] is not None
 
@@ -97,11 +98,11 @@ def overlap_count(flights: Flights) -> int:
 
 
 def _same_flight(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    """Return True if two logs record one flight.
+    """Return True if two rows of the store are logs of the same flight.
 
-    Their times overlap, and their boards are equal, as an autopilot flies once at a time. Where a
-    board is unknown, place, load, distance, current and time of the worst row agree as far as both
-    logs have them, at least two of them. Several aircraft of one make often fly at the same time.
+    Their times must overlap, and their autopilots' serial numbers be equal. If one is unknown,
+    place, load, distance, current and time of the worst row must agree as far as both have them,
+    and at least LEAST_IN_COMMON of them: several aircraft of one make often fly at the same time.
     """
     if not _times_overlap(one, other):
         return False

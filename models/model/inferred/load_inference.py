@@ -235,10 +235,12 @@ def _shown_load(
 def with_load_so_far(
     track: FlightTrack, airframe: Airframe, so_far: LoadEvidence
 ) -> tuple[FlightTrack, LoadEvidence]:
-    """Fill in the load for the next rows of a flight in progress, from earlier time spans only.
+    """Fill in the load for the next rows of a flight in progress, without any row using later ones.
 
-    Also return the evidence including these rows. After a sudden change of load it is NaN until
-    enough rows show the new one.
+    Each row uses earlier spans of time only; `so_far` is the evidence from earlier rows. Also
+    return the evidence including these rows. NaN until the load is known well enough, and after a
+    sudden change of load until enough rows show the new one. Unchanged where a gauge reports the
+    load.
     """
     # A rejected gauge counts as not reported.
     still = so_far.gauged and not track.source("tank_kg").rejected

@@ -42,10 +42,11 @@ CURVE_ERROR, MASS_ERROR = 0.03, 0.005
 
 
 def shared_error(track: FlightTrack, airframe: Airframe, load: Floats) -> Floats:
-    """Return the part (T,) kg of an inferred load's standard error that cancels in its redundancy.
+    """Return the part (T,), kg, of an inferred load's standard error that cancels in the
+    redundancy.
 
-    An error of thrust curve, air density or empty mass shifts the weight by thrust and the largest
-    thrust alike.
+    An error of thrust curve, air density or empty mass shifts the weight inferred by thrust and the
+    largest thrust alike, so their ratio does not change. `load` (T,) is in kg.
     """
     curve = GUESS if "thrust_coefficient" in airframe.guessed else CURVE_ERROR
     mass = GUESS if "empty_mass" in airframe.guessed else MASS_ERROR
@@ -106,8 +107,11 @@ def _voltage_variance(airframe: Airframe, voltage: Floats) -> Floats:
 
 
 def load_error(track: FlightTrack, airframe: Airframe) -> Floats:
-    """Return the standard error (T,) of ln(weight over largest thrust); redundancy and
-    prediction use it."""
+    """Return the standard error (T,) of ln(weight over largest thrust).
+
+    It is by the errors of the load, of the airframe's guessed quantities and of a voltage that is
+    unknown (not above 0). NaN for an unknown aircraft.
+    """
     guesses = guessed_variance(airframe, "empty_mass") + largest_thrust_variance(airframe)
     guesses += _voltage_variance(airframe, track.voltage)
     if "tank_kg" not in track.standard_errors:
@@ -144,10 +148,11 @@ def redundancy_error(
     density_share: Floats,
     outputs: OutputEvidence | None = None,
 ) -> Floats:
-    """Return the standard error (T,) of ln redundancy to the low side, including `beyond_load`.
+    """Return the standard error (T,) of ln redundancy towards lower values.
 
-    `density_share` (T,) is the standard error of ln density. Where hover thrust shows the load,
-    density shifts load and largest thrust alike, and cancels.
+    It includes the surplus of `beyond_load`. `density_share` (T,) is the standard error of ln
+    density; it is left out where hover thrust shows the load, because density then shifts load and
+    largest thrust alike.
     """
     shared = track.source("tank_kg").meaning is Meaning.HOVER_THRUST
     error = np.hypot(load_error(track, airframe), 0.0 if shared else density_share)
