@@ -193,7 +193,7 @@ class VehicleSummary:
         run_up = "" if check is None or check.ended else check_line(check)
         if self.largest is None:
             return "", _joined(run_up, self.pending), "grey"
-        headline, over = before_take_off(self.largest, float(row.track.tank_kg[row.row]))
+        headline, over = before_take_off(self.largest, float(row.analysis.track.tank_kg[row.row]))
         return headline, _joined(run_up, self.fill), "red" if over else "grey"
 
     @property

@@ -244,7 +244,7 @@ def test_number_colour_and_alarm_of_a_margin_agree(left: float, percent: int, lo
     assert (papers[left] == papers[0.496]) == low
     row = standing_of(hover(2.0, tank=0.0)).row
     assert row is not None
-    use = np.full_like(row.track.rotor_speed_rpm, 1.0 - left)
+    use = np.full_like(row.analysis.track.rotor_speed_rpm, 1.0 - left)
     at = replace(row, analysis=replace(row.analysis, utilisation=use), low=None)
     (shown, *_) = aircraft_figures(at, 0.0)["rotors"]
     assert shown["percent"] == percent
