@@ -83,8 +83,10 @@ def _tank_checks(texts: Sequence[str], known: Sequence[bool], severity: int) -> 
 def pump_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
     """Return the sentence on a disagreement of gauge and pump over the liquid used.
 
-    Empty if they agree within the tolerances of `settings`, or one of them is unknown. Thrust
-    decides, where known, which of the two is wrong.
+    Empty if they agree within the tolerances of `settings`, or one of them is unknown. If the
+    gauge used more: a leak where thrust shows that too, else that the tank falls too fast. If it
+    used less: clogged nozzles where thrust shows that too, else that the gauge is wrong (also
+    where thrust is unknown), or that a tank below 0.3 kg is empty.
     """
 
     def parts(one: float, other: float) -> bool:

@@ -257,11 +257,11 @@ class Tabs(Generic[Of]):
             return list(self._tabs.values())
 
     def drawn(self, server: viser.ViserServer, shared: Scene) -> tuple[list[Of], list[Of]]:
-        """Return the tabs to draw, and those of them that have a new scene.
+        """Return the tabs to draw, and the tabs that got a scene in this call.
 
-        They are the tabs that viser has connected, else the shared one, whose scene is `shared`. A
-        tab with a new connection gets a new scene over it; a tab that lost its connection gets
-        None.
+        Drawn are the tabs that viser has connected, else the shared one, whose scene is `shared`
+        (given to it in the first call, whether it is drawn or not). A tab whose wanted connection
+        exists gets a new scene over it; a tab that lost its connection loses its scene.
         """
         clients, new = server.get_clients(), []
         shared.keep_clients(clients)

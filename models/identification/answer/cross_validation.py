@@ -179,10 +179,11 @@ class CrossValidation:
         """Return the residual (T, R), rpm, with effects selected and fitted anew without each row's
         fold.
 
-        All arguments are candidate indices. Candidates in `dropped` are never selected. Of
-        `members`, effects that begin at a time or have values of the held-out flight itself are
-        always used, because other flights cannot show them. With `open_`, unnamed causes are
-        selected in each fold as well.
+        Each fold selects from all candidates by itself, except those in `dropped` and effects that
+        begin at a time. `members` adds to every fold's selection, even if in `dropped`, those of
+        its effects that begin at a time or have a value of the held-out flight itself, because
+        other flights cannot show them. With `open_`, folds select unnamed causes too. `members`
+        and `dropped` are candidate indices.
         """
         values = []
         for fold in self.folds:

@@ -214,8 +214,9 @@ def own_estimate(sums: Floats) -> Floats:
 def pool_scatter(estimates: dict[tuple[str, int | None], list[Floats]]) -> dict[str, float]:
     """Return the between-flight scatter of each parameter, root mean square over rotors.
 
-    `estimates` maps (parameter, rotor) to arrays (F, 2) of a value and its error for each flight;
-    rows with NaN or no error are left out.
+    `estimates` maps (parameter, rotor) to arrays (F, 2) of a value and its error for each flight.
+    The arrays of one entry are joined: their flights have one scatter. Rows with NaN or no error
+    are left out; a parameter without two rows in any entry is not in the result.
     """
     scatter: dict[str, list[float]] = {}
     for (key, _), parts in estimates.items():

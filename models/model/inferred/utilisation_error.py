@@ -109,8 +109,10 @@ def _voltage_variance(airframe: Airframe, voltage: Floats) -> Floats:
 def load_error(track: FlightTrack, airframe: Airframe) -> Floats:
     """Return the standard error (T,) of ln(weight over largest thrust).
 
-    It is by the errors of the load, of the airframe's guessed quantities and of a voltage that is
-    unknown (not above 0). NaN for an unknown aircraft.
+    It combines, as independent, the load's error (left out where the track states none), the
+    guessed quantities of the airframe, and a voltage that is unknown (not above 0). A load that
+    hover thrust shows shares the thrust curve's error with the largest thrust: the shared part is
+    subtracted. NaN for an unknown aircraft.
     """
     guesses = guessed_variance(airframe, "empty_mass") + largest_thrust_variance(airframe)
     guesses += _voltage_variance(airframe, track.voltage)
