@@ -151,7 +151,7 @@ def train(
     names = iter(settings.names())
     curves: list[LossCurve] = []
 
-    slow = _slow_rows([tracks[i] for i in places], samples)
+    slow = slow_rows([tracks[i] for i in places], samples)
 
     def fit(split: Split, seed: int) -> NetworkFit:
         """Fit the next network of `settings` on a split and record its loss curve."""
@@ -178,10 +178,10 @@ def train(
     split_scores = []
     for kind in settings.splits:
         split = SPLITS[kind](samples, settings.seed)
-        split_scores.append(_split_score(kind, samples, split, fit(split, settings.seed)))
+        split_scores.append(split_score(kind, samples, split, fit(split, settings.seed)))
     fits = [fit(split, settings.seed + 1 + k) for k, split in enumerate(learnt)]
     network = stack_networks([f.network for f in fits])
-    left_out = _held_out_speeds(samples, fits, member_rows)
+    left_out = held_out_speeds(samples, fits, member_rows)
     spread = ensemble_speed(network, samples.airspeed, samples.tank_kg)[1]
     residual = samples.rotor_speed_rpm - left_out
     interval = calibrate(
@@ -238,7 +238,7 @@ def _model_of_network(
     )
 
 
-def _slow_rows(tracks: Sequence[FlightTrack], samples: Samples) -> Bools:
+def slow_rows(tracks: Sequence[FlightTrack], samples: Samples) -> Bools:
     """Flag the rows (N,) to train on: all, or every n-th of a track sampled faster than FASTEST.
 
     Rotor speed depends on airspeed and tank here; rows a hundredth of a second apart add no
@@ -274,7 +274,7 @@ def _select(rows: Rows, wanted: np.ndarray) -> Rows:
     return rows[wanted[rows]]
 
 
-def _held_out_speeds(
+def held_out_speeds(
     samples: Samples, fits: Sequence[NetworkFit], splits: Sequence[Split]
 ) -> Floats:
     """Return rotor speeds (N, R) rpm, each the mean of the members that held out the row's
@@ -290,7 +290,7 @@ def _held_out_speeds(
     return total / count
 
 
-def _split_score(kind: str, samples: Samples, split: Split, fitted: NetworkFit) -> SplitScore:
+def split_score(kind: str, samples: Samples, split: Split, fitted: NetworkFit) -> SplitScore:
     """Score one network on the training, validation and test rows of its split."""
     predicted = member_speeds(fitted.network, samples.airspeed, samples.tank_kg)[0]
 
