@@ -97,10 +97,6 @@ USAGE = (
     "margin max-utilisation 50%: warn when more of a rotor's maximum thrust is in use\n"
     f"margin OPTION VALUE, or - for none: {', '.join(OPTIONS)}"
 )
-RENAMED = (
-    "max-utilisation, the largest share of a rotor's maximum thrust that may be in use; "
-    "for a margin of 45 % write 55%"
-)
 PERIOD = 0.5  # s between two looks at what the thread found
 ROW = 4  # of the console, below MAVProxy's own
 
@@ -159,8 +155,6 @@ class MarginModule(mp_module.MPModule):
                 print(f"margin {name} {getattr(self._worker.options, OPTIONS[name])}")
             case [name, *value] if name in OPTIONS:
                 self._set(name, " ".join(value))
-            case ["limit", *_]:
-                print(f"margin limit is now {RENAMED}")
             case _:
                 print(USAGE)
 
@@ -233,8 +227,6 @@ class MarginModule(mp_module.MPModule):
 
 def init(mpstate: Any, **options: Any) -> MarginModule:
     """Create the module; called by MAVProxy, which prints an ImportError as one line."""
-    if "limit" in options:
-        raise ImportError(f"limit is now {RENAMED}")
     unknown = sorted(set(options) - {field.name for field in dataclasses.fields(MarginOptions)})
     if unknown:
         raise ImportError(f"no option {', '.join(unknown)}; see docs/live.md")

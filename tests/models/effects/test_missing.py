@@ -54,7 +54,7 @@ def test_every_effect_lives_without_any_channel(effect):
 @pytest.mark.parametrize(
     ("channel", "key"), [(channel, key) for channel, keys in ALL_TO.items() for key in keys]
 )
-def test_without_its_channel_an_effect_does_nothing_and_the_rows_say_so(channel, key):
+def test_without_its_channel_an_effect_does_nothing(channel, key):
     track, model = lively(6.0), having(BY_KEY[key])
     if not model.airframe.tank_capacity_kg:
         track = replace(track, tank_kg=0.0 * track.tank_kg)
@@ -65,8 +65,6 @@ def test_without_its_channel_an_effect_does_nothing_and_the_rows_say_so(channel,
     np.testing.assert_allclose(
         left.rotor_speed_rpm, predicted(gone, plain).rotor_speed_rpm, rtol=1e-5
     )
-    assert left.partial is not None
-    assert left.partial.all()
 
 
 def test_a_wind_does_nothing_where_the_velocity_is_unknown():

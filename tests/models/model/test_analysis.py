@@ -12,7 +12,6 @@ from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
-from thrustmargin.models.physics.atmosphere import isa_density
 from thrustmargin.models.physics.margin import ceiling, hover_use
 from thrustmargin.models.statement import state
 
@@ -28,7 +27,7 @@ def hovering(airframe=SITL, **channels: object) -> FlightTrack:
     """A hover that empties the tank, its rotor speeds exactly those of weight and thrust curve."""
     tank = np.linspace(airframe.tank_capacity_kg, 0.0, ROWS)
     share = airframe.rotor_effectiveness.sum() * airframe.thrust_coefficient
-    density = isa_density(500.0) / airframe.reference_density
+    density = 1.167268827861 / airframe.reference_density  # of the standard atmosphere at 500 m
     speed = np.sqrt((airframe.empty_mass + tank) * G0 / (share * density))
     still = np.zeros((ROWS, 3))
     given = {
