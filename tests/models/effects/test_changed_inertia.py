@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.models.known_effects import known_effect
 from tests.models.made_flights import F16, NOISE_RPM, curve_model, made_flight, table
 from thrustmargin.gcs_plugin.wording.effect_sentences import effect_sentence
-from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import Effect, Values
 from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack
@@ -21,7 +21,7 @@ from thrustmargin.models.physics.margin import mixer
 USUAL_ARM = 0.9595439
 USUAL_MASS = 21.1
 
-TURNING = BY_KEY["manoeuvre_moment"]
+TURNING = known_effect("manoeuvre_moment")
 HAS = {
     **{p.name: p.start for p in TURNING.parameters},
     **{"inertia_roll": 1.5, "inertia_pitch": 1.6, "inertia_yaw": 3.0},

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thrustmargin.models.effects import BY_KEY, CATALOGUE, effects_for
+from tests.models.known_effects import known_effect
+from thrustmargin.models.effects import CATALOGUE, effects_for
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.effects.channels import froude_time_scale
 from thrustmargin.models.effects.compose import rotor_speed_rpm
@@ -114,7 +115,7 @@ def test_sideways_flight_slows_the_rotors_that_lead():
 
 
 def test_every_effect_can_be_read_from_a_model_file():
-    assert all(BY_KEY[effect.key] is effect for effect in CATALOGUE)
+    assert all(known_effect(effect.key) is effect for effect in CATALOGUE)
 
 
 #: kg empty -> m of arm, m of propeller: a palm-sized quad to a large sprayer

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.models.known_effects import known_effect
 from tests.models.made_flights import F16, NOISE_RPM, curve_model, made_flights, table
 from thrustmargin.models.effects.compose import EffectRecord, Identified
-from thrustmargin.models.effects.instrument_effects import WIND
 from thrustmargin.models.effects.thrust_effects import (
     ROTOR_DEGRADATION,
     ROTOR_DEGRADATION_ONSET,
@@ -102,7 +102,7 @@ def test_effects_join_those_that_the_model_had(worn):
 
 
 def test_a_wind_stays_behind_and_it_is_said(worn):
-    wind = found_by_hand(WIND, [[-6.0, 1.0], [2.0, 0.0]])
+    wind = found_by_hand(known_effect("wind"), [[-6.0, 1.0], [2.0, 0.0]])
     update = update_model(curve_model(), replace(worn, found=(wind, *worn.found)))
     assert [e.name for e in update.model.effects] == ["rotor_degradation"]
     assert any("wind" in note and "not in the new model" in note for note in update.notes)
