@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from tests.flight_channels import assert_same_channels, reported_channels
 from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.cli import run
@@ -26,8 +27,7 @@ NUMBERS = st.floats(allow_nan=True, allow_infinity=False, width=64)
 def same_numbers(a: FlightTrack, b: FlightTrack) -> None:
     np.testing.assert_array_equal(a.time_s, b.time_s)
     np.testing.assert_array_equal(a.flying, b.flying)
-    for channel in TRACK_CHANNELS:
-        np.testing.assert_array_equal(getattr(a, channel), getattr(b, channel), err_msg=channel)
+    assert_same_channels(a, b)
 
 
 def same(a: FlightTrack, b: FlightTrack) -> None:
@@ -200,9 +200,9 @@ def test_the_csv_of_a_report_is_the_flight_again_to_the_last_digit(sitl_logs, tm
     log = str(sitl_logs / "campaign/v4_m16_q2.5.tlog")
     assert run(["report", log, "--out", str(tmp_path / "one.html")]) == 0
     track, again = read_log(log).track, read_log(tmp_path / "one.csv").track
-    reported = {name for name in TRACK_CHANNELS if track.reports(name)}
+    reported = reported_channels(track)
     assert {"position_ned", "velocity_ned", "attitude", "specific_force_frd"} <= reported
-    assert {name for name in TRACK_CHANNELS if again.reports(name)} == reported
+    assert reported_channels(again) == reported
     same_numbers(again, track)
     assert run(["report", log, log, "--out", str(tmp_path / "two.html")]) == 0
     two = read_log(tmp_path / "two.csv").track
