@@ -282,10 +282,10 @@ class KnownAircraft:
         rows = (row for row in self.flights if row.started_unix_s >= since)
         return tuple(row.arms for row in rows if row.arms is not None)
 
-    def experience_before(self, start_unix_s: float = math.inf) -> Experience | None:
-        """Return how missions before a Unix time differed from their forecasts; None if too few
-        were flown."""
-        rows = self.flights_before(start_unix_s)
+    @property
+    def experience(self) -> Experience | None:
+        """Return how missions differed from their forecasts; None if too few were flown."""
+        rows = self.flights_before(math.inf)
         return experience([row.mission for row in rows if row.mission is not None])
 
     def battery_before(self, start_unix_s: float = math.inf) -> KnownBattery:

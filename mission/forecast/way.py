@@ -591,11 +591,11 @@ def _share(level_most: float, vertical_most: float, level: float, rise: float) -
     return max(min(by_level, by_rise), 1e-3)
 
 
-def timed_legs(legs: Sequence[WayLeg], start_s: float = 0.0) -> tuple[TimedLeg, ...]:
-    """Return the legs with start and end times, s, from `start_s`; at a corner without a stop the
+def timed_legs(legs: Sequence[WayLeg]) -> tuple[TimedLeg, ...]:
+    """Return the legs with start and end times, s, the first at 0; at a corner without a stop the
     times of two legs overlap."""
     result: list[TimedLeg] = []
-    begun = active = start_s
+    begun = active = 0.0
     for leg, following in pairwise([*legs, None]):
         assert leg is not None
         timed = TimedLeg(leg=leg, profile=leg.profile, start_s=begun, active_s=active)
