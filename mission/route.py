@@ -160,12 +160,6 @@ class Forecast:
         """
         return np.min(self.analysis.margin_predicted, axis=1)
 
-    @property
-    def least_margin(self) -> float:
-        """Return the smallest margin, turns and climbs included; NaN if none is known."""
-        known = self.margin[np.isfinite(self.margin)]
-        return float(np.min(known)) if known.size else float("nan")
-
     @cached_property
     def lasting_margin(self) -> float:
         """Return the smallest lasting margin, 1 minus the largest lasting utilisation; NaN if

@@ -36,11 +36,9 @@ from thrustmargin.models.model.mode_walk import (
     FlightOffsets,
     ModeState,
     WalkSizes,
-    WalkStep,
     fit_steps,
     local_day,
     state_before,
-    walk,
 )
 from thrustmargin.models.model.model_file import load_model
 from thrustmargin.models.model.model_misfit import Caveat
@@ -340,12 +338,6 @@ class KnownAircraft:
             longitude_deg = self.flights[-1].longitude_deg
         rotors = model.airframe.rotor_count
         return replace(model, state=self.state_before(start_unix_s, rotors, longitude_deg))
-
-    def walk(self) -> tuple[WalkStep, ...]:
-        """Return the random walk's filter steps over all flights that update the state."""
-        return walk(
-            self.lessons, self.steps(), last_training=self.last_training, repairs=self.repairs
-        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -437,28 +437,8 @@ class FlightAnalysis:
         One rotor is enough, whatever is known of the others: an ESC without readings hides no
         overload.
         """
-        return self._above(limit, 0.0)
-
-    def surely_above(self, limit: float) -> Bools:
-        """Flag rows (T,) like `above_limit`, where the low end of a rotor's 90 % interval exceeds
-        `limit`."""
-        return self._above(limit, -INTERVAL)
-
-    def maybe_above(self, limit: float) -> Bools:
-        """Flag rows (T,) like `above_limit`, where the high end of a rotor's 90 % interval exceeds
-        `limit`."""
-        return self._above(limit, INTERVAL)
-
-    def _above(self, limit: float, errors: float) -> Bools:
-        """Flag the rows (T,) in flight in which any rotor's utilisation surely, or possibly, tops
-        `limit`.
-
-        `errors` standard errors are added to it first; of the high side if positive, else the low
-        side.
-        """
-        use = self.known_utilisation + errors * self.row_errors[errors > 0.0]
         with np.errstate(invalid="ignore"):
-            return self.track.flying & np.any(use > limit, axis=1)
+            return self.track.flying & np.any(self.known_utilisation > limit, axis=1)
 
 
 def analyse(
