@@ -366,12 +366,6 @@ class FlightAnalysis:
         return yaw_reserve(airframe, self.utilisation * airframe.rotor_effectiveness)
 
     @property
-    def measured(self) -> Bools:
-        """Flag the rows (T,) in which every rotor has a speed, measured or inferred from its motor
-        output."""
-        return np.all(np.isfinite(self.utilisation), axis=1)
-
-    @property
     def any_measured(self) -> Bools:
         """Flag the rows (T,) in which at least one rotor has a speed, measured or inferred from its
         motor output."""

@@ -301,11 +301,6 @@ class RotorNetwork:
         """Return the number of rotors, R."""
         return self.output_mean.shape[1]
 
-    @property
-    def hidden(self) -> tuple[int, ...]:
-        """Return the units of each hidden layer."""
-        return tuple(w.shape[2] for w in self.weights[:-1])
-
 
 def stack_networks(networks: Sequence[RotorNetwork]) -> RotorNetwork:
     """Combine the members of `networks`, in order, into one ensemble."""

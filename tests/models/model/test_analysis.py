@@ -57,7 +57,7 @@ def test_a_perfect_hover_leaves_no_residual_and_its_thrust_is_its_weight(name):
     np.testing.assert_allclose(flight.utilisation, flight.thrust / flight.max_thrust)
     np.testing.assert_allclose(flight.margin, 1.0 - flight.utilisation)
     np.testing.assert_allclose(flight.margin_predicted, flight.margin)
-    assert flight.measured.all()
+    assert np.isfinite(flight.utilisation).all()
 
 
 def test_on_a_quad_margin_redundancy_and_trimmable_loss_say_the_same():
@@ -99,7 +99,7 @@ def test_rows_lack_what_they_cannot_know():
     flight = analyse(hovering(rotor_speed_rpm=rpm, tank_kg=tank), MODEL)
     assert np.isnan(flight.utilisation[3]).tolist() == [False, True, False, False]
     assert np.isnan(flight.residual_rpm[3]).tolist() == [False, True, False, False]
-    assert np.flatnonzero(~flight.measured).tolist() == [3]
+    assert np.flatnonzero(np.isnan(flight.utilisation).any(axis=1)).tolist() == [3]
     for array in (flight.weight, flight.redundancy_yaw_uncontrolled, flight.trimmable_loss):
         assert np.flatnonzero(np.isnan(array)).tolist() == [5]
     assert np.isnan(flight.prediction.rotor_speed_rpm[5]).all()

@@ -172,7 +172,7 @@ def test_settings_reach_the_training():
     assert model.interval.flights == 10
     assert model.interval.measured is not None
     assert (model.training.seed, model.training.members) == (4, 3)
-    assert model.network.hidden == (3,)
+    assert [w.shape[2] for w in model.network.weights[:-1]] == [3]
     # The interval is that of flights left out, about the spread of all members.
     samples = gather(tracks)
     left_out = np.full(samples.rotor_speed_rpm.shape, NAN)

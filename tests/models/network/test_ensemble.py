@@ -47,7 +47,6 @@ AIRSPEED, TANK = np.array([3.0, 3.0, -3.0]), np.array([10.0, 18.0, 2.0])
 
 def test_a_forward_pass_by_hand():
     np.testing.assert_allclose(member_speeds(small(), AIRSPEED, TANK), BY_HAND[None], rtol=1e-6)
-    assert small().hidden == (2,)
     assert (small().members, small().rotor_count) == (1, 2)
 
 
