@@ -150,7 +150,6 @@ PLANNED = AirframeMatch()
 class Forecast:
     """The predicted remaining route, at ten rows a second."""
 
-    item: NDArray[np.intp]  # (N,) mission item being flown to
     analysis: FlightAnalysis  # of N predicted rows; time_s counts from now
 
     @property
@@ -227,8 +226,7 @@ def forecast(
     analysis = analyse(
         replace(flight.track, voltage=volts), model, flight.density, airframe_match=PLANNED
     )
-    items = np.array([leg.item for leg in legs], dtype=np.intp)
-    return Forecast(item=items[flight.course.active], analysis=analysis)
+    return Forecast(analysis=analysis)
 
 
 def margin_at_fill(

@@ -367,7 +367,6 @@ class NetworkPoints:
 
     title: str  # of the aircraft of the training flights, which may be simulated
     airspeed: Floats  # (P,) m/s
-    tank_kg: Floats  # (P,) kg
     rotor_speed_rpm: Floats  # (P, R)
     load: Floats  # (P,) N for each rotor
     left_out: int  # points outside the model's training domain
@@ -411,7 +410,6 @@ def network_points(airframe: Airframe, model: RotorModel) -> NetworkPoints:
     return NetworkPoints(
         title=model.airframe.title,
         airspeed=speed[learnt],
-        tank_kg=tank[learnt],
         rotor_speed_rpm=predicted.rotor_speed_rpm[learnt] * to_curve,
         load=weight(airframe, tank[learnt]) / airframe.rotor_count,
         left_out=int(np.count_nonzero(~learnt)),

@@ -194,7 +194,7 @@ def test_settings_reach_the_training():
     assert other.network is not None
     assert not np.array_equal(other.network.weights[0], model.network.weights[0])
     # Members differ by their seeds and rows.
-    first, second, third = (model.network.member(k).weights[0] for k in range(3))
+    first, second, third = model.network.weights[0]
     assert not np.array_equal(first, second)
     assert not np.array_equal(second, third)
 
