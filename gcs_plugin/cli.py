@@ -101,7 +101,10 @@ def command_function(name: str) -> Callable[..., Any]:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Run one subcommand and exit with its code."""
+    """Run the command that `argv` names, and exit with its code.
+
+    `argv` is the command line without the program's name; None means that of this process.
+    """
     # Either may be closed, and a name that the terminal cannot show is no reason to fail.
     sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115
     sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
@@ -116,9 +119,10 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def _end_as_by_ctrl_c() -> None:
-    """Make SIGTERM, SIGHUP and the closing of a window on Windows raise KeyboardInterrupt.
+    """Make SIGTERM, SIGHUP and the closing of a Windows console raise KeyboardInterrupt.
 
-    So files are complete when the program ends.
+    Files are then completed or left unchanged, as after Ctrl-C. Signals that already have a handler
+    keep it.
     """
     found = [getattr(signal, n) for n in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, n)]
     ours = [number for number in found if signal.getsignal(number) is signal.SIG_DFL]
@@ -147,7 +151,11 @@ def not_a_command(name: str) -> str:
 
 
 def run(argv: Sequence[str]) -> int:
-    """Run one subcommand; returns the exit code. Raises SystemExit(2) for a wrong command line."""
+    """Run the command that `argv` names and return the exit code.
+
+    It is 0 or what the command returns; 1 for an error, 2 for a wrong usage, 130 after Ctrl-C; the
+    error is printed. Raises SystemExit(2) for a command line that cannot be parsed.
+    """
     argv = _in_language(argv)
     options = list(argv[: argv.index("--")] if "--" in argv else argv)
     if "--quiet" in options:
@@ -189,8 +197,10 @@ def _stopped(error: BaseException | None) -> bool:
 
 
 def _in_language(argv: Sequence[str]) -> list[str]:
-    """Set the language of --language and return the command line without it; exit if it is
-    unknown."""
+    """Set the language that --language names, and return the command line without that option.
+
+    Raise SystemExit(2) if the language is unknown.
+    """
     words = list(argv)
     if "--language" in words[: words.index("--")] if "--" in words else "--language" in words:
         at = words.index("--language")
@@ -206,8 +216,8 @@ def _in_language(argv: Sequence[str]) -> list[str]:
 def _answer(argv: Sequence[str]) -> Any:
     """Run the command that `argv` names and return its result; an int is the exit status.
 
-    Print the usage for no command (2, on stderr) and --help (0), and the version for --version (0).
-    Exit with 2 on an unknown command.
+    Without a command print the usage on stderr and return 2; print it for --help and the version
+    for --version and return 0. Raise SystemExit(2) for an unknown command.
     """
     first = argv[0] if argv else ""
     if first in ("", "-h", "--help"):
@@ -240,7 +250,7 @@ def _complain(words: str) -> None:
 
 
 def _flush() -> None:
-    """Write buffered output. Drop it and raise OSError when that fails."""
+    """Flush standard output; if that fails, discard what is buffered and raise OSError."""
     try:
         sys.stdout.flush()
     except OSError:

@@ -115,9 +115,10 @@ def _check_reach(home: tuple[float, float, float], steps: Sequence[Step]) -> Non
 def _way_out(
     last: Step, following: Step, plan: MissionPlan, off: Sequence[PlanItem]
 ) -> list[PlanItem]:
-    """Return the items of the flight, pump off, from take-off to the line end `last`.
+    """Return the items of the flight, pump off, from take-off at `home` to the line end `last`.
 
-    They include the speeds in force in the step `following`.
+    They include the speeds in force in the step `following`, and the items `off` that switch the
+    pump off. Their numbers are 0.
     """
     assert last.place is not None  # a line end has one
     height = last.place[2]

@@ -54,11 +54,11 @@ class LogAnswer:
 def claimed_flights(
     path: Path, model: RotorModel, *, given: bool, **options: Any
 ) -> list[tuple[FlightLog, AirframeMatch]]:
-    """Return every sortie of a log, with inferred channels, and the decision if it is the
-    airframe's.
+    """Return every sortie of a log with its match: whether it was flown by the model's airframe.
 
-    `given` is True if the user stated the airframe; `options` are those of `read_sorties`. A log
-    that does not match is read without an airframe. Raise the errors of `read_sorties`.
+    `given` is True if the user stated the airframe; `options` are those of `read_sorties`. A sortie
+    that matches has inferred channels filled in; one of an unknown aircraft is read without an
+    airframe. Raise the errors of `read_sorties`.
     """
     craft = identified_airframe(model)
 
@@ -130,9 +130,9 @@ def answer_log(log: FlightLog, analysis: FlightAnalysis, limit: float) -> LogAns
 def with_statements(
     findings: Sequence[Finding], statements: Sequence[VehicleStatement], advice: Advice | None
 ) -> tuple[Finding, ...]:
-    """Append to each finding of a vehicle's report what the log shows of the reported fault.
+    """Append to each finding on a vehicle's report what the log shows of the reported fault.
 
-    `advice` is None where no verdict is given.
+    Other findings are returned unchanged. `advice` is None where no verdict is given.
     """
     log_shows = {
         (one.kind, one.subject): words
@@ -148,8 +148,10 @@ def with_statements(
 
 
 def statement_words(one: VehicleStatement, advice: Advice | None) -> str:
-    """Return in words if the log confirms a report of the vehicle; empty if it shows nothing of
-    it."""
+    """Return what the log shows of a fault that the vehicle reported, in words; empty if nothing.
+
+    `advice` is None where no verdict is given.
+    """
     return corroboration_words(
         one.corroboration,
         named=one.named,

@@ -74,7 +74,8 @@ class Header(NamedTuple):
 def header(data: Any, start: Any, sizes: Any) -> Header:
     """Return the header at offset `start` of bytes, or at each offset (n,) of a uint8 array.
 
-    `data` must extend HEADER_PADDING bytes beyond; `sizes` is the payload size by id, -1 unknown.
+    `data` must extend HEADER_PADDING bytes beyond; `sizes` is the payload size by message id, -1
+    for an unknown id.
     """
     version2 = data[start] == V2
     payload = data[start + 1]
@@ -140,11 +141,12 @@ def examine(
     closed: bool = False,
     cleared: Cleared | None = None,
 ) -> tuple[FrameKind, Header | None]:
-    """Classify the bytes from `start` of the first `size`; `data` has HEADER_PADDING more.
+    """Return the class of the bytes from `start`, of the first `size`, and the header there.
 
-    `gap` is the number of bytes between two frames (the time stamp in a .tlog). `closed`: another
-    frame may begin after the last byte, as after a datagram or a file. `cleared` is the state from
-    examining the bytes before `start`, and is updated.
+    `data` must have HEADER_PADDING more bytes. `gap` is the number of bytes between two frames (the
+    time stamp in a .tlog). `closed`: another frame may begin after the last byte, as after a
+    datagram or a file. `cleared` is the state from examining the bytes before `start`, and is
+    updated. The header is None if it is incomplete or there is none.
     """
     verdict, head = _checked(data, start, size)
     if verdict is not FrameKind.UNVERIFIED or head is None:
@@ -169,11 +171,10 @@ def examine(
 def _inner_frame(
     data: bytes, low: int, high: int, size: int, closed: bool, cleared: Cleared
 ) -> FrameKind:
-    """Return GOOD or UNFINISHED for the first such frame that begins at offsets `low` to `high` of
-    `data`, else NOTHING.
+    """Return GOOD or UNFINISHED for the first such frame that begins from `low` to before `high`.
 
-    With `closed` an unfinished frame does not count. `cleared` keeps the offset up to which none
-    begins.
+    Else NOTHING. Both are offsets of `data`, of which `size` bytes count. With `closed` an
+    unfinished frame does not count. `cleared` keeps the offset up to which none begins.
     """
     inner = max(low, cleared.end)
     while inner < high and (magic := _MAGIC.search(data, inner, high)):
@@ -188,10 +189,10 @@ def _inner_frame(
 
 
 def _checked(data: bytes, start: int, size: int) -> tuple[FrameKind, Header | None]:
-    """Classify bytes by header and checksum alone, without the frame after: any frame of unknown id
-    is UNVERIFIED.
+    """Return the class of the bytes from `start`, by header and checksum alone, and the header.
 
-    The header is None if it is incomplete or has no magic byte.
+    Any frame of unknown id is UNVERIFIED, since the frame after it is not looked at. `size` bytes
+    count. The header is None if it is incomplete or has no magic byte.
     """
     magic = data[start]
     if magic not in (V1, V2):
@@ -230,11 +231,12 @@ class Walk:
     def frames(
         self, data: bytes, stop: int, size: int, *, gap: int = 0, closed: bool, wait: bool
     ) -> Iterator[tuple[FrameKind, int, Header]]:
-        """Yield class, offset (of the stamp, else the frame) and header of frames starting before
-        `stop`.
+        """Yield class, offset and header of frames from before `stop`, of `size` bytes.
 
-        They are good and unverified frames, and those with a wrong checksum where a frame was
-        expected. With `wait`, stop at the first that more bytes may complete.
+        The offset is that of the stamp of `gap` bytes, if any. Yielded are good and unverified
+        frames, and those with a wrong checksum where a frame was expected. `closed`: another frame
+        may begin after the last byte. With `wait`, stop at the first frame that more bytes may
+        complete.
         """
         while self.position + gap < stop:
             start = self.position + gap
@@ -261,7 +263,7 @@ class Walk:
 
 
 def frame_of(data: bytes, *, stamp_us: int = 0, link: int = 0) -> Frame | None:
-    """Return the Frame of these bytes.
+    """Return the Frame of these bytes, with its arrival `stamp_us`, µs, and its `link` number.
 
     None unless they are exactly one frame, with a correct checksum or an unknown id.
     """
@@ -282,8 +284,9 @@ def build_frame(data: bytes, verdict: FrameKind, head: Header, stamp_us: int, li
 
 
 def fields(frame: Frame) -> NDArray[np.void] | None:
-    """Return the fields of a frame as a structured array (1,) in wire units; None for an unknown
-    id.
+    """Return the fields of a frame as a structured array (1,) in wire units.
+
+    None for a frame of unknown id, or that is not verified.
     """
     layout = layouts().get(frame.id)
     if layout is None or not frame.verified:
@@ -315,9 +318,10 @@ def checksum(covered: bytes, extra: int) -> int:
 
 
 def checksum_rows(rows: Bytes, extra: Bytes) -> Words:
-    """Return checksums (n,) of rows (n, L) of equal length, each followed by its `extra` byte (n,).
+    """Return the checksums (n,) of n frames with an equal number L of covered bytes, `rows` (n, L).
 
-    The extra byte is the message's CRC_EXTRA, which ties the checksum to the field layout.
+    `extra` (n,) is each message's CRC_EXTRA byte, which is added at the end and ties the checksum
+    to the field layout.
     """
     count, length = rows.shape
     register = np.full(count, 0xFFFF, dtype=np.uint16)

@@ -138,7 +138,7 @@ def read_bytes(path: Path, padding: int = PADDING) -> tuple[Bytes, int]:
 
 
 def stamped_frames(path: Path) -> Generator[tuple[int, bytes]]:
-    """Yield stamp, Unix µs, and bytes of each frame of a .tlog in file order, unknown ids included.
+    """Yield (stamp, Unix µs; bytes) of each frame of a .tlog in file order, unknown ids included.
 
     Stamps are corrected where the clock was set during recording. Raise LogError if the file has no
     frame.
@@ -166,9 +166,10 @@ def stamped_frames(path: Path) -> Generator[tuple[int, bytes]]:
 
 
 def scan(data: Bytes, size: int, *, stamp: int = STAMP) -> Frames:
-    """Return all frames in the first `size` bytes of `data`, which ends with PADDING more.
+    """Return all frames in the first `size` bytes of `data`, which must be followed by PADDING
+    more.
 
-    `stamp` is the number of bytes before each frame: 0 for the bytes of a raw link.
+    `stamp` is the number of bytes of a time stamp before each frame: 0 for the bytes of a raw link.
     """
     parts = [_good_in_chunk(data, size, low, stamp) for low in range(0, size, _CHUNK)]
     parts = parts or [_good_in_chunk(data, 0, 0, stamp)]
@@ -204,9 +205,9 @@ def _good_in_chunk(
 def _checked(data: Bytes, start: Index, covered: Index, extra: Bytes) -> NDArray[np.bool_]:
     """Flag frames (n,) whose checksum is correct.
 
-    `start` (n,) are the indices of their first bytes in `data`; `covered` (n,) how many bytes
-    after the first one the checksum covers; `extra` (n,) the CRC_EXTRA of their messages.
-    Frames with equal `covered` are computed together.
+    `start` (n,) are the offsets of their first bytes in `data`; `covered` (n,) how many bytes after
+    the first one the checksum covers; `extra` (n,) the CRC_EXTRA of their messages. Frames with
+    equal `covered` are computed together.
     """
     good = np.zeros(start.size, dtype=np.bool_)
     order = np.argsort(covered.astype(np.int16), kind="stable")
@@ -224,8 +225,10 @@ def _checked(data: Bytes, start: Index, covered: Index, extra: Bytes) -> NDArray
 
 
 def _without_overlap(start: Index, end: Index) -> NDArray[np.bool_] | None:
-    """Return a mask (n,) without frames that begin inside another (chance matches); None if
-    there are none. `start` and `end` (n,) are offsets."""
+    """Return a mask (n,) that drops frames which begin inside another, as chance matches do.
+
+    None if no frames overlap. `start` and `end` (n,) are offsets, ascending.
+    """
     clash = start[1:] < end[:-1]
     if not clash.any():
         return None
@@ -240,7 +243,10 @@ def _without_overlap(start: Index, end: Index) -> NDArray[np.bool_] | None:
 
 
 def gaps_between(start: Index, end: Index, size: int, stamp: int = 0) -> list[tuple[int, int]]:
-    """Return start and end of every stretch outside the frames and their stamps."""
+    """Return (start, end) offsets of every stretch of a file outside the frames and their stamps.
+
+    Frames are from `start` to `end` (n,), each after `stamp` bytes; the file has `size` bytes.
+    """
     edges = np.concatenate([[0], end]), np.concatenate([start - stamp, [size]])
     return [(int(edges[0][i]), int(edges[1][i])) for i in np.flatnonzero(edges[1] > edges[0])]
 
@@ -248,11 +254,11 @@ def gaps_between(start: Index, end: Index, size: int, stamp: int = 0) -> list[tu
 def _explain_gaps(
     data: Bytes, gaps: list[tuple[int, int]], size: int, stamp: int
 ) -> tuple[list[tuple[int, int]], int, list[tuple[int, int]]]:
-    """Examine the bytes between good frames, the `gaps` (start, end), for frames of unknown id or a
-    wrong checksum.
+    """Search the `gaps` (start, end) between good frames for frames with unknown id or wrong
+    checksum.
 
-    Return the skipped (offset, length), the count of wrong checksums, and (offset, id) of frames of
-    unknown id.
+    Return the stretches without a frame kept, (offset, length); the count of wrong checksums; and
+    (offset, id) of each frame of unknown id. The offset is that of the frame's first byte.
     """
     skipped: list[tuple[int, int]] = []
     unverified: list[tuple[int, int]] = []
@@ -314,10 +320,10 @@ class FrameSplitter:
         return len(self._rest)
 
     def feed_datagram(self, data: bytes, stamp_us: int) -> list[Frame]:
-        """Return the frames of one datagram, which begins a new frame unless it can only be a
-        continuation.
+        """Return the frames of one datagram, received at `stamp_us` of the ground's clock, µs.
 
-        A frame cut short in the datagram before must not delay a good one in this.
+        It begins a new frame, unless it can only continue an unfinished one: a frame cut short in
+        the datagram before must not delay a good one in this.
         """
         if not self._rest and (frame := frame_of(data, stamp_us=stamp_us, link=self.link)):
             # As almost every datagram: nothing to search, and nothing left over.
@@ -335,9 +341,10 @@ class FrameSplitter:
         return self.feed(data, stamp_us, closed=True)
 
     def feed(self, data: bytes, stamp_us: int, *, closed: bool = False) -> list[Frame]:
-        """Return the frames completed by these bytes of a stream (TCP, serial).
+        """Return the frames completed by the next bytes of a stream (TCP, serial).
 
-        `closed`: the bytes after these begin a new frame.
+        `stamp_us` is their arrival by the ground's clock, µs. `closed`: the bytes after these begin
+        a new frame, so that an unfinished one will never be completed.
         """
         counts, link = self.counts, self.link
         counts.bytes += len(data)
@@ -370,11 +377,11 @@ LEAP_US = 2_000_000  # by which stamps may part from the vehicle's clock: a slow
 def steadied(
     stamps_us: NDArray[np.int64], boot_ms: Floats, system: NDArray[np.uint8]
 ) -> NDArray[np.int64]:
-    """Return stamps (n,), µs, corrected where the computer's clock was set; unchanged if it was
-    not.
+    """Return stamps (n,), µs, corrected where the computer's clock was set during recording.
 
-    `boot_ms` (n,) is the clock since boot that a message of `system` (n,) contains, NaN without
-    one. Without any only a step back is recognised, and it is counted as no time.
+    `boot_ms` (n,) is the clock since boot, ms, in a message of `system` (n,), NaN without one. A
+    step of more than LEAP_US is replaced by the vehicle's time between. Where that is unknown only
+    a step back is corrected, to 0.
     """
     steps = np.diff(stamps_us)
     clocked = np.flatnonzero(np.isfinite(boot_ms))
@@ -394,10 +401,11 @@ def _went_by(
     clocked: NDArray[np.intp],
     row: int,
 ) -> int | None:
-    """Return the time, µs, between row `row` and the next by the clock of a vehicle.
+    """Return the time, µs, from row `row` to the next by the clock of a vehicle; None if unknown.
 
-    `clocked` are the rows with a boot time, `boot_ms`. The vehicle must have been received before
-    and after; None without one.
+    `boot_ms` (n,), ms, is the clock since boot in a message of `system` (n,); `clocked` are its
+    rows that are not NaN, ascending. The vehicle of the last such row up to `row` must be received
+    after it.
     """
     place = int(np.searchsorted(clocked, row, side="right"))
     if place == 0:

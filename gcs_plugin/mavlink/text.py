@@ -14,14 +14,15 @@ def printable(raw: bytes) -> str:
 
 
 def piece(raw: bytes) -> str:
-    """Return a field's text as `printable` does but untrimmed, for a text sent in several
-    fields.
+    """Return a field's text up to its first zero byte, for a text that is sent in several fields.
+
+    Control characters become spaces; nothing is trimmed.
     """
     return clean(bytes(raw).split(b"\0", 1)[0].decode("utf-8", "replace"))
 
 
 def clean(text: str) -> str:
-    """Return the text with control and other unprintable characters as spaces.
+    """Return the text with each control or other unprintable character replaced by a space.
 
     Bytes of a file name that are not UTF-8 become question marks.
     """

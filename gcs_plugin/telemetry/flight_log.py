@@ -61,10 +61,10 @@ def assemble(recording: Recording, signals: Signals, options: Options) -> Flight
 
 
 def tabulate(recording: Recording, signals: Signals, options: Options) -> FlightRows:
-    """Return the rows of one vehicle's flight, without rotors if it is no multirotor.
+    """Return the rows of one vehicle's flight; with no rotors if rotors do not lift it.
 
-    Raise LogError if no row can be made, AirframeError if the airframe has another number of
-    rotors.
+    `signals` are those of the recording, by channel. Raise LogError if no row can be made or times
+    span over a week, AirframeError if the airframe has another number of rotors.
     """
     name = clean(recording.path.name)
     facts = vehicle_facts(
@@ -103,7 +103,10 @@ def tabulate(recording: Recording, signals: Signals, options: Options) -> Flight
 
 
 def log_of_rows(rows: FlightRows, recording: Recording, signals: Signals) -> FlightLog:
-    """Build the log of a flight from its rows, with channel reports, events and texts."""
+    """Build the log of a flight from its rows, with channel reports, events and texts.
+
+    `signals` are those of the `recording`, by channel. Times become s from the first row.
+    """
     track, motors = rows.track, rows.motors
     start_s = float(rows.clock_s[0])
     # What is reported and not in the table, then what a reader met and could not use.
@@ -156,9 +159,9 @@ def log_of_track(
     *,
     format: str = "CSV",
 ) -> FlightLog:
-    """Return the FlightLog of a track that was read as a table of `size` bytes.
+    """Return the FlightLog of a track that was read from a table at `path`, a file of `size` bytes.
 
-    Invalid rotor speeds are removed. `format` is the name of its LogFormat. A table has no system
+    Invalid rotor speeds become NaN. `format` is the name of its LogFormat. A table has no system
     id: `vehicles` is empty.
     """
     speeds, outputs = (
@@ -190,8 +193,7 @@ def log_of_track(
 
 
 def _with_absences(track: FlightTrack) -> FlightTrack:
-    """Add a note on motors without rotor speeds, and a statement if the speeds' resolution is
-    coarse."""
+    """Return the track with notes on motors without speeds, and a statement on coarse speeds."""
     if not track.reports("rotor_speed_rpm"):
         silent = "rotor_speed_rpm" not in track.sources
         note = state("no ESC telemetry" if silent else "no ESC telemetry that measures")
@@ -208,7 +210,10 @@ def _with_absences(track: FlightTrack) -> FlightTrack:
 
 
 def with_track(log: FlightLog, track: FlightTrack) -> FlightLog:
-    """Return the log with another track, and new reports for channels that only this track has."""
+    """Return the log with another track, and new reports for channels that only this track has.
+
+    Other channels keep their reports.
+    """
     channels = tuple(
         channel_report(track, report.name, [_as_signal(track, report.name)])
         if report.samples == 0 and track.reports(report.name)
@@ -236,7 +241,8 @@ def channel_report(
 ) -> ChannelReport:
     """Return rate and pauses of a channel's reports, and the range of its values in the track.
 
-    `unused` is the reason for a channel without values.
+    `signals` are the sources used; that with most reports counts. `unused` is the reason for a
+    channel without values, of which all figures are NaN and `samples` 0.
     """
     values, source = getattr(track, name), track.source(name)
     finite = values[np.isfinite(values)]

@@ -63,7 +63,7 @@ class MotorMap:
     any_port: bool = False  # outputs are numbered on whichever port drives them
 
     def rotor_speed(self, signals: Signals) -> list[Signal | None]:
-        """Return a signal of speed, rpm, for each motor; None for one whose ESC reports none.
+        """Return a signal of speed, rpm, for each of R motors; None for one whose ESC reports none.
 
         The sign is dropped: CAN sends reversed motors below 0.
         """
@@ -75,11 +75,10 @@ class MotorMap:
         ]
 
     def esc_readings(self, signals: Signals, channel: str) -> list[Signal | None]:
-        """Return a signal of an ESC channel such as `esc_current` for each motor, None without a
-        value.
+        """Return a signal of an ESC channel such as `esc_current` for each of R motors.
 
-        A reading of 0 becomes NaN: it is what an ESC without that sensor reports. A true 0 A, of a
-        stopped motor, shows nothing of the arm.
+        None for a motor without a value. A reading of 0 becomes NaN: it is what an ESC without that
+        sensor reports. A true 0 A, of a stopped motor, shows nothing of the arm.
         """
         escs = by_index(signals, channel)
         found = []
@@ -93,10 +92,10 @@ class MotorMap:
     def throttle(
         self, signals: Signals, parameters: Mapping[str, float], before: Span = NOTHING_SENT
     ) -> list[Signal | None]:
-        """Return a signal of output, 0 to 1, for each motor, by the range of its pulses or other
-        protocol.
+        """Return a signal of output, 0 to 1, for each of R motors, by its ESC's protocol.
 
-        None for a motor without values. `before` is the span of earlier values, which decides the
+        None for a motor without values; for all, if one has none and the outputs are assumed, or if
+        the values fit no protocol. `before` is the span of earlier values, which decides the
         protocol too.
         """
         direct = by_index(signals, "throttle")
@@ -142,7 +141,10 @@ class MotorMap:
         return ranges_of_span(span, self.outputs, parameters, bank=bank)
 
     def failures(self, signals: Signals, clock_s: Floats) -> Floats:
-        """Return the ESC_FAILURE_FLAGS (T, R) of each ESC, NaN if unknown or too old."""
+        """Return the ESC_FAILURE_FLAGS (T, R) of each motor's ESC at the times `clock_s` (T,), s.
+
+        NaN if unknown or older than FAILURES_AGE.
+        """
         result = np.full((clock_s.size, self.rotor_count), np.nan)
         reported = by_index(signals, "esc_failure")
         for rotor, esc in enumerate(self.escs):
@@ -190,12 +192,12 @@ def motor_map(
     esc_order: Statement | None = None,
     turned: Collection[int] | None = None,
 ) -> MotorMap:
-    """Return outputs and ESCs of the motors, and the output of the pump.
+    """Match motors to servo outputs and ESCs, and find the pump's output, by the parameters.
 
-    `facts` are the vehicle's kind and rotor count. `motor_order` and `esc_order` describe a
-    numbering by motor that the log already has. `turned` are the ESCs that have turned so
-    far; None: those in `signals`. Raise AirframeError if the vehicle and `airframe` differ in the
-    number of rotors.
+    `name` is the log's, for errors; `facts` the vehicle's kind and rotor count. `motor_order` and
+    `esc_order` describe a numbering by motor that the log already has. `turned` are the ESCs that
+    have turned so far; None: those in `signals`. A vehicle that rotors do not lift gets no motors.
+    Raise AirframeError if the vehicle and `airframe` differ in the number of rotors.
     """
     facts = VehicleFacts() if facts is None else facts
     pump = next(
@@ -309,8 +311,10 @@ def _listed(outputs: Iterable[int]) -> str:
 
 
 def counted_by_reports(facts: VehicleFacts, signals: Signals) -> VehicleFacts:
-    """Add the rotor count by the ESCs that turned, or else by the motors driven, if it is 3 or
-    more."""
+    """Add the rotor count by the ESCs that turned, else by the motors with an output above 0.
+
+    The count is the highest number; fewer than 3 of them leave the facts unchanged.
+    """
     driven = {k for k, s in by_index(signals, "throttle").items() if np.any(s.values > 0)}
     for numbers, kind in (
         (turned_escs(signals), "ESCs that report"),

@@ -26,10 +26,10 @@ _ESC_OFFSET = 0.3
 def power(
     signals: Signals, sampling: Sampling, notes: list[Statement]
 ) -> dict[str, Iterable[Signal]]:
-    """Return the flight battery's voltage and current, each from its message, SYS_STATUS and the
-    ESCs.
+    """Return the sources of the flight battery's "voltage" and "current", preferred first.
 
-    Append to `notes` if further batteries have a flight battery's voltage.
+    They are the battery's own message, SYS_STATUS and the ESCs. With `sampling` "hold" only past
+    reports count. Append to `notes` if further batteries have a flight battery's voltage.
     """
     sources: dict[str, Iterable[Signal]] = {}
     flown = flight_battery(signals)
@@ -84,7 +84,11 @@ def stated_battery(signals: Signals) -> StatedBattery:
 
 
 def _of_escs(channel: str, signals: Signals, sampling: Sampling) -> Iterator[Signal]:
-    """Yield the mean voltage or summed current of the ESCs, at the reports of the first ESC."""
+    """Yield the ESCs' mean "voltage" or summed "current" at the first ESC's report times.
+
+    Nothing if no ESC reports a value above 0. With `sampling` "hold" each ESC's last report counts,
+    and a current of 0 is unknown; else values are interpolated.
+    """
     escs = [s for s in by_index(signals, f"esc_{channel}").values() if np.any(s.values > 0)]
     if not escs:
         return
@@ -112,8 +116,9 @@ def _of_escs(channel: str, signals: Signals, sampling: Sampling) -> Iterator[Sig
 def esc_voltage_offsets(signals: Signals, outputs: Sequence[int]) -> tuple[float, ...]:
     """Return the constant offset, V, of each motor's ESC voltage from the others'; NaN without one.
 
-    All ESCs share one battery: the drop along a cable grows with the load, the offset of an
-    instrument does not. At least three ESCs are needed, and all but one must agree.
+    `outputs` are the motors' ESC numbers. All ESCs share one battery: the drop along a cable grows
+    with the load, the offset of an instrument does not. All ESCs must report, at least three, and
+    all but one must agree.
     """
     escs = by_index(signals, "esc_voltage")
     of_rotors = [escs.get(output) for output in outputs]
@@ -147,10 +152,10 @@ def esc_voltage_offsets(signals: Signals, outputs: Sequence[int]) -> tuple[float
 def spraying_sources(
     share: Signal | None, tank: Signal | None, sampling: Sampling, notes: list[Statement]
 ) -> tuple[Signal, ...]:
-    """Return the sources of `spraying`, 1 while the pump runs: its output `share`, then the falling
-    tank.
+    """Return the sources of `spraying`, 1 while the pump runs, else 0, preferred first.
 
-    Append to `notes` if the output is unknown.
+    They are the pump's output `share` (0 to 1) and the falling level `tank`, kg. An unknown output
+    is 0, with `sampling` "hold" NaN. Append to `notes` if there is no pump output.
     """
     sources = []
     if share is not None:

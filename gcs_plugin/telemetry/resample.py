@@ -53,8 +53,10 @@ def known_rows(values: Floats) -> Bools:
 
 
 def sample(channel: str, signal: Signal, time_s: Floats, sampling: Sampling) -> Floats:
-    """Return the signal at `time_s` (T,), as (T,) or (T, k); NaN where no report is recent
-    enough.
+    """Return the channel's signal at the times `time_s` (T,), as (T,) or (T, k).
+
+    NaN where no report is within the channel's age limit. "linear" interpolates, after averaging
+    fast reports; "hold" takes the last report.
     """
     when, values = _reports(channel, signal)
     if when.size == 0:
@@ -73,8 +75,10 @@ def sample(channel: str, signal: Signal, time_s: Floats, sampling: Sampling) -> 
 
 
 def _reports(channel: str, signal: Signal) -> tuple[Floats, Floats]:
-    """Return times (n,) and values (n,) or (n, k) of the reports in range; the last of several
-    at one time."""
+    """Return times (n,) and values (n,) or (n, k) of the signal's reports in the channel's range.
+
+    Of several at one time the last is returned.
+    """
     limit, values, time_s = TRACK_CHANNELS[channel], signal.values, signal.time_s
     if within(channel, values) and all_true(time_s[1:] > time_s[:-1]):
         return time_s, values
@@ -86,8 +90,10 @@ def _reports(channel: str, signal: Signal) -> tuple[Floats, Floats]:
 
 
 def _averaged(when: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Return means of times and values over GRID s, so that vibration faster than the rows is not
-    aliased."""
+    """Return means of times `when` (n,) and `values` (n,) or (n, k) over each GRID s.
+
+    So vibration faster than the rows is not aliased.
+    """
     bins = np.floor(when / GRID)
     edges = np.concatenate([[0], np.flatnonzero(np.diff(bins)) + 1])
     counts = np.diff(edges, append=when.size).astype(np.float64)
@@ -136,8 +142,8 @@ def first_known(
 ) -> tuple[Floats | None, list[Signal]]:
     """Return a channel's values at `time_s` (T,) as a live listener has them, and the sources used.
 
-    At each row it is the value of the first source, in the order given, with a recent report. None
-    without any source.
+    Each row has the value of the first source, in the order given, with a recent report, NaN
+    without. The values are (T,) or (T, k), None without any source.
     """
     values, used = None, []
     for signal in sources:
@@ -155,8 +161,9 @@ def first_known(
 
 
 def last_before(signal: Signal, time_s: Floats) -> Floats:
-    """Return the last known report at each time, (T,) or (T, k), however old; NaN before the
-    first.
+    """Return the last known report at each of the times `time_s` (T,), however old.
+
+    The result is (T,) or (T, k), NaN before the first report.
     """
     values, when = signal.values, signal.time_s
     keep = known_rows(values)
@@ -186,8 +193,7 @@ def thinned(time_s: Floats, after_s: float = -np.inf) -> Floats:
 
 
 def increasing(values: Floats) -> Floats:
-    """Return the sorted distinct values (m,) of (n,), as `np.unique` but faster if they are
-    increasing already."""
+    """Return the sorted distinct `values` (n,), as `np.unique`, but faster if already sorted."""
     if all_true(values[1:] > values[:-1]):
         return values
     step = np.diff(values)

@@ -58,12 +58,12 @@ def measured_speeds(
     heard_s: float = -np.inf,
     memory: Sequence[RotorMemory] = (),
 ) -> MeasuredSpeeds:
-    """Divide the readings of `speeds` (rpm, one signal a rotor) into true rotor speeds and rejected
-    ones.
+    """Divide the readings of `speeds` (rpm, one signal a rotor) into true and rejected ones.
 
-    `outputs` are the motor outputs from 0 to 1. Readings up to `heard_s`, on the signals' clock,
-    were processed by an earlier call, whose state is `memory`. `look_ahead`: the signals are of the
-    whole flight, so later readings may be used.
+    `outputs` are the motor outputs from 0 to 1, None where unknown. Readings up to `heard_s`, s on
+    the signals' clock, were processed by an earlier call, whose result's `memory` is passed again.
+    `look_ahead`: the signals are of the whole flight, so later readings may be used. With an
+    `airframe` speeds too high for its propeller are rejected too.
     """
     if len(memory) != len(speeds):
         memory = [RotorMemory()] * len(speeds)
@@ -111,10 +111,10 @@ def measured_speeds(
 def _after_tail(
     tail: Signal | None, new: Signal, since: float, times: dict[int, tuple[Floats, Floats]]
 ) -> tuple[Signal, Signal]:
-    """Return the readings of `new`, rpm, appended to `tail`, and the part of them from `since`, s,
-    on.
+    """Return the readings of `tail` and `new`, rpm, joined, and their part from `since` on.
 
-    `times` caches the joined times, because rotors that report together share them.
+    `since` is in s. `times` caches the joined times, because rotors that report together share
+    them.
     """
     rpm, key = new.values, 0
     if tail is not None:
@@ -128,8 +128,9 @@ def _after_tail(
 
 
 def lifting(speeds: Floats, outputs: Floats) -> Bools:
-    """Flag rows (T,) where some output (T, R) is above idle; without any output, where a rotor
-    turns.
+    """Flag rows (T,) in which hover motors run: some output (T, R) is above idle.
+
+    Where no output is known, a rotor must turn (`speeds` (T, R), rpm) or no speed be known.
     """
     known = np.isfinite(outputs).any(axis=1)
     driven = (np.nan_to_num(outputs) > IDLE).any(axis=1)
@@ -151,12 +152,12 @@ def rejected_readings(
     *,
     counted: bool,
 ) -> tuple[Statement, ...]:
-    """List the readings rejected in flight: one statement for each rotor and reason, or for all
-    rotors.
+    """Return statements on the readings rejected in flight, one for each rotor and reason.
 
-    `hidden` (T, R) is from `stopped_in_flight`; `clock_s` and `flying` are (T,). `counted` adds
-    the number of readings, which a listener cannot know yet, and the rotors without a reading for
-    SILENT of the rows (`speeds`, (T, R)) in which another has one.
+    A reason that concerns every rotor makes one statement. `hidden` (T, R) flags a zero speed in
+    flight with unknown output; `clock_s`, s, and `flying` are (T,). `counted` adds the number of
+    readings, which a listener cannot know yet, and the rotors that lack a reading in more than
+    SILENT of the rows in which another has one (`speeds`, (T, R)).
     """
     rows_by_rotor: dict[int, dict[int, int]] = {why: {} for why in REASONS}
     for (rotor, why), time_s in measured.rejected.items():
@@ -193,9 +194,10 @@ def _known(signal: Signal) -> Signal:
 
 
 def _demand(output: Signal | None, time_s: Floats) -> tuple[Floats, Bools]:
-    """Return the motor output (n,) at each time, NaN if unknown, and a flag (n,).
+    """Return the motor output (n,), 0 to 1, at each time, and flags (n,) of a lasting demand.
 
-    The flag is True where the output has been above idle for SPIN_UP s.
+    The output is NaN where none was reported within FRESH s before. A flag is True where it has
+    been above idle for SPIN_UP s.
     """
     if output is None:
         return np.full(time_s.size, np.nan), np.zeros(time_s.size, dtype=np.bool_)
@@ -209,8 +211,11 @@ def _demand(output: Signal | None, time_s: Floats) -> tuple[Floats, Bools]:
 
 
 def last_speeds(known: Sequence[Signal | None], time_s: Floats) -> Floats:
-    """Return each rotor's last absolute speed (R, n), rpm, at each time; NaN before its first
-    reading."""
+    """Return each rotor's last absolute speed (R, n), rpm, at each of the times (n,), s.
+
+    `known` has one signal of finite readings for each of R rotors, None without; NaN before the
+    first.
+    """
     last = np.full((len(known), time_s.size), np.nan)
     for values, signal in zip(last, known, strict=True):
         if signal is not None and signal.time_s.size:
@@ -220,7 +225,7 @@ def last_speeds(known: Sequence[Signal | None], time_s: Floats) -> Floats:
 
 
 def median_speeds(values: Floats) -> Floats:
-    """Return the median (n,) of the finite values over the first axis; NaN where none is finite."""
+    """Return the median (n,) of R finite `values` (R, n); NaN where none is finite."""
     if not values.size:
         return np.full(values.shape[1], np.nan)
     stack = np.sort(values, axis=0)  # NaN at the end; np.nanmedian takes ten times as long

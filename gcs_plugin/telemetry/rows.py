@@ -117,10 +117,10 @@ def flight_rows(
     """Resample every channel of the signals to common rows; return None if there are no rows.
 
     Time counts from the flight's first row; `unix_minus_clock`, s, plus the vehicle's clock is Unix
-    time. The `notes` given come before those on the rows. With sampling "hold" no row depends on a
-    later report, and with `row_state` the rows of consecutive batches equal those of the whole
-    flight, if `signals` includes the last KEPT seconds before a batch. Raise LogError if the tank
-    source named in the options is absent.
+    time. `name` and `notes` go into the track. With sampling "hold" no row depends on a later
+    report, and with the `row_state` of the last batch the rows of consecutive batches equal those
+    of the whole flight, if `signals` includes the last KEPT seconds before a batch. Raise LogError
+    if the tank source named in the options is absent.
     """
     live = options.sampling == "hold"
     before = RowState() if row_state is None else row_state
@@ -287,10 +287,11 @@ def row_times(
 ) -> Floats:
     """Return the times (T,) of the rows, s of the vehicle's clock: the reports of a trigger signal.
 
-    They are thinned to at most 10 Hz. `rotors` are the speeds, one signal a rotor. The trigger is
-    the speed of rotor 1; after SILENT s without one, that of the next rotor; then attitude; then
-    any report of the flight. A recorded flight (sampling "linear") prefers the rotor with most
-    reports. It begins with the first rotor speed, if any, or at arming if that was long before.
+    They are thinned to at most 10 Hz and later than `row_state.heard_s`. `rotors` are the speeds,
+    one signal a rotor. The trigger is the speed of rotor 1; after SILENT s without one, that of the
+    next rotor; then attitude; then any report of the flight. A recorded flight (sampling "linear")
+    prefers the rotor with most reports, and begins with the first speed, or at arming if that was
+    long before.
     """
     reported = [s for s in rotors if s is not None]
     if sampling == "hold" and reported:
@@ -316,8 +317,9 @@ def row_times(
 
 
 def _first_row(spoke_s: float, signals: Signals) -> float:
-    """Return the start, s, of a recorded flight: `spoke_s`, the first rotor speed, or arming if
-    long before.
+    """Return the start, s, of a recorded flight: the first rotor speed, `spoke_s`, or arming.
+
+    Arming counts if it was more than SILENT s before.
     """
     armed = best(signals, "armed")
     on_s = np.empty(0) if armed is None else armed.time_s[armed.values > 0]
@@ -331,8 +333,11 @@ def _known_times(signals: Iterable[Signal]) -> Floats:
 
 
 def _covers(triggers: Floats, since_s: float, signals: Signals) -> bool:
-    """Return True if the trigger times (n,), s, pause for at most SILENT s from `since_s` to the
-    newest report."""
+    """Return True if the trigger times (n,), s, never pause for more than SILENT s after `since_s`.
+
+    The pause up to the newest report of any signal counts too. False if the first trigger is later
+    than `since_s`.
+    """
     first = int(np.searchsorted(triggers, since_s, side="right")) - 1
     newest = max(
         float(s.time_s[-1])
@@ -344,7 +349,10 @@ def _covers(triggers: Floats, since_s: float, signals: Signals) -> bool:
 
 
 def _silent(triggers: Floats, time_s: Floats) -> Bools:
-    """Flag times (n,) without a trigger in the SILENT seconds before."""
+    """Flag the times `time_s` (n,) without a trigger in the SILENT s before or at them.
+
+    `triggers` (m,) ascend; all on the vehicle's clock, s.
+    """
     if triggers.size == 0:
         return np.ones(time_s.size, dtype=np.bool_)
     last = np.searchsorted(triggers, time_s, side="right") - 1

@@ -51,8 +51,7 @@ def signals_by_channel(signals: Iterable[Signal]) -> Signals:
 
 
 def best(signals: Signals, channel: str) -> Signal | None:
-    """Return a channel's first source that covers at least 90 % of the time of the best-covering
-    one.
+    """Return a channel's first source that covers 90 % or more of the time of the best one.
 
     None if no source has a finite value.
     """
@@ -69,7 +68,11 @@ def best(signals: Signals, channel: str) -> Signal | None:
 
 
 def rejected_sources(there: Iterable[Signal], used: Signal) -> tuple[Rejected, ...]:
-    """List the sources of a channel other than `used`, each with the reason why it is not used."""
+    """Return a channel's sources other than `used`, each with the reason why it is not used.
+
+    `there` are all its sources, preferred first. The reason is that a source has no finite value,
+    covers less time than `used`, or is less preferred.
+    """
     rejected, before = [], True
     for signal in there:
         if signal is used:
@@ -102,7 +105,10 @@ def by_index(signals: Signals, channel: str) -> dict[int | str, Signal]:
 
 
 def _together(first: Signal, second: Signal) -> Signal:
-    """Merge the reports of two sources of one quantity into one signal, sorted by time."""
+    """Merge two sources of one quantity into one signal with the source of `second`.
+
+    If one of them has no finite value, return the other.
+    """
     for one, other in ((first, second), (second, first)):
         if not known_rows(other.values).any():
             return one
@@ -115,8 +121,8 @@ def _together(first: Signal, second: Signal) -> Signal:
 def mavlink_signals(streams: dict[str, Stream], airspeed: Provenance) -> Signals:
     """Return the signals of every MAVLink message in `streams`, by channel.
 
-    `airspeed` is the source of VFR_HUD's airspeed. `streams` is emptied in the process to limit
-    memory.
+    `airspeed` is the source of VFR_HUD's airspeed. `streams` (message name -> Stream) is emptied in
+    the process to limit memory.
     """
     signals = sorted(decoded(streams, airspeed), key=lambda item: item[0])
     return signals_by_channel(
@@ -125,9 +131,9 @@ def mavlink_signals(streams: dict[str, Stream], airspeed: Provenance) -> Signals
 
 
 def decoded(streams: dict[str, Stream], airspeed: Provenance) -> Iterator[tuple[int, Signal]]:
-    """Yield each signal of the messages in `streams` with the rank of its source, 0 the best.
+    """Yield (rank, signal) for each source of a channel in `streams`; rank 0 is the best.
 
-    `streams` is emptied in the process.
+    `airspeed` is the source of VFR_HUD's airspeed. `streams` (message name -> Stream) is emptied.
     """
     while streams:
         message, stream = streams.popitem()
@@ -184,8 +190,10 @@ class _Times:
         return self._made[key][0]
 
     def shortened(self, time_s: Floats, values: Floats) -> tuple[Floats, Floats]:
-        """Return times (n,), s, and values (n, ...) without rows before `since`, except the last
-        known one before it."""
+        """Return times (n,), s, and values (n, ...) without the rows before `since`, s.
+
+        The last row before it with a finite value is kept.
+        """
         first = int(time_s.searchsorted(self.since))
         known = np.flatnonzero(known_rows(values[:first]))
         last = int(known[-1]) if known.size else first
@@ -210,8 +218,12 @@ class SignalBuffer:
         self.heard: set[str] = set()
 
     def add(self, streams: dict[str, Stream], airspeed: Provenance, after_s: float) -> None:
-        """Append the reports later than `after_s`, s of the vehicle's clock, to the signals;
-        `streams` is emptied. `airspeed` is the source of the airspeed."""
+        """Append to the signals the reports later than `after_s`, s of the vehicle's clock.
+
+        `streams` (message name -> Stream) is emptied. `airspeed` is the source of VFR_HUD's
+        airspeed. Reports more than `seconds` before `after_s` may be dropped, except each signal's
+        last known one.
+        """
         self.heard |= set(streams)
         times = _Times(after_s, after_s - self._seconds)
         for rank, new in decoded(streams, airspeed):
@@ -246,8 +258,9 @@ def _used_outputs(servos: Signal) -> Signal:
 
 
 def output_pulses(signals: Signals, output: int) -> Signal | None:
-    """Return the pulses (n,) of one servo output, counted from 0 through all ports; None if not
-    received.
+    """Return the pulses (n,) of one servo output, counted from 0 through all ports.
+
+    None if the output was not received.
     """
     for servos in signals.get("servo_us", ()):
         column = output - OUTPUTS_OF_PORT * int(servos.index or 0)
@@ -277,11 +290,12 @@ def ordered_signal(
 
 
 def airspeed_sources(signals: Signals, sampling: Sampling) -> Iterator[Signal]:
-    """Yield the reported airspeeds; then, if they cover less, the speed by velocity minus wind.
+    """Yield the airspeed's sources, m/s, preferred first: those reported, then velocity - wind.
 
-    Without a wind that is the speed over ground. An airspeed of 0 is no airspeed, as PX4 sends it
-    without a sensor: in a recorded flight if it is 0 throughout, for a listener in each report. A
-    wind of 0 throughout is no wind estimate.
+    The latter is left out if a reported one covers as much of a recorded flight (`sampling`
+    "linear"). Without a wind it is the speed over ground. An airspeed of 0 is no airspeed, as PX4
+    sends it without a sensor: in a recorded flight if it is 0 throughout, for a listener ("hold")
+    in each report. A wind of 0 throughout is no wind estimate.
     """
     own, live = signals.get("airspeed", ()), sampling == "hold"
     for signal in own if live else ():
@@ -308,8 +322,10 @@ def airspeed_sources(signals: Signals, sampling: Sampling) -> Iterator[Signal]:
 
 
 def pitot_present(streams: Mapping[str, Stream], parameters: Mapping[str, float]) -> bool | None:
-    """Return True or False as the vehicle reports an airspeed sensor or none; None if it reports
-    neither."""
+    """Return True if the vehicle reports that it has an airspeed sensor, False if it reports none.
+
+    By ARSPD_TYPE, else by SYS_STATUS; None if it reports neither.
+    """
     kind = parameter(parameters, "ARSPD_TYPE")
     if np.isfinite(kind):
         return kind > 0

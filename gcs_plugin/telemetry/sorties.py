@@ -45,8 +45,8 @@ def sorties_of(
     """Return the numbered sorties of a log from its recordings and signals, one pair for each boot.
 
     An aircraft that turned over before it rose makes a sortie too. If nothing flew, return the
-    recording with most rows. Raise LogError if no recording makes a table, AirframeError if the
-    airframe has another number of rotors.
+    recording with most rows alone. Raise LogError if no recording makes a table, AirframeError if
+    the airframe has another number of rotors.
     """
     flown: list[FlightLog] = []
     idle: list[FlightLog] = []
@@ -80,8 +80,10 @@ def sorties_of(
 
 
 def _unflown(seconds: Sequence[float], reasons: Sequence[str]) -> tuple[Statement, ...]:
-    """Return the parts of a log without a verdict: on the ground (`seconds`), or unreadable
-    (`reasons`)."""
+    """Return a note on the parts of a log without flight, and one on each part that is unreadable.
+
+    `seconds` are the durations, s, of the former, `reasons` the errors of the latter.
+    """
     idle = ()
     if seconds:
         kind = "stretch without flight" if len(seconds) == 1 else "stretches without flight"
@@ -90,7 +92,9 @@ def _unflown(seconds: Sequence[float], reasons: Sequence[str]) -> tuple[Statemen
 
 
 def _numbered(log: FlightLog) -> FlightLog:
-    """Add the sortie's number to the name of its track, and notes on the rest of the file."""
+    """Return the log with the sortie's number in its track's name, and notes on the rest of the
+    file.
+    """
     track, restarts = log.track, len(log.quality.clock_jumps)
     notes = (state("restarts", count=float(restarts)),) if restarts else ()
     name = f"{track.name}{log.sortie_suffix}"
@@ -103,7 +107,10 @@ def is_sortie(track: FlightTrack, signals: Signals) -> bool:
 
 
 def has_flight(track: FlightTrack, signals: Signals) -> bool:
-    """Return True if a row is off the ground, and the motors were not off or idle throughout."""
+    """Return True if a row is off the ground, and the motors ran above idle.
+
+    False if the vehicle was never armed, or no output in flight is above IDLE.
+    """
     armed = best(signals, "armed")
     output = track.throttle[track.flying]
     off = armed is not None and not np.any(armed.values > 0)
@@ -114,8 +121,8 @@ def has_flight(track: FlightTrack, signals: Signals) -> bool:
 def flight_spans(track: FlightTrack, clock_start_s: float, signals: Signals) -> list[Span]:
     """Return start and end, s of the vehicle's clock, of each sortie of one boot.
 
-    Each includes some ground before and after. The first starts at -inf and the last ends at inf,
-    to include all rows.
+    `clock_start_s` is that clock at the track's time 0. Each span includes at most REST s of ground
+    before and after. The first starts at -inf and the last ends at inf, to include all rows.
     """
     clock_s = clock_start_s + track.time_s
     flying = np.concatenate([[False], track.flying, [False]])
@@ -134,8 +141,9 @@ def flight_spans(track: FlightTrack, clock_start_s: float, signals: Signals) -> 
 def _stay(track: FlightTrack, clock_s: Floats, rows: slice, signals: Signals) -> Span | None:
     """Return start and end, s of the vehicle's clock, of a stay on the ground that ends a sortie.
 
-    It ends one if the vehicle was disarmed, on the ground for LONG_DOWN or more, or serviced; else
-    None. `rows` run from the first on the ground to the first in the air again.
+    It ends one if the vehicle was disarmed, landed for LONG_DOWN s or more, or serviced; else None.
+    `clock_s` (T,) is the clock of the track's rows; `rows` run from the first on the ground to the
+    first in the air again.
     """
     down, up = float(clock_s[rows.start]), float(clock_s[rows.stop - 1])
     # In a pause of the log it may have been disarmed before the first row on the ground.
@@ -152,8 +160,11 @@ def _stay(track: FlightTrack, clock_s: Floats, rows: slice, signals: Signals) ->
 
 
 def serviced(track: FlightTrack, clock_s: Floats, down: float, up: float) -> bool:
-    """Return True if tank or battery were fuller after a stay from `down` to `up`, s of
-    `clock_s` (T,)."""
+    """Return True if tank or battery were fuller after a stay of at least SERVICE s than before it.
+
+    The stay is from `down` to `up`, s of `clock_s` (T,), the clock of the track's rows. False where
+    the levels are unknown.
+    """
     before = (clock_s > down - LOOK) & (clock_s < down)
     after = (clock_s >= up) & (clock_s < up + LOOK)
     refilled = known_median(track.tank_kg[after]) - known_median(track.tank_kg[before]) >= REFILL_KG
@@ -176,9 +187,9 @@ def _samples_between(
 
 
 def _cut(recording: Recording, signals: Signals, span: Span) -> tuple[Recording, Signals]:
-    """Return the recording and the signals restricted to the time span of one sortie.
+    """Return recording and signals restricted to a sortie's `span`, s of the vehicle's clock.
 
-    Signals of states include the last report before the span.
+    Signals that are reported only on changes include all reports before it.
     """
     start, end = span
     quality = recording.quality

@@ -70,10 +70,10 @@ class TankContext:
 
 
 def flight_battery(signals: Signals) -> int | None:
-    """Return the id of the flight battery; None if there is none.
+    """Return the id of the flight battery; None if no battery qualifies.
 
-    It is the lowest id whose median voltage is above that of a level sensor and above half of the
-    highest one: batteries below feed the autopilot.
+    It is the lowest id whose median voltage is above SENDER_VOLTAGE, that of a level sensor, and
+    above half of the highest median: batteries below that feed the autopilot.
     """
     volts = {n: known_median(s.values) for n, s in _heard(signals, "battery_voltage").items()}
     least = max(SENDER_VOLTAGE, 0.5 * max(volts.values(), default=0.0))
@@ -95,7 +95,9 @@ def tank_levels(
 ) -> Iterator[TankLevel]:
     """Yield each tank level that the signals contain by `source` ("auto": any), preferred first.
 
-    Raise LogError if a source that was named is not in the log.
+    A level without a signal has notes that give the reason. With "auto" the airframe's own source,
+    if it names one, is used. Raise LogError if `source` is malformed, or a named source is not
+    reported.
     """
     if source.strip().upper() == "AUTO" and context.airframe is not None:
         source = context.airframe.tank_source
@@ -126,9 +128,10 @@ def tank_levels(
 
 
 def check_source(source: str) -> tuple[str, str]:
-    """Return the kind of a tank source in capitals, and its name or number, empty if it has none.
+    """Split a tank source such as "FUEL_STATUS 1" into its kind, in capitals, and name or number.
 
-    Raise LogError if it is not a known kind; the check needs no signals.
+    The latter is empty if there is none. Raise LogError if the kind is unknown, or FUEL_STATUS or
+    BATTERY_STATUS is followed by anything but a number.
     """
     kind, _, rest = source.strip().partition(" ")
     kind = kind.upper()
@@ -220,8 +223,12 @@ def _battery(signals: Signals, context: TankContext, chosen: int | None) -> Tank
 def _battery_level(
     percent: Signal, used: Signal | None, context: TankContext, number: int
 ) -> TankLevel:
-    """Return the level from the percentage of battery `number` and, where they agree, its ml
-    used."""
+    """Return the tank level, kg, from the percentage of battery `number`, which is a level sensor.
+
+    Reports in which the ml used (`used`, with as many values) agree with it within AGREEMENT % use
+    them. The capacity is parameter BATTn_CAPACITY, else the airframe's; without one, or if it is 0,
+    the level has no signal.
+    """
     key = f"BATT{number + 1 if number else ''}_CAPACITY"
     if context.parameters.get(key, 0.0) > 0.0:
         capacity_ml = context.parameters[key]
@@ -280,10 +287,11 @@ class PumpedSoFar:
 
 
 def pumped(share: Signal, context: TankContext) -> Signal:
-    """Return the mass, kg, that the pump has delivered by each report of its output `share` (0 to
-    1).
+    """Return the signal of the mass, kg, that the pump has delivered by each report of its output.
 
-    It starts at 0, or at `context.pumped`. NaN without an airframe, because the flow is unknown.
+    `share` is that output, 0 to 1. It starts at 0, or continues from `context.pumped`, whose time
+    is then the first. NaN without an airframe, because the flow is unknown. Pauses of more than
+    LONGEST_STEP s are not summed over.
     """
     time_s, output, before = share.time_s, np.nan_to_num(share.values), 0.0
     if context.pumped is not None:
@@ -302,9 +310,10 @@ def pumped(share: Signal, context: TankContext) -> Signal:
 
 
 def pump_share(signals: Signals, context: TankContext) -> Signal | None:
-    """Return the pump's output from 0 (off) to 1 (full), NaN without a pulse.
+    """Return the signal of the pump's output from 0 (off) to 1 (full), NaN without a pulse.
 
-    None if no output is known as the pump's, it has no pulse at all, or its range is invalid.
+    Full and off are SERVOn_MAX and _MIN, 1900 and 1100 µs if unset. None if `context` names no pump
+    output, it has no pulse at all, or its range is invalid.
     """
     if context.pump_output is None or not (sent := output_pulses(signals, context.pump_output)):
         return None

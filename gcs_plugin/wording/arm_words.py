@@ -115,8 +115,11 @@ LOOKS: Mapping[Cause, Action] = {
 
 
 def arm_sentence(finding: ArmFinding) -> str:
-    """Return what is wrong with an arm or the whole aircraft: interval, probability, other causes,
-    and the look that settles it."""
+    """Return the sentence on what is wrong with an arm or the whole aircraft.
+
+    It has the amount with its interval, the probability, other possible causes, and the inspection
+    that settles it. Arms count from 1.
+    """
     first, *others = finding.causes
     what = amount_words(first)
     if finding.arm == AIRCRAFT:
@@ -135,7 +138,7 @@ def arm_sentence(finding: ArmFinding) -> str:
 
 
 def amount_words(one: PossibleCause) -> str:
-    """Return the effect of a cause in words, with its amount and 95 % interval."""
+    """Return what a possible cause changes, in words, with amount, %, and 95 % interval."""
     more, less = AMOUNTS[one.cause]
     least, most = sorted((abs(one.lower), abs(one.upper)))
     ends = (0.0 if one.lower < 0.0 < one.upper else least, most)
@@ -147,8 +150,9 @@ def amount_words(one: PossibleCause) -> str:
 
 
 def trend_sentence(trend: PowerTrend) -> str:
-    """Return a sentence on an arm that needs more power than in the first of the flights, by how
-    much, and the action."""
+    """Return the sentence on an arm that needs more power than some flights ago: how much, and what
+    to do.
+    """
     return say(
         "arm {arm} needs {amount} more power at its speed than {flights} flights ago; {look}",
         arm=trend.arm + 1,
@@ -161,9 +165,9 @@ def trend_sentence(trend: PowerTrend) -> str:
 def arm_sentences(answer: ArmAnswer | None, weak: Collection[int] = ()) -> tuple[str, ...]:
     """Return one sentence for each arm with something wrong, and one if the aircraft is shaken.
 
-    Of the arms `weak`, from 0, whose thrust another sentence reports, a propeller is not said
-    again. A voltage reading alone is left out: every log is checked for it, whatever is known of
-    the aircraft (`inspection.instrument_offsets`).
+    An arm in `weak`, from 0, whose thrust another sentence reports, has no sentence on its
+    propeller. A wrong voltage reading has none here either, as it is checked in every log. Empty
+    for None.
     """
     if answer is None:
         return ()

@@ -103,10 +103,10 @@ GROUND_SPEED = ColourScale(
 
 
 def thrust_left(least: float = 0.5) -> ColourScale:
-    """Return the scale of thrust left, whose colours change at `least`, the share that must be
-    left.
+    """Return the colour scale of thrust left, a share, whose colours change at `least`.
 
-    The page, the 3D scene, replays, reports and forecasts all use it.
+    `least` is the share that must be left. The page, the 3D scene, replays, reports and forecasts
+    all use it.
     """
     return ColourScale(
         title="Thrust left, worst rotor",
@@ -131,7 +131,10 @@ REDUNDANCY = ColourScale(
 
 
 def residual_scale(limit_rpm: float) -> ColourScale:
-    """Return the diverging scale of measured minus predicted rotor speed, within +- limit_rpm."""
+    """Return the diverging colour scale of measured minus predicted rotor speed, rpm.
+
+    It reaches from -limit_rpm to `limit_rpm`.
+    """
     colours = ((92, 190, 222), (36, 112, 190), (98, 90, 126), (214, 84, 16), (238, 165, 45))
     at = np.linspace(-limit_rpm, limit_rpm, len(colours)).tolist()
     return ColourScale(
@@ -145,7 +148,7 @@ def residual_scale(limit_rpm: float) -> ColourScale:
 
 
 def tank_scale(full_kg: float) -> ColourScale:
-    """Return the scale of tank level, kg, darkest at `full_kg`, the level at take-off."""
+    """Return the colour scale of the tank level, kg, from 0 to `full_kg`, the level at take-off."""
     top = max(full_kg, 0.1)
     return ColourScale(
         title="In the tank",
@@ -177,10 +180,10 @@ def ink_on(paper: ArrayLike) -> str:
 
 
 def legend(scale: ColourScale, note: str = "") -> dict[str, Any]:
-    """Return the scale as JSON values for a page: positions are per cent of its length.
+    """Return the colour scale as a dict for a page's legend; positions are per cent of its length.
 
-    `jumps` are positions of sudden colour changes; `note` is passed on. The page must escape the
-    texts.
+    `jumps` are positions of sudden colour changes. `note` is a text to show with it, translated.
+    The page must escape the texts.
     """
 
     def place(value: float) -> float:
@@ -210,8 +213,11 @@ _EXPOSURE = 1 / 0.6
 
 
 def sent_for(seen: ArrayLike) -> Colours:
-    """Return the line colours (..., 3) to send so that the screen displays `seen`, as 8 bits
-    allow."""
+    """Return the line colours (..., 3), 0 to 255, with which the 3D view displays the colours
+    `seen`.
+
+    The view's tone mapping is inverted, as far as 8 bits allow.
+    """
     a, b, c, d, e = _CURVE
     target = np.clip(_linear(seen) @ np.linalg.inv(_OUTPUT).T, 0.0, None)
     # (v² + a v - b) = target (c v² + d v + e), the positive root.

@@ -91,8 +91,10 @@ def leg_forecast(span: Span, analysis: FlightAnalysis) -> LegForecast:
 
 
 def worst_use(analysis: FlightAnalysis, rows: slice) -> tuple[Floats, Floats]:
-    """Return the worst rotor's predicted utilisation (N,) in each of `rows`, and half its 90 %
-    interval (N,)."""
+    """Return the largest predicted utilisation (N,) of any rotor, and half its 90 % interval (N,).
+
+    N rows are selected by `rows`.
+    """
     use = analysis.utilisation_predicted[rows]
     worst, which = worst_rotor(use)
     error = analysis.utilisation_error[rows]
@@ -102,7 +104,11 @@ def worst_use(analysis: FlightAnalysis, rows: slice) -> tuple[Floats, Floats]:
 
 
 def weakest_place(flight: PlanFlight, analysis: FlightAnalysis) -> Weakest | None:
-    """Return the place with the largest predicted utilisation; None where nothing is predicted."""
+    """Return the place with the largest predicted utilisation, and the shares of it by cause.
+
+    A share is the difference from steady flight: by the manoeuvre, the load, the wind and the
+    emptier battery. None where nothing is predicted.
+    """
     use, reach = worst_use(analysis, slice(None))
     if not np.isfinite(use).any():
         return None
@@ -138,12 +144,12 @@ NUDGE_KG = 0.02  # to the safe side of a limit, so that the search closes in on 
 
 
 def survivable_below(analysis: FlightAnalysis) -> float:
-    """Return the tank mass, kg, from which on the plan survives the loss of one rotor to its end.
+    """Return the tank mass, kg, below which the rest of the plan survives the loss of one rotor.
 
-    The bound is the lower end of the 90 % interval of the redundancy, without control of yaw. Where
-    every row survives, return the largest tank mass of the plan; where the tank never gets low
-    enough, the smallest tank mass that survives at every row. NaN where a rotor is faulty or the
-    redundancy is unknown.
+    Survival is by the lower end of the 90 % interval of the redundancy, yaw uncontrolled. If every
+    row survives, return the largest tank mass of the plan; if none of the plan's tank masses is low
+    enough, the smallest mass that would survive at every row (may be negative). NaN where a rotor
+    is faulty or the redundancy is unknown.
     """
     craft, tank = identified_airframe(analysis.model), analysis.track.tank_kg
     sure = analysis.redundancy_yaw_uncontrolled * np.exp(-INTERVAL * analysis.redundancy_error)
@@ -199,10 +205,10 @@ def largest_fill(
 
 
 def _room(advised: Advised, limit: float) -> float:
-    """Return the extra mass, kg, with which the first row would reach a limit; negative if it
-    exceeds it.
+    """Return the extra mass, kg, with which the first row would reach a limit.
 
-    The limits are `limit` of utilisation, and that of redundancy (see `Advised`).
+    Negative if a row exceeds a limit already. The limits are `limit` of lasting utilisation, and
+    survival of the loss of one rotor, yaw uncontrolled, each with its error on the safe side.
     """
     analysis, use = advised.analysis, advised.advice.use
     mass = identified_airframe(analysis.model).empty_mass + analysis.track.tank_kg

@@ -96,11 +96,11 @@ PX4_YAW_TIME = 0.25  # s, about what its attitude loop takes
 def _values(
     table: Mapping[str, tuple[str, float]], parameters: Mapping[str, float]
 ) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """Return a parameter's value (or default) for each field of `table`, and the missing
-    parameters.
+    """Return the value of each field of `table`, and texts on the parameters that are missing.
 
-    `table` maps a field to the parameter's name and default. The missing ones are texts with the
-    default used.
+    `table` maps a field to the name of an autopilot parameter and its default, which is used where
+    `parameters` lacks the name. Each text is a missing parameter's name and default: "WPNAV_SPEED
+    10".
     """
     stated = {name: parameter(parameters, name) for name, _ in table.values()}
     unknown = [
@@ -160,7 +160,10 @@ def _ardupilot(parameters: Mapping[str, float]) -> FlightLimits:
 
 
 def _px4(parameters: Mapping[str, float]) -> FlightLimits:
-    """Return the limits, in SI units, that the PX4 `parameters` (by name) set; as `_ardupilot`."""
+    """Return the limits, in SI units, that the PX4 `parameters` (by name) set.
+
+    A parameter that is missing has its default, and is listed in `assumed`.
+    """
     values, assumed = _values(_PX4, parameters)
     loop = YawLoop(angle_gain=values.pop("angle_gain"))
     behaviour = values.pop("yaw_behaviour")

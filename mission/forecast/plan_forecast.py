@@ -201,8 +201,12 @@ class PlanForecast:
 
     @property
     def as_flown(self) -> AsFlown | None:
-        """Return flight time, s, and utilisation, each with its 90 % interval, corrected by how
-        earlier missions differed from their forecasts; None without earlier missions."""
+        """Return flight time, s, and utilisation, each with its 90 % interval, as earlier missions
+        suggest.
+
+        The forecast is corrected by how earlier missions differed from theirs; None without enough
+        missions.
+        """
         shown = self.experience
         if shown is None:
             return None

@@ -88,10 +88,11 @@ def voltage_without_sag(track: FlightTrack) -> bool:
 def lifted_masses(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> list[Floats]:
-    """Return the masses (T,), kg, that the thrust by rotor speeds, then by motor outputs, would
-    lift.
+    """Return two masses (T,), kg: those that the thrust by rotor speeds and by motor outputs
+    carries.
 
-    Empty if the airframe has another number of rotors. `parameters` are the autopilot's, by name.
+    NaN where thrust is unknown. Empty if the airframe has another number of rotors. `parameters`
+    are the autopilot's, by name.
     """
     if track.rotor_count != airframe.rotor_count:
         return []
@@ -112,12 +113,14 @@ def share_lighter(mass: Floats) -> float:
 def gauge_unfollowed(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> bool:
-    """Return True if the tank gauge does not follow the mass by thrust.
+    """Return True if the reported tank mass contradicts the mass that the rotors' thrust would
+    lift.
 
-    One estimate by thrust suffices for a gauge that hardly moves while the aircraft becomes
-    lighter. All available ones must agree on a gauge that falls while the aircraft does not, and on
-    a wrong gain, because wrong rotor speeds look alike. Motor outputs give no gain without the
-    battery's voltage.
+    Either of two estimates, by rotor speeds or by motor outputs, suffices for a gauge that hardly
+    moves while the aircraft becomes lighter. Both, where available, must agree on a gauge that
+    falls while the aircraft does not, and on a wrong slope between the two masses, because wrong
+    rotor speeds look alike. Outputs count only with a measured voltage. False without a gauge or
+    with too few rows.
     """
     gauge = track.measured("tank_kg")
     if not track.source("tank_kg").reported:

@@ -133,11 +133,12 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
 def order_likelihood(
     track: FlightTrack, places: np.ndarray, arms: Floats
 ) -> tuple[Floats, tuple[float, float, float]]:
-    """Return the log-likelihood (2, P) of P orders of the rotors, and the airframe order's
-    correlations.
+    """Return the log-likelihood (2, P) of P motor orders, and the correlations of the airframe's
+    order.
 
-    The first row is with the airframe's spins, the second with all reversed. The correlations are
-    of roll, pitch and yaw.
+    `places` (P, R) gives the place of each motor in each order, the airframe's order first; `arms`
+    (3, R) are the roll, pitch and yaw arms by place. Row 0 is with the airframe's spin directions,
+    row 1 with all reversed. The correlations are those of roll, pitch and yaw.
     """
     acceleration, rate, squares, step = response_samples(track)
     likelihood = np.zeros((2, len(places)))
@@ -193,7 +194,11 @@ def _is_half_rotated(track: FlightTrack, arms: Floats) -> bool:
 
 
 def _roll_and_pitch(samples: tuple[Floats, Floats, Floats, Floats], arms: Floats) -> float:
-    """Return the log-likelihood of roll and pitch with the arms (2, R) or (3, R) of each rotor."""
+    """Return the log-likelihood gained by the rotors' moments in roll and pitch.
+
+    `samples` are those of `response_samples`: angular acceleration, rate, squared speeds, step.
+    `arms` (2 or more, R) are each rotor's roll and pitch arms in its first two rows.
+    """
     acceleration, rate, squares, step = samples
     total = 0.0
     for axis in range(2):
@@ -213,8 +218,12 @@ def _is_resolved(track: FlightTrack) -> bool:
 
 
 def _persists_in_means(track: FlightTrack, places: tuple[int, ...], arms: Floats) -> bool:
-    """Return True if an order of the rotors also explains roll and pitch in means over
-    SLOW_ROWS. `places` gives the place of each motor, `arms` (3, R) the moment arms by place."""
+    """Return True if an order of the rotors explains roll and pitch also in means over SLOW_ROWS.
+
+    Vibration correlates in single rows only. `places` gives the place of each motor, `arms` (3, R)
+    the moment arms by place. The best correlation in means, over all delays of the speeds, must
+    reach SLOW_SHARE of that in single rows.
+    """
     fast, slow = [], []
     for late in (0.0, *LATE_S):
         samples = response_samples(_shift_speeds(track, late) if late else track)
@@ -246,10 +255,10 @@ def _shift_speeds(track: FlightTrack, late: float) -> FlightTrack:
 
 def response_samples(track: FlightTrack) -> tuple[Floats, Floats, Floats, Floats]:
     """Return angular acceleration (n, 3), rate (n, 3), squared speeds (n, R) in 1e6 rpm² and step
-    (n,) s.
+    (n,), s.
 
-    Acceleration is the central difference over two rows; the speeds are smoothed alike. Trends are
-    subtracted. Empty with fewer than FEWEST_ROWS.
+    Rates are in rad/s, roll, pitch, yaw. Acceleration is the central difference over two rows; the
+    speeds are smoothed in the same way. Trends are subtracted. Empty with fewer than FEWEST_ROWS.
     """
     time_s, rate = track.time_s, track.angular_rate_frd
     squares = (track.rotor_speed_rpm / 1000.0) ** 2
@@ -291,8 +300,10 @@ def detrend(values: Floats) -> Floats:
 
 
 def assignments(rotors: int) -> Iterator[tuple[int, ...]]:
-    """Yield assignments of speeds to places, the airframe's own first: all, or exchanges of up
-    to two pairs beyond ALL_UP_TO."""
+    """Yield tuples with the place of each motor, the airframe's own order first.
+
+    All permutations up to ALL_UP_TO rotors; with more rotors, exchanges of one or two pairs.
+    """
     same = tuple(range(rotors))
     if rotors <= ALL_UP_TO:
         yield from permutations(same)
@@ -316,11 +327,12 @@ def _exchange(places: tuple[int, ...], pair: tuple[int, int]) -> tuple[int, ...]
 def response_correlations(
     acceleration: Floats, rate: Floats, squares: Floats, weights: Floats, step: Floats
 ) -> tuple[Floats, Floats]:
-    """Return the correlation (P,) of an axis's acceleration with P assignments' moments, and
-    samples.
+    """Correlate an axis's angular acceleration with the moment of P assignments of rotors.
 
-    The samples (P,) are the effective numbers of independent ones. The influence of rate,
-    collective and a constant is removed first.
+    `acceleration` and `rate` (n,) are of the axis, `squares` (n, R) squared rotor speeds, `weights`
+    (P, R) each speed's arm in an assignment, `step` (n,), s. A constant, the rate and the
+    collective are regressed out first. Return the correlations (P,), 0 for an assignment without
+    moment, and the effective numbers (P,) of independent samples.
     """
     known = np.stack([np.ones_like(rate), rate, squares.sum(axis=1)], axis=1)
     basis = np.linalg.qr(known)[0]
@@ -348,10 +360,10 @@ def response_correlations(
 def _fits_free_arms(
     samples: tuple[Floats, Floats, Floats, Floats], axis: int, own_arms: Floats
 ) -> bool:
-    """Return True if fitted arms of all rotors explain an axis that the airframe's arms (R,) do
-    not.
+    """Return True if freely fitted arms explain an axis that the airframe's arms (R,) do not.
 
-    The penalty is one independent sample for each arm.
+    `samples` are those of `response_samples`, `axis` is 0 roll, 1 pitch, 2 yaw. The log-likelihood
+    must rise by DECISIVE; the penalty is one independent sample for each fitted arm.
     """
     acceleration, rate, squares, step = samples
     response, rates = acceleration[:, axis], rate[:, axis]
@@ -374,7 +386,11 @@ def decide_order(
     rows: int,
 ) -> MotorOrder:
     # By places and spins alone: the lower effectiveness of coaxial rotors is a guess.
-    """Return the verdict from the log-likelihoods (2, P) of P assignments `places` (P, R)."""
+    """Return the verdict from the log-likelihoods (2, P) of P assignments `places` (P, R).
+
+    Row 0 is with the airframe's spins, row 1 with all reversed. `correlation` (roll, pitch, yaw)
+    and the number of `rows` are passed on to the result.
+    """
     layouts = mixer(airframe)[1:][:, places]  # (3, P, R)
     layouts = np.concatenate([layouts, layouts * np.array([1.0, 1.0, -1.0])[:, None, None]], axis=1)
     flat = likelihood.ravel()
@@ -409,10 +425,12 @@ def decide_order(
 def _open_pairs(
     places: np.ndarray, likelihood: Floats, layouts: Floats
 ) -> tuple[tuple[int, int], ...]:
-    """List pairs of rotors whose exchange has a log-likelihood within DECISIVE of the airframe's
+    """List the pairs of rotors, from 0, that the flight cannot distinguish from the airframe's
     order.
 
-    Pairs with equal places and spins in `layouts` (3, P, R) are excluded.
+    `places` (P, R) are the orders, the airframe's first, with log-likelihoods `likelihood` (P,). A
+    pair is listed if its exchange alone is within DECISIVE of the airframe's order. Pairs that are
+    alike in `layouts` (3, P, R), the arms of each order, are excluded.
     """
     moved = places != places[0]
     found = []

@@ -189,8 +189,11 @@ def _degraded_torque(p, x: Channels):
 
 
 def _after_onset(p, x: Channels):
-    """Return 1 between onset and end and 0 outside, (T,), by the onset and end in `p`; 1 without
-    one."""
+    """Return (T,): 1 from the onset in `p` to its end, 0 outside; 1 everywhere without an onset.
+
+    Onset and end, s, are Unix times (`onset_clock`, `end_clock`) or on the flight's clock
+    (`onset_time`, `end_time`); without an end the 1 lasts. The edges are smooth.
+    """
     if "onset_clock" in p:
         began = _step(x.clock_s - p["onset_clock"])
         return began * _step(p["end_clock"] - x.clock_s) if "end_clock" in p else began

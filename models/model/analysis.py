@@ -174,12 +174,11 @@ def _exhausted_rotor(spent: Bools, length: Floats) -> int | None:
 
 
 def _window_centres(known: Bools) -> NDArray[np.intp]:
-    """Return, for each of S seconds, the index (S,) of the second whose window stands in for its
-    own.
+    """Return for each of S seconds the index (S,) of the second whose window of LASTING_S s to use.
 
-    That is the nearest second whose whole window of LASTING_S seconds lies in the same stretch of
-    `known` (S,) seconds, or the stretch's middle if there is none. Half a window, at the end of a
-    stretch, would count a short use as lasting.
+    That is the nearest second whose whole window lies in the same stretch of seconds flagged in
+    `known` (S,), or the stretch's middle if there is none: half a window, at the end of a stretch,
+    would count a short use as lasting.
     """
     at, half, rows = np.arange(known.size), LASTING_S // 2, np.flatnonzero(known)
     for stretch in np.split(rows, np.flatnonzero(np.diff(rows) > half) + 1) if rows.size else ():
@@ -204,10 +203,11 @@ def _silent_seconds(track: FlightTrack, second: NDArray[np.int64], count: int) -
 
 
 def _lasting_use(means: Floats, silent: Bools) -> Floats:
-    """Return a lower bound (S, R) of the running median of the means (S, R) over LASTING_S.
+    """Return a lower bound (S, R) of the running median over LASTING_S seconds of means (S, R).
 
-    Seconds in a pause of the log, `silent` (S,), count as 0, but the result is at least the lowest
-    known mean of the window. NaN without a known mean in the window.
+    `means` has one row a second. Seconds flagged in `silent` (S,), in a pause of the log, count as
+    0, but the result is at least the lowest known mean of the window. NaN without a known mean in
+    the window.
     """
     seen = np.isfinite(means)
     least = running_median(np.where(silent[:, None] & ~seen, 0.0, means), LASTING_S)
@@ -351,8 +351,11 @@ class FlightAnalysis:
 
     @property
     def margin_predicted(self) -> Floats:
-        """Return the thrust margin (T, R) by predicted rotor speeds."""
-        return 1.0 - self.utilisation_predicted
+        """Return the thrust margin (T, R) by predicted rotor speeds, which are of sound rotors.
+
+        NaN where a rotor or motor is known to be bad.
+        """
+        return np.where(self.bad_part, np.nan, 1.0 - self.utilisation_predicted)
 
     @property
     def yaw_reserve(self) -> Floats:

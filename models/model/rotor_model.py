@@ -296,10 +296,11 @@ def model_channels(
 def speed_with_effects(
     model: RotorModel, track: FlightTrack, start: FlightState | None = None
 ) -> tuple[Floats, Bools]:
-    """Return rotor speeds (T, R) rpm with all effects, and a mask (T,).
+    """Return rotor speeds (T, R), rpm, with all of the model's effects, and a mask (T,).
 
     The mask flags rows outside the range in which an effect was identified. Speeds are NaN where
-    one of the model's `inputs` is missing.
+    one of the model's `inputs` is missing. `start` is the state of the effects before the first
+    row; None: the flight begins.
     """
     x = model_channels(model, track, start=start)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -395,17 +396,15 @@ class Prediction:
 def predict(
     model: RotorModel, track: FlightTrack, density: Floats, *, start: FlightState | None = None
 ) -> Prediction:
-    """Predict the rotor speeds of T rows from airspeed and tank level, in air of `density` (T,)
-    kg/m³.
+    """Predict rotor speeds, their interval and thrust (T, R) from airspeed and tank level.
 
-    NaN and Basis.NONE where density or one of the model's `inputs` is missing. With a network,
-    physics rows have the interval at the edge of the training domain, EXTRAPOLATED times as wide,
-    plus 10 % of what physics adds; rows outside the range of an effect are widened alike. Between
-    the training range and its tolerance both change step by step. Thrust is
-    by the thrust curve, in reference air for network rows because the network learnt in it. A
-    model's identified effects apply to every row. The mode state of a followed aircraft offsets
-    every rotor and widens the interval by its own error. Raises AirframeError when the rotor count
-    differs. `start` is the state of the effects before the first row of a window (see `analyse`).
+    `density` (T,) is the air's, kg/m³. NaN and Basis.NONE where it or one of the model's `inputs`
+    is missing. The network is used inside its training domain, weight and thrust curve outside;
+    within the tolerance between, both are mixed so that there is no step. Outside, the interval is
+    that at the domain's edge, EXTRAPOLATED times as wide, plus a share of the speed that physics
+    adds; rows outside an effect's range are widened alike. The mode state of a followed aircraft
+    shifts every rotor and widens the interval. `start` is the state of the effects before the first
+    row of a window (see `analyse`). Raise AirframeError when the rotor count differs.
     """
     airframe = model.airframe
     if track.rotor_count != airframe.rotor_count:

@@ -36,12 +36,12 @@ class KnownBattery:
 def known_battery(
     rest_voltages: Sequence[float], resistances: Sequence[tuple[float, float]]
 ) -> KnownBattery:
-    """Estimate the battery from earlier flights: V at rest of each, and ohm with its standard
-    error.
+    """Estimate the battery from earlier flights: its voltage at rest, V, and its resistance, ohm.
 
-    The voltage is the mean, the resistance the geometric mean of those with a relative error below
-    UNSURE; each has the error of predicting one more flight, since a battery is not always full.
-    NaN counts as unknown.
+    `rest_voltages` has the voltage of each flight, `resistances` the resistance of each and its
+    standard error; NaN is unknown. The voltage is the mean, the resistance the geometric mean of
+    those with a relative error below UNSURE; each has the error of predicting one more flight,
+    since a battery is not always full.
     """
     volts = [value for value in rest_voltages if value > 0.0]
     known = [math.log(ohm) for ohm, error in resistances if ohm > 0.0 and error < UNSURE * ohm]

@@ -140,8 +140,10 @@ def inspect(
 
 
 def _inspect(inputs: Inputs, console: Console) -> list[Inspection]:
-    """Inspect every sortie of the single log in `inputs`; with a verdict, its findings are
-    included."""
+    """Inspect every sortie of the single log in `inputs`, and return the inspections.
+
+    Where the sortie's airframe is known, they include the findings of its analysis.
+    """
     from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
     from thrustmargin.gcs_plugin.logs.findings import gravest_first
     from thrustmargin.gcs_plugin.logs.inspection import inspect_log
@@ -233,7 +235,10 @@ def _print(console: Console, inspection: Inspection) -> None:
 
 
 def _channels(log: FlightLog, *, wide: bool) -> Table:
-    """Return the table of channels, with their sources where the terminal is wide enough."""
+    """Return the table of the log's channels: rate, gaps, range and unit.
+
+    `wide`: with a column of their sources. Cells of a channel without samples are empty.
+    """
     headings = ("Hz", "gaps", "pause s", "min", "median", "max")
 
     words = ("channel", "from") if wide else ("channel",)

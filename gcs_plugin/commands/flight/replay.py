@@ -123,14 +123,14 @@ def replay_view(
     limit: float = LIMIT,
     **options: Any,
 ) -> ReplayView:
-    """Return the view of a recorded flight; with a model `before` also its residual under both
-    models.
+    """Return the view of a recorded flight; with an older model `before`, also its residual under
+    both.
 
-    A model that was not `given` is used only for a flight that is recognised as one of its
-    airframe. Of several sorties the view shows number `sortie`, else the one with the worst
-    verdict; the others are named on the terminal. `limit` is the largest share of a rotor's thrust
-    that may be in use. `options` are those of ReplayView. Raises DataError when there is no sortie
-    of that number.
+    `given`: the user chose `model`; else it is used only for a flight recognised as one of its
+    airframe. Of several sorties the view shows number `sortie` (from 1), or the one with the worst
+    verdict if None, and the terminal names the others. `limit` is the largest share of a rotor's
+    thrust that may be in use; `options` are passed to ReplayView. Raises DataError for a sortie
+    that is not there.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import log_lines, read_flights
     from thrustmargin.gcs_plugin.logs.findings import names_wrong, report_findings

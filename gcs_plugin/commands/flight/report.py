@@ -175,7 +175,10 @@ def report(
 
 
 def print_verdicts(console: Console, made: Report) -> None:
-    """Print the verdict of each flight with its facts, the worst first."""
+    """Print headline and (label, text) lines of each flight, the worst flight first.
+
+    For several flights, a headline on all of them comes before.
+    """
     from thrustmargin.gcs_plugin.reports.margin.summary import worst_first
 
     if len(made.flights) > 1:

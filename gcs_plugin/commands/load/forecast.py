@@ -303,8 +303,11 @@ def forecast(
 def _write_sorties(
     made: PlanForecast, plan: Path, folder: Path, pump: PumpOutput | None
 ) -> list[Path]:
-    """Write one .plan for each sortie and return the paths. Raises DataError if one already
-    exists."""
+    """Write a plan file for each sortie of the forecast into `folder` and return the paths.
+
+    The names are those of `plan` with -sortie-1 and so on; `pump` is the output that switches the
+    pump. Raises DataError, and writes nothing, if one of the files exists.
+    """
     from thrustmargin.mission.forecast.plan_forecast import sortie_plans
     from thrustmargin.mission.plan import write_plan
 
@@ -384,7 +387,12 @@ class _FlightBefore:
 
 
 def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
-    """Return the consequences of a log's flights for the next one; empty for a plan file."""
+    """Return what the flights in a log mean for the next one: clearance, faults, day, parameters.
+
+    `plan` is that log; a plan file has no flights, and gives an empty result. `given`: the user
+    chose `model`. For a log without a readable flight the clearance only says that the flight was
+    not seen.
+    """
     from thrustmargin.models.model.clearance import NO_FLIGHT, NOT_SEEN, clearance
 
     if plan.suffix.lower() in PLANS:
@@ -444,8 +452,10 @@ def _lift_off(track: FlightTrack) -> tuple[float, float, float] | None:
 
 
 def _at_lift_off(plan: MissionPlan, before: _FlightBefore) -> MissionPlan:
-    """Return the plan with home's height set to that of the last lift-off; unchanged if that was
-    not at home."""
+    """Return the plan with home's altitude replaced by that of the last lift-off.
+
+    Unchanged if there was none, or if it was not within AT_HOME m of home.
+    """
     import pymap3d
 
     from thrustmargin.mission.plan_items import with_home_height

@@ -39,10 +39,10 @@ if TYPE_CHECKING:
 def analysed_flights(
     inputs: Inputs, console: Console
 ) -> tuple[list[tuple[FlightAnalysis, FlightLog]], float, list[UnusedLog]]:
-    """Return the analysis and log of every sortie, the limit of utilisation, and the unread logs.
+    """Return the analysis and log of every sortie, the utilisation limit, and the logs not read.
 
-    Options that the user did not give are those of the recording. Raises DataError when no log can
-    be read, UsageError when the limit is not a share.
+    For the logs of a recording, options that the user did not give are those it was recorded with.
+    Raises DataError if no log can be read, UsageError if the limit is no share.
     """
     inputs = with_recorded(inputs, console)
     check_utilisation(inputs.limit)
@@ -53,9 +53,12 @@ def analysed_flights(
 def flights_of(
     inputs: Inputs, console: Console
 ) -> tuple[list[tuple[FlightAnalysis, FlightLog]], list[UnusedLog]]:
-    """Return the analysis for the verdict and the log of every sortie, and the logs not read.
+    """Return the analysis and log of every sortie in the order of the inputs, and the logs not
+    read.
 
-    Raises DataError when no log can be read.
+    Flights of known aircraft are analysed with their aircraft's model, the others with that of the
+    options. The analysis is the one that the verdict is based on. Raises DataError if no log can be
+    read.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import listed, read_logs
     from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
@@ -86,8 +89,9 @@ def with_engineer_notes(
 ) -> list[FlightLog]:
     """Return the logs, in their order, with the notes of the file `notes`.
 
-    Without it, a notes.csv next to each log is read; if it cannot be, that is printed and the log
-    has none. Raises LogError if `notes` cannot be read, UsageError if it is given for several logs.
+    If `notes` is None, the notes.csv next to each log is read; if that cannot be read, print so and
+    leave the log without notes. Raises LogError if `notes` cannot be read, UsageError if it is
+    given for several logs.
     """
     from thrustmargin.gcs_plugin.logs.notes_file import notes_file_of, with_notes
 
@@ -122,9 +126,11 @@ class _Table:
 
 
 def with_recorded(user: Inputs, console: Console) -> Inputs:
-    """Return the inputs with the recording's options where the user gave none; print those used.
+    """Return the inputs with the options of the recording where the user gave none; print those
+    used.
 
-    Raises DataError when a recording's options cannot be read, or those of the logs differ.
+    A recording of `monitor` has a file of its options next to it. Raises DataError if that file
+    cannot be read, or if the options of several logs differ.
     """
     logs = user.logs
     recorded = [_options_of(log) for log in logs]
@@ -163,7 +169,10 @@ def _common(recorded: Sequence[Inputs], logs: Sequence[Path], part: Callable[[In
 
 
 def _options_of(log: Path) -> Inputs:
-    """Read the options.json next to a .tlog; return no options if there is none."""
+    """Return the options in the options.json next to a .tlog; the defaults if there is none.
+
+    Raises DataError if the file is damaged or has an impossible value.
+    """
     path = log.parent / OPTIONS
     if log.suffix.lower() != ".tlog" or not path.exists():
         return Inputs()

@@ -85,9 +85,10 @@ Reading = Annotated[ReadingOptions, tyro.conf.OmitArgPrefixes]
 
 
 def reading_keywords(reading: ReadingOptions) -> dict[str, Any]:
-    """Return the options as keyword arguments of `read_log` and `WatchSettings`, checked.
+    """Check the options for reading logs, and return them as keyword arguments of `read_log`.
 
-    Raises UsageError if one of them is impossible or two exclude each other.
+    `WatchSettings` takes them too. The air temperature becomes K. Raises UsageError if an option is
+    out of range, or two exclude each other.
     """
     # Imported here: the MAVProxy module loads this file at once and must stay light.
     from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
@@ -162,10 +163,11 @@ NAMED = 3  # logs that an error names besides the first: a line, whatever their 
 
 
 def chosen_model(model: Path | None, airframe: str | None) -> RotorModel:
-    """Load the model file; without one return the shipped model.
+    """Return the model that the options --model and --airframe choose.
 
-    For another `airframe` than the shipped one, return a model of its weight and thrust curve.
-    Raises ModelError or AirframeError when a file is unfit, DataError when the two disagree.
+    It is that of the file `model`; without one the shipped model, if `airframe` is None or equals
+    the shipped airframe; else a model by weight and thrust curve of `airframe`. Raises ModelError
+    or AirframeError if a file is unfit, DataError if model and airframe contradict.
     """
     # Imported here, as in the functions below: a command's help must be there at once.
     from thrustmargin.models.model.model_file import shipped_model
@@ -184,9 +186,10 @@ def chosen_model(model: Path | None, airframe: str | None) -> RotorModel:
 
 
 def _same_numbers(one: Airframe, other: Airframe) -> bool:
-    """Return True if two airframes are equal in name, quantities and rotor positions.
+    """Return True if two airframes have the same name, quantities and rotor positions.
 
-    The name alone is not enough: a user's own file may have kept the name of another.
+    The name alone does not suffice: a user's file may have kept the name of the file it was copied
+    from.
     """
     import numpy as np
 
@@ -196,12 +199,12 @@ def _same_numbers(one: Airframe, other: Airframe) -> bool:
 
 
 def starting_model(inputs: Inputs) -> tuple[RotorModel, str]:
-    """Return the model that a search starts from, and its name for the result.
+    """Return the model that a search for effects starts from, and its name for the result.
 
-    For a known aircraft it is the model as trained, without updates by later flights, which the
-    search has to explain. It is the shipped model if no aircraft is given. Unlike in
-    `chosen_model`, an airframe alone always means its weight and thrust curve, so that the search
-    can begin without a network. Raises as `chosen_model`.
+    For a known aircraft it is the model as trained, without updates by later flights, because the
+    search has to explain these. Else it is the model file; without one, weight and thrust curve of
+    the airframe; without both, the shipped model. Raises ModelError or AirframeError if a file is
+    unfit, DataError if the two contradict.
     """
     from thrustmargin.models.model.model_file import shipped_model
     from thrustmargin.models.model.rotor_model import physics_model
@@ -237,10 +240,10 @@ def _model_of(file: Path, airframe: str | None) -> RotorModel:
 
 
 def listed(unused: Sequence[UnusedLog]) -> str:
-    """Return one sentence that lists the unusable logs with their reasons.
+    """Return one text that lists the unusable logs with their reasons.
 
-    Reasons that differ only in numbers and in the log's name are listed once, with NAMED of their
-    logs.
+    Logs whose reasons differ only in numbers or in the log's own name are listed together; at most
+    NAMED of them are named.
     """
     alike: dict[str, list[UnusedLog]] = {}
     for log in unused:
@@ -291,8 +294,10 @@ class Inputs:
         return [*self.logs, self.model, self.airframe]
 
     def rotor_model(self) -> RotorModel:
-        """Load the model of the named aircraft, with its state now; without one as
-        `chosen_model`."""
+        """Load the model of the known aircraft that the options name, in its present state.
+
+        Without one, or with a model or airframe in the options, return what `chosen_model` chooses.
+        """
         if self.known.aircraft is None or self.by_file:
             return chosen_model(self.model, self.airframe)
         import time
@@ -303,7 +308,10 @@ class Inputs:
 
     @property
     def words(self) -> str:
-        """Return the options as they would be typed."""
+        """Return the options as they would be typed on a command line, separated by spaces.
+
+        Options without a value, and the default tank source, are left out.
+        """
         named = {
             "--model": self.model,
             "--airframe": self.airframe,
@@ -319,7 +327,10 @@ class Inputs:
         return " ".join(f"{name} {value}" for name, value in named.items() if value is not None)
 
     def as_table(self) -> dict[str, Any]:
-        """Return the options for the options.json of a recording; files with absolute paths."""
+        """Return the options as a dict, to be stored in the options.json of a recording.
+
+        Paths of files become absolute.
+        """
         airframe = self.airframe
         if airframe is not None and airframe.endswith(".toml"):
             airframe = str(Path(airframe).resolve())
@@ -339,10 +350,11 @@ def read_logs(
     model: RotorModel,
     skipped: type[ThrustMarginError] = LogError,
 ) -> Iterator[tuple[FlightLog, AirframeMatch]]:
-    """Yield each sortie of the logs that can be read, in order, as `read_flights`.
+    """Yield each sortie of the logs in `inputs`, with its match to the model's airframe.
 
-    Meanwhile the `console` shows a progress bar, and a line for every log that is not exactly one
-    sortie. A log that cannot be read for an error of the kind `skipped` is added to `unused`.
+    Logs keep their order. Meanwhile `console` shows a progress bar, and remarks on a log, such as
+    several sorties in it. A log whose reading raises an error of the class `skipped` is appended to
+    `unused`; other errors are raised.
     """
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 
@@ -364,6 +376,8 @@ def read_logs(
 def log_lines(log: FlightLog, *, stated: bool) -> tuple[str, ...]:
     """Return remarks on a sortie's log: further sorties, stretches without a flight, ignored
     columns.
+
+    `stated`: the user stated the load, which then applies to several sorties.
     """
     from thrustmargin.gcs_plugin.wording.check_words import statement_words
     from thrustmargin.gcs_plugin.wording.flight_words import several_words
@@ -383,11 +397,12 @@ def unnamed(error: Exception, path: Path) -> str:
 def claimed(
     read: Iterable[tuple[FlightLog, AirframeMatch]], unused: list[UnusedLog], console: Console
 ) -> Iterator[FlightLog]:
-    """Yield the logs that are flights of the airframe; add the others to `unused` with the reason.
+    """Yield the logs of `read` that are flights of the airframe, cut to what a model may learn
+    from.
 
-    Print the parts of a flight that its log lacks. Rows after a loss of control are dropped with a
-    remark, and so are speeds that motor outputs gave while telemetry was lost: neither is a flight
-    to learn from.
+    The others are appended to `unused` with the reason. Rows after a loss of control are dropped,
+    and rotor speeds inferred from motor outputs where measured ones exist. Print what was dropped,
+    and parts of a flight that its log lacks.
     """
     from thrustmargin.gcs_plugin.logs.inspection import left_out_findings
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
@@ -423,11 +438,12 @@ def read_flights(
     reading: ReadingOptions = AS_HEARD,
     any_vehicle: bool = False,
 ) -> list[tuple[FlightLog, AirframeMatch]]:
-    """Read every sortie of a log. Return each with its match: is it of the model's airframe, or why
-    not.
+    """Read every sortie of a log; return each with its match, which says if it is of `model`'s
+    airframe.
 
-    `given`: the user named the airframe. A sortie of another airframe is read without one. Raises
-    as `read_sorties`.
+    `given`: the user chose the airframe. A sortie of another airframe is read without an airframe.
+    `any_vehicle`: logs of vehicles that are no multirotors are read too. Raises LogError if the log
+    has no flight or cannot be read.
     """
     from thrustmargin.gcs_plugin.logs.log_answer import claimed_flights
 

@@ -35,17 +35,18 @@ def hangar_of(inputs: Inputs) -> Hangar:
 
 
 def named_aircraft(inputs: Inputs) -> KnownAircraft | None:
-    """Return the known aircraft that the user named; None without one."""
+    """Return the known aircraft that the option --aircraft names; None without the option."""
     if inputs.known.aircraft is None or inputs.by_file:
         return None
     return hangar_of(inputs).load(inputs.known.aircraft)
 
 
 def recognised(path: Path, inputs: Inputs, hangar: Hangar) -> Recognition:
-    """Return which known aircraft flew a log: the one named by the options, else by the log's
-    marks.
+    """Return which aircraft of the hangar flew a log.
 
-    Raises LogError if the log cannot be read.
+    It is the aircraft that the options name, else the one whose marks (serial number, device ids,
+    calibration) the log has. Raises LogError if the log cannot be read, DataError if the hangar
+    lacks the named aircraft.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import reading_keywords
     from thrustmargin.gcs_plugin.logs.read import read_sorties
@@ -57,9 +58,11 @@ def recognised(path: Path, inputs: Inputs, hangar: Hangar) -> Recognition:
 
 
 def with_recognised(inputs: Inputs, console: Console) -> Inputs:
-    """Return the inputs with the name of the known aircraft, if all their logs are of one.
+    """Return the inputs with the known aircraft's name set and printed, if one aircraft flew all
+    logs.
 
-    Unchanged for logs of none or several, or if the user named the aircraft.
+    Logs that cannot be read are ignored here. Return the inputs unchanged if logs are of several or
+    unknown aircraft, or if the user named aircraft, airframe or model.
     """
     hangar = hangar_of(inputs)
     if inputs.given or not hangar.names():
@@ -80,12 +83,12 @@ def with_recognised(inputs: Inputs, console: Console) -> Inputs:
 def known_flights(
     inputs: Inputs, unread: list[UnusedLog], console: Console
 ) -> list[tuple[FlightAnalysis, FlightLog]]:
-    """Return the flights in logs of known aircraft, each analysed with the aircraft's state before
+    """Return the flights in logs of known aircraft, each analysed with its aircraft's state before
     it.
 
-    The flights of an aircraft are processed in order of time, and each updates the state before the
-    next, unless the options exclude that. A log whose aircraft the user must state is reported on
-    the console and left out, like one of an unknown aircraft.
+    The flights of an aircraft are processed by time, and each updates the state for the next,
+    unless an option forbids it. Logs of unknown aircraft are left out; one that fits several
+    aircraft is reported on the console. Logs that turn out unusable are appended to `unread`.
     """
     from thrustmargin.gcs_plugin.wording.aircraft_words import open_words
 
@@ -120,11 +123,13 @@ def learn_logs(
     *,
     must_keep: bool = False,
 ) -> tuple[list[tuple[LearntFlight, FlightLog]], KnownAircraft]:
-    """Analyse the logs of one aircraft in order of time, and store each flight's effect on its
+    """Analyse the logs of one aircraft by time, and store its flights with their effect on its
     state.
 
-    Return the flights, and the aircraft with them. If the disk refuses, the console reports it;
-    `must_keep` raises DataError instead.
+    Return all flights with their logs, and the aircraft with the stored ones added. Not stored are
+    flights without a date or a verdict, and all if an option forbids it. Unusable logs are appended
+    to `unread`. If the disk refuses, the console reports it, or with `must_keep` DataError is
+    raised.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import read_logs
     from thrustmargin.gcs_plugin.store.hangar import NotTaught
@@ -167,10 +172,10 @@ def learn_logs(
 def keep(
     flights: Sequence[tuple[LearntFlight, FlightLog]], aircraft: KnownAircraft, hangar: Hangar
 ) -> None:
-    """Write flights of a known aircraft to the hangar, and to the season's store if an extra has
-    one.
+    """Write flights of a known aircraft to the hangar, and to the season's store if that extra
+    exists.
 
-    Raises DataError where the disk refuses.
+    Raises DataError if the disk refuses.
     """
     from thrustmargin.gcs_plugin.commands import extras
 
@@ -187,10 +192,11 @@ def explained(
     aircraft: KnownAircraft,
     change: AircraftChange,
 ) -> AircraftChange:
-    """Return a change with its cause by the search over effects, if an extra has a search.
+    """Return `change` with its cause, found by the search over effects; unchanged without that
+    extra.
 
-    The search is over the flights since the change that were just analysed, against the state
-    before the first of them.
+    The search uses those of the flights `earlier` that began since the change, and `flight` itself.
+    It is against the aircraft's state before the change.
     """
     from thrustmargin.gcs_plugin.commands.__init__ import extras
 
@@ -206,7 +212,7 @@ def explained(
 
 
 def with_change(flight: LearntFlight, change: AircraftChange) -> LearntFlight:
-    """Return a flight with another change, in its analysis, advice and record."""
+    """Return the flight with `change` in its analysis, its assessment and its record."""
     return replace(
         flight,
         analysis=replace(flight.analysis, change=change),
@@ -218,10 +224,10 @@ def with_change(flight: LearntFlight, change: AircraftChange) -> LearntFlight:
 def mission_of(
     log: FlightLog, flight: LearntFlight, aircraft: KnownAircraft
 ) -> FlownMission | None:
-    """Compare the mission flown in a log with its forecast by the aircraft's state before the
+    """Compare the mission flown in a log with the forecast by the aircraft's state before the
     flight.
 
-    None where the log has no mission that it flew.
+    None if the log contains no complete mission that was flown, has no date, or has no verdict.
     """
     from thrustmargin.gcs_plugin.commands.shared.plan_source import plan_of_waypoints
     from thrustmargin.mission.forecast.battery import FlightBattery
@@ -253,11 +259,11 @@ def with_flight(aircraft: KnownAircraft, row: AircraftFlight) -> KnownAircraft:
 
 
 def model_of_log(inputs: Inputs, log: Path, console: Console) -> RotorModel:
-    """Return the model for a recorded flight: that of its known aircraft, in the state before the
-    flight.
+    """Return the model to predict the flight in `log` with.
 
-    Without a known aircraft, return the model of the options. Print the names among which the user
-    must choose if the log's marks do not decide.
+    It is that of the known aircraft that flew, in its state before the flight, or its state now if
+    the log has no date. Without a known aircraft, or if options name model or airframe, it is the
+    options' model. Print the candidates if the log fits several known aircraft.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import reading_keywords
     from thrustmargin.gcs_plugin.logs.read import read_sorties
@@ -282,7 +288,9 @@ def model_of_log(inputs: Inputs, log: Path, console: Console) -> RotorModel:
 
 
 def flight_key(log: FlightLog) -> str:
-    """Return the digest of a log's file; from the second sortie on with the sortie's number."""
+    """Return the digest of a log's file; from the second sortie on with the sortie's number
+    appended.
+    """
     from hashlib import file_digest
 
     with log.path.open("rb") as file:

@@ -30,9 +30,11 @@ class UsageError(DataError):
 
 
 def require_logs(logs: Sequence[Path]) -> tuple[Path, ...]:
-    """Return the logs, with each folder replaced by the logs in it and below it, 2 before 10.
+    """Return the logs, with each folder replaced by the logs in it and its subfolders, in natural
+    order.
 
-    Raises UsageError when none is named, DataError when a folder has none.
+    That order has 2.BIN before 10.BIN. Raises UsageError without a log or folder, DataError if a
+    folder has no log.
     """
     if not logs:
         raise UsageError("no log given; name one or more recorded flights, or a folder of them")
@@ -102,10 +104,11 @@ class OutputFile:
 
 
 def check_outputs(outputs: Iterable[OutputFile], *, inputs: Iterable[Path | str | None]) -> None:
-    """Raise DataError for a result that cannot be written or would overwrite one of the `inputs`.
+    """Raise an error if an output file cannot be written, or would overwrite one of the `inputs`.
 
-    `inputs` are all files that the command reads: logs, models, airframes, keys; None and names of
-    shipped files are ignored. Raises UsageError when a name is wrong by itself.
+    `inputs` are all files that the command reads; None and names of shipped files are ignored.
+    Raises DataError for a folder, a missing folder, an input, or a file that must be kept;
+    UsageError for a wrong ending or a name given twice.
     """
     inputs = [Path(read) for read in inputs if read is not None]
     taken: dict[str, OutputFile] = {}
@@ -137,10 +140,9 @@ def check_outputs(outputs: Iterable[OutputFile], *, inputs: Iterable[Path | str 
 
 
 def json_apart(out: Path | None, json: Path | None) -> tuple[Path | None, Path | None]:
-    """Return `out` and `json`; an `out` ending in .json becomes `json`, unless `json` names another
-    file.
+    """Return (out, json), where an `out` ending in .json is moved to `json` and replaced by None.
 
-    In that case it stays, to be refused for its ending.
+    If `json` names another file, both are unchanged, and `out` is refused later for its ending.
     """
     if out is None or out.suffix.lower() != ".json" or json not in (None, out):
         return out, json
@@ -154,9 +156,9 @@ def _same_file(first: Path, second: Path) -> bool:
 
 
 def check_voltage(voltage: float, craft: Airframe) -> None:
-    """Raise UsageError for a voltage that no battery of the airframe has in flight.
+    """Raise UsageError if the airframe's battery cannot have `voltage`, V, in flight.
 
-    It is below that of an empty battery, or above that of a fully charged one.
+    It is then below that of an empty battery, or above that of a fully charged one.
     """
     from thrustmargin.models.checks.voltage import POSSIBLE_VOLTAGE, TOLERANCE, full_voltage
 

@@ -214,10 +214,11 @@ class VehicleTelemetry:
         self._restart()
 
     def rows(self) -> list[LiveRows]:
-        """Return the new rows of the stored frames, in order, in parts.
+        """Return the rows of the stored frames, in order, in parts; then drop the frames.
 
         A new part begins where the vehicle restarted, and where it reported something new
-        (parameters, its kind, its first GPS time), which is valid from the next row on.
+        (parameters, its kind, its first GPS time), which is valid from the next row on. Empty, and
+        the frames stay, while the vehicle's clock is unknown, for CLOCK_WAIT s at most.
         """
         frames = [frame for piece in self._pieces for frame in piece.frames]
         pilots = [piece.state.component for piece in self._pieces for _ in piece.frames]
@@ -272,7 +273,12 @@ class VehicleTelemetry:
     def _part(
         self, boot: int, piece: _Piece, streams: dict[str, Stream], until_s: float
     ) -> LiveRows | None:
-        """Make the rows of one start from messages up to `until_s`; `rows` sets their stamps."""
+        """Make the rows of start number `boot` up to `until_s`, s of the vehicle's clock.
+
+        `streams` are the messages by name, during which the vehicle's state was `piece.state`.
+        `rows` sets the stamps of the result. None if no row is complete yet, or the vehicle's
+        motors are unknown.
+        """
         state, row_state = piece.state, self._row_state
         if self._rested and state.armed:
             # As in a file (sorties): a stated load is valid from each sortie's start.
@@ -377,10 +383,11 @@ class VehicleTelemetry:
         return self._motors
 
     def stale(self) -> dict[str, float]:
-        """Return the fields that are too old, each with the s for which only other messages came.
+        """Return the fields no longer reported, in words, each with the s since its last.
 
-        By the vehicle's clock up to the last message that `rows` has processed: frames not
-        processed may contain the field.
+        A field is listed beyond its channel's age limit; one never reported is not. Time is the
+        vehicle's clock up to the last message that `rows` has processed: frames not processed may
+        contain the field.
         """
         now, signals = self._heard_s, self._buffer.signals
         ages: dict[str, float] = {}
@@ -396,5 +403,5 @@ class VehicleTelemetry:
 
 
 def _identity(state: VehicleState) -> tuple[object, ...]:
-    """Return the parts of a state on which rows depend."""
+    """Return the parts of a vehicle's state on which its rows depend, to compare two states."""
     return id(state.parameters), state.kind, state.autopilot, state.component, state.armed

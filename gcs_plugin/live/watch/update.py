@@ -6,7 +6,6 @@ done: when its result is first needed, or in the background.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field, replace
@@ -161,9 +160,9 @@ class Update:
 
 
 def update_with_bad_part(update: Update) -> Update:
-    """Return the update for an aircraft with a bad rotor or motor: without the margin for a full
-    tank."""
-    outlook = replace(update.outlook, full=lambda: math.nan)
+    """Return the update for an aircraft with a bad rotor or motor: without the figures that assume
+    sound ones (predicted margin, margin on the route and with a full tank)."""
+    outlook = replace(update.outlook, sound=False)
     return replace(update, analysis=with_bad_part(update.analysis), outlook=outlook)
 
 

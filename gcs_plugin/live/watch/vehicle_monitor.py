@@ -140,7 +140,11 @@ class VehicleMonitor:
         self._outlook.use_plan(plan, self.state)
 
     def take(self, frame: Frame) -> None:
-        """Process the next frame of this vehicle, in the order of arrival."""
+        """Process the next frame of this vehicle, in the order of arrival.
+
+        Copies and late frames are dropped. While two vehicles share the id, frames count as heard,
+        and all that is known of the vehicle is forgotten.
+        """
         if not self.link.take(frame):
             return
         if self.link.shared:
@@ -157,10 +161,11 @@ class VehicleMonitor:
         self.telemetry.state = fold_mission(self.state, frame)
 
     def updates(self, *, final: bool = False) -> list[Update]:
-        """Return the new rows since the last call, analysed.
+        """Return the new rows since the last call, analysed, in order of time.
 
-        There is one part for each start of the vehicle, and for each change of its own reports.
-        `final`: no more frames will come, and the last predictions count as settled.
+        There is one Update for each start of the vehicle, and for each change of its own reports.
+        `final`: no more frames will come; a last Update without new rows makes all predictions
+        final.
         """
         made = [
             self._update(part)
@@ -174,7 +179,10 @@ class VehicleMonitor:
         return made
 
     def _update(self, new: LiveRows | None) -> Update:
-        """Make the next update: with new rows, or for None with the last predictions settled."""
+        """Return the next Update, with the `new` rows; None makes the last predictions final.
+
+        It is stored as `last`.
+        """
         last = self.last
         if last is None or (new is not None and not continues(last, new)):
             if last is not None and new is not None and last.boot != new.boot:
@@ -264,8 +272,11 @@ class VehicleMonitor:
     def _state_under_claim(
         self, before: AirframeMatch, new: LiveRows, start: FlightState | None
     ) -> FlightState | None:
-        """Note a decision on the airframe other than `before`; return the model's state before the
-        new rows, None where the airframe was newly recognised or lost."""
+        """Note a changed decision on the airframe; return the model's state for new rows.
+
+        `before` is the decision of the last rows, `start` the model's state after them. Return
+        None, to start anew, if the verdict was allowed or withdrawn with the change.
+        """
         airframe_match = self.airframe_match
         if replace(airframe_match, outputs=before.outputs) == before and self.last is not None:
             return start
@@ -276,8 +287,10 @@ class VehicleMonitor:
         return None if bool(before.no_verdict) != bool(airframe_match.no_verdict) else start
 
     def _analysed(self, track: FlightTrack, start: FlightState | None) -> FlightAnalysis:
-        """Analyse rows, with the match and the load beyond the gauge that the whole flight so
-        far shows."""
+        """Analyse `track` from the model's state `start`, with what the whole flight so far shows.
+
+        That is the airframe's match, and the load beyond what the gauge shows.
+        """
         flight = self._sortie.now
         airframe_match = (
             self.airframe_match if flight is None else flight.shown_by(self.airframe_match)
@@ -290,8 +303,11 @@ class VehicleMonitor:
     def _beyond_the_rows(
         self, analysis: FlightAnalysis, first: int, new: LiveRows
     ) -> dict[str, NDArray[Any]]:
-        """Return the arrays named by CARRIED for the new rows: vehicle and ground clocks, pumped
-        and delivered mass, kg, and the least margin on the remaining route."""
+        """Return the arrays that CARRIED names for the rows `new`, the analysis's from `first` on.
+
+        They are vehicle's and ground's clock, pumped and delivered mass, kg, and the least margin
+        on the remaining route.
+        """
         delivered, margin_ahead = self._outlook.rows(analysis, first, new, self.state)
         return {
             "clock_s": new.clock_s,
@@ -304,8 +320,9 @@ class VehicleMonitor:
     def tick(self, now_us: int) -> list[AlarmEvent]:
         """Check the link as of `now_us`, the ground's clock, up to which all frames were received.
 
-        The result does not depend on how far the analysis is: missing messages show by their own
-        clock.
+        Return the alarms raised or cleared, with Unix times; none for an id that has not proved to
+        be a vehicle. The result does not depend on how far the analysis is: missing messages show
+        by their own clock.
         """
         if not self.seen:
             return []
@@ -328,9 +345,9 @@ class VehicleMonitor:
         return max(self.telemetry.read_us - int(self.last.stamp_us[-1]), 0) * 1e-6
 
     def stale(self, now_us: int) -> str:
-        """Return the sentence on fields that are no longer reported; empty if all are.
+        """Return the sentence on fields no longer reported at `now_us`, the ground's clock, µs.
 
-        It is empty also while the vehicle as a whole is silent.
+        Empty if all are, or while the vehicle as a whole is silent.
         """
         if self.link.shared or self.link.silent(now_us) > self.alarms.settings.silence:
             return ""

@@ -62,10 +62,11 @@ Flights = Sequence[Mapping[str, Any]]
 
 
 def group_by_frame(flights: Flights) -> dict[str, list[Mapping[str, Any]]]:
-    """Group the flights of one name by number and layout of rotors, which no repair changes.
+    """Group the flights under one name by frame, number and layout of rotors, which no repair
+    changes.
 
-    The keys are the frames in words. A flight with an unknown number or layout joins the flights
-    that it fits if they are all of one frame.
+    The keys are the frames in words. A flight with an unknown number or layout joins the one frame
+    that it fits; if it fits none or several, it is a group of its own.
     """
     frames = dict.fromkeys((f["rotor_count"], f["layout"]) for f in flights)
 
@@ -83,8 +84,9 @@ def group_by_frame(flights: Flights) -> dict[str, list[Mapping[str, Any]]]:
 
 
 def alternating_boards(flights: Flights) -> int:
-    """Return the number of autopilots that flew alternately; 0 if each was only replaced by the
-    next.
+    """Return the number of autopilots that flew alternately under one name.
+
+    0 if each was only replaced once by the next.
     """
     known = [f["board"] for f in flights if f["board"]]
     turns = sum(1 for _ in groupby(known))
@@ -92,10 +94,10 @@ def alternating_boards(flights: Flights) -> int:
 
 
 def unique_flights(flights: Flights) -> list[Mapping[str, Any]]:
-    """Drop second logs of a flight, such as those of autopilot and ground station.
+    """Return the flights without second logs of a flight, such as those of a ground station.
 
-    `flights` are sorted by start time. Of two logs of one flight the one with the graver verdict
-    remains; of equally grave ones the one with sums, else the first.
+    `flights` are rows of the store, sorted by start time. Of two logs of a flight the one with the
+    graver verdict is kept; of equally grave ones the one with sums, else the first.
     """
     kept: list[Mapping[str, Any]] = []
     for flight in flights:
@@ -109,8 +111,7 @@ def unique_flights(flights: Flights) -> list[Mapping[str, Any]]:
 
 
 def _rank(flight: Mapping[str, Any]) -> tuple[int, bool]:
-    """Return a sort key of a flight's log; of two logs of one flight the one with the smaller
-    key remains."""
+    """Return a sort key of a log: of two logs of one flight, that with the smaller key is kept."""
     level = FlightLevel(flight["verdict"] or FlightLevel.UNKNOWN)
     return level.gravity, flight["sums_reason"] is not None
 
@@ -124,11 +125,11 @@ def overlap_count(flights: Flights) -> int:
 
 
 def _same_flight(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    """Return True if two logs record one flight.
+    """Return True if two rows of the store are logs of the same flight.
 
-    Their times overlap, and their boards are equal, as an autopilot flies once at a time. Where a
-    board is unknown, place, load, distance, current and time of the worst row agree as far as both
-    logs have them, at least two of them. Several aircraft of one make often fly at the same time.
+    Their times must overlap, and their autopilots' serial numbers be equal. If one is unknown,
+    place, load, distance, current and time of the worst row must agree as far as both have them,
+    and at least LEAST_IN_COMMON of them: several aircraft of one make often fly at the same time.
     """
     if not _times_overlap(one, other):
         return False
@@ -271,10 +272,12 @@ def aircraft_season(
     parts: Sequence[Part] = (),
     frames: Mapping[str, int] = MappingProxyType({}),
 ) -> AircraftSeason:
-    """Return the season of one aircraft from its rows of `flights` and `sums`, oldest first.
+    """Return the season of one aircraft: its flights, the changes over them, and findings.
 
-    Sums of another model than the newest one's are left out. `frames` has the number of flights of
-    each aircraft of this name, by its frame, if there are several. `with_parts` adds the parts.
+    `flights` and `sums` are its rows of the store's tables of these names, oldest first. Sums by
+    another model than the newest one's are left out. `frames`, frame -> number of flights, is given
+    if several aircraft share this name. `parts` serve to recognise a replaced rotor; `with_parts`
+    adds their histories.
     """
     flights, given = unique_flights(flights), len(flights)
     order = {f["flight"]: k for k, f in enumerate(flights)}
@@ -339,10 +342,10 @@ def sort_findings(findings: Iterable[SeasonFinding]) -> tuple[SeasonFinding, ...
 def change_level(
     ratio: float, acts: float = ACTS, firsts: float = FIRSTS, *, part: str = ""
 ) -> str:
-    """Return the level of a change by its `ratio` to the usual difference between sound aircraft.
+    """Return the level of a change: WATCH, ACT or FIRST (inspect this aircraft first).
 
-    From `acts` on it is ACT, from `firsts` on FIRST; but CHECK if `part`, to be inspected, is an
-    instrument. Below `acts` it is WATCH.
+    `ratio` is the change over the usual difference between fault-free aircraft. It is ACT from
+    `acts` on, FIRST from `firsts` on. If `part` is an instrument, it is CHECK from `acts` on.
     """
     if ratio >= acts and part in INSTRUMENTS:
         return CHECK
@@ -352,7 +355,8 @@ def change_level(
 def _change_findings(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[SeasonFinding]:
     """Yield a finding for each change of a value over the season.
 
-    Only the last change of a value is a reason to act, and one to a sound rotor is none.
+    Only the last change of a value gets a level that asks to act. A rotor that became sound again,
+    or makes more thrust than expected, does not.
     """
     count = len(season.counted)
     for trend in season.changes.trends if season.changes else ():
@@ -392,9 +396,11 @@ def _change_findings(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[
 def _swap_words(
     season: AircraftSeason, trend: Trend, entry: SeasonEntry, parts: Sequence[Part]
 ) -> str:
-    """Return, in words, the part that was installed on a rotor when its loss became smaller.
+    """Return the part that explains why the loss of a rotor became smaller: `propeller 2 P7,
+    installed ...`.
 
-    Without one in `parts` return the request to enter it into parts.csv.
+    It is the one of `parts` that was installed on that rotor between the flights before and after
+    the change. Without one, return the request to enter it into parts.csv.
     """
     rotor = words.rotor_of(trend.name)
     before = season.started(max(entry.earliest - 1, 0))
@@ -416,7 +422,7 @@ def reported_then(season: AircraftSeason, at: int) -> str:
 
 
 def _shared_findings(season: AircraftSeason) -> Iterable[SeasonFinding]:
-    """Yield a finding for each model error that all flights share."""
+    """Yield a finding for each value by which all flights differ from the model in the same way."""
     for one in season.changes.shared if season.changes else ():
         trend = season.changes.trend(one.name) if season.changes else None
         ratio = abs(one.value) / trend.usual if trend else 0.0
@@ -440,7 +446,11 @@ def _season_verdict(flight: Mapping[str, Any]) -> str | None:
 
 
 def _verdict_findings(season: AircraftSeason) -> Iterable[SeasonFinding]:
-    """Yield a finding for each bad verdict of the last RECENT flights, and for missing verdicts."""
+    """Yield findings on bad verdicts of the last RECENT flights, and on open caveats of the last
+    one.
+
+    Also yield one if more than half of all flights have no verdict.
+    """
     count = len(season.flights)
     recent = season.flights[-RECENT:]
     for gravity, verdict in enumerate(GROUNDING):
@@ -466,8 +476,8 @@ def _verdict_findings(season: AircraftSeason) -> Iterable[SeasonFinding]:
                 verdict=verdict,
             )
     for caveat in flight_caveats(recent[-1]) if recent else ():
-        count = sum(caveat in flight_caveats(f) for f in recent)
-        if sentence := words.open_sentence(caveat, count, len(recent)):
+        shared_by = sum(caveat in flight_caveats(f) for f in recent)
+        if sentence := words.open_sentence(caveat, shared_by, len(recent)):
             yield SeasonFinding(
                 level=CHECK,
                 weight=0.0,

@@ -25,9 +25,10 @@ MANY, GIVEN = 24, 8
 def fleet_season(
     store: SeasonStore, aircraft: str | None = None, parts: Sequence[Part] = ()
 ) -> FleetSeason:
-    """Return the season of all aircraft of a store, or of `aircraft` alone.
+    """Return the season of all aircraft of a store, or of the one named `aircraft`.
 
-    Raises DataError if the store has no such aircraft.
+    `parts` are the installed and removed parts of all aircraft. A progress bar is shown on stderr.
+    Raises DataError if the store has no aircraft of that name.
     """
     names = store.aircraft()
     if aircraft is not None and aircraft not in names:
@@ -47,7 +48,11 @@ def fleet_season(
 def _seasons(
     store: SeasonStore, names: Sequence[str], parts: Sequence[Part]
 ) -> Iterator[list[AircraftSeason]]:
-    """Yield the seasons of GIVEN aircraft at a time, in the order in which they are computed."""
+    """Yield lists of seasons, each of at most GIVEN of the aircraft `names`.
+
+    Many aircraft are computed by several processes; lists then come in the order in which they are
+    ready.
+    """
     groups = [names[k : k + GIVEN] for k in range(0, len(names), GIVEN)]
     if len(names) < MANY or own_cores() < 2:
         yield from (seasons_of(store.url, group, parts) for group in groups)
@@ -62,7 +67,10 @@ def _seasons(
 
 
 def seasons_of(url: str, names: Sequence[str], parts: Sequence[Part]) -> list[AircraftSeason]:
-    """Return the seasons of the aircraft `names`; a name of several frames has one for each."""
+    """Return the seasons of the aircraft `names` in the store at `url`.
+
+    If aircraft of different frames (rotor number and layout) share a name, each frame has a season.
+    """
     from threadpoolctl import threadpool_limits
 
     store, found = SeasonStore.open(url), []

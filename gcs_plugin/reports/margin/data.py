@@ -51,13 +51,12 @@ class ReportedFlight:
 
     @property
     def advice(self) -> Advice:
-        """Return the answer of the flight."""
+        """Return the assessment of the flight."""
         return self.answer.made.advice
 
     @property
     def shown_level(self) -> FlightLevel:
-        """Return the level whose colour the flight has: not that of a clearance while something is
-        to be looked at."""
+        """Return the level whose colour is displayed: NEAR for a good flight with open caveats."""
         return shown_level(self.advice.level, left_open=self.advice.caveats)
 
     @property
@@ -88,8 +87,10 @@ def share(part: float, whole: float) -> float:
 
 
 def end_rows(track: FlightTrack) -> tuple[Bools, Bools]:
-    """Return flags (T,) of the first and (T,) of the last tenth of the airborne rows, one row at
-    least."""
+    """Return flags (T,) of the first tenth of the rows in flight, and flags (T,) of the last tenth.
+
+    Each has one row at least, and none only if the track has no row in flight.
+    """
     airborne = np.flatnonzero(track.flying)
     count = max(1, round(END_SHARE * airborne.size))
     first, last = np.zeros((2, track.time_s.size), dtype=np.bool_)

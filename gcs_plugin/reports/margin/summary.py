@@ -87,11 +87,12 @@ def report_flight(
     assumed: PlanConditions | None = None,
     answer: LogAnswer | None = None,
 ) -> data.ReportedFlight:
-    """Return the report of one flight, compared with the forecast of its `plan` with what
-    was `assumed`. `answer` is that of the flight; without it, it is made here.
+    """Return the report of one flight.
 
-    `max_utilisation` is the largest share of a rotor's maximum thrust that may be in use. Raises
-    PlanError when the plan flies nowhere.
+    `max_utilisation` is the largest share of a rotor's maximum thrust that may be in use. The
+    flight is compared with the forecast of `plan`, if given, under the conditions `assumed`.
+    `answer` is the flight's assessment; None makes it here. Raises PlanError if the plan flies
+    nowhere.
     """
     said = answer or answer_log(log, analysis, max_utilisation)
     found, made, contact = said.findings, said.made, said.contact
@@ -169,7 +170,10 @@ def report_flight(
 
 
 def peak_row(peak: UtilisationPeak, start_unix_s: float | None) -> data.JsonObject:
-    """Return a peak of thrust utilisation; `start_unix_s` is the time of the flight's first row."""
+    """Return a peak of thrust utilisation as a dict for JSON; rotors count from 1.
+
+    `start_unix_s` is the Unix time of the flight's first row, None if unknown.
+    """
     row = {
         "time_s": peak.time_s,
         "clock_utc": None if start_unix_s is None else unix_text(start_unix_s + peak.time_s),
@@ -201,8 +205,11 @@ def look_facts(findings: Iterable[Finding]) -> Iterator[tuple[str, str]]:
 
 
 def _basis(made: Advised) -> tuple[str, float]:
-    """Return the source of the thrust utilisation, in words, and the share of time it is
-    measured."""
+    """Return the source of the thrust utilisation in words, and the share of time with rotor
+    speeds.
+
+    That share is of the time in the air; speeds are measured or inferred from motor outputs.
+    """
     analysis, seconds = made.analysis, made.analysis.track.row_seconds
     known = np.any(np.isfinite(airborne_use(analysis)), axis=1)
     measured_s = float(seconds[known & analysis.any_measured].sum())
@@ -218,10 +225,10 @@ _AS_ROWS = ("faults", "repaired", "losses", "misread", "no_verdict", "rotor_name
 
 
 def advice_values(advice: Advice) -> dict[str, Any]:
-    """Return the figures of a flight's advice by their names in `Advice`.
+    """Return the figures of a flight's assessment as a dict for JSON, by their names in `Advice`.
 
-    Arrays over the flight are left out (the CSV has them), and so are fields that the report has as
-    rows of its own. Rotors count from 1, and `fill.kg` is rounded down, as the action states it.
+    Arrays over the flight are left out, since the CSV has them, and so are fields that the report
+    lists as rows. Rotors count from 1; `fill.kg` is rounded down, as pilots read it.
     """
     values = {f.name: getattr(advice, f.name) for f in fields(advice) if f.name not in _AS_ROWS}
     for part in ("use", "rotor_lost", "battery", "fill", "misfit"):
@@ -238,8 +245,10 @@ def advice_values(advice: Advice) -> dict[str, Any]:
 
 
 def change_row(change: AircraftChange) -> data.JsonObject:
-    """Return, for JSON, how a flight differs from earlier ones of its aircraft, with rotors from
-    1."""
+    """Return how a flight differs from earlier ones of its aircraft as a dict for JSON.
+
+    Rotors count from 1.
+    """
     row = to_json_values(change)
     for mode in row["modes"]:
         mode["faster"] = [rotor + 1 for rotor in mode["faster"]]
@@ -252,8 +261,11 @@ def change_row(change: AircraftChange) -> data.JsonObject:
 
 
 def _flight(analysis: FlightAnalysis, speed: Floats, seconds: Floats) -> data.JsonObject:
-    """Return the figures of the flight, from its airborne rows; `speed` (T,) is over ground,
-    m/s."""
+    """Return time, distance, liquid, area, speeds, wind, air and voltage of a flight, for JSON.
+
+    They are of the rows in flight, in SI unless the key has a unit; NaN where unknown. `speed` (T,)
+    is over ground, m/s, `seconds` (T,) the duration of each row.
+    """
     track = analysis.track
     flying = track.flying
     first, last = data.end_rows(track)
@@ -321,10 +333,11 @@ def _lost_s(speed: Floats, seconds: Floats, rows: Bools) -> float:
 
 
 def _rotors(analysis: FlightAnalysis, seconds: Floats, limit: float) -> tuple[data.JsonObject, ...]:
-    """Return an object for each rotor: largest and median thrust utilisation in flight, measured
-    and predicted, and the share of the known time above `limit`.
+    """Return a dict for each rotor: largest and median utilisation in flight, measured and
+    predicted.
 
-    `seconds` (T,) is the duration of each row.
+    `over_limit_share` is the share of the known time with utilisation above `limit`. `seconds` (T,)
+    is the duration of each row.
     """
     flying, use = analysis.track.flying, airborne_use(analysis)
     measured, predicted = analysis.utilisation[flying], analysis.utilisation_predicted[flying]
@@ -345,9 +358,10 @@ def _rotors(analysis: FlightAnalysis, seconds: Floats, limit: float) -> tuple[da
 
 
 def model_use(analysis: FlightAnalysis) -> data.JsonObject:
-    """Return airframe and model, and the shares of the airborne rows that each basis predicted.
+    """Return airframe, model and its effects as a dict for JSON.
 
-    `inside_envelope` is None when the model has no network.
+    It has the shares of rows in flight predicted by network, by physics, and not at all.
+    `inside_envelope` is True if the network predicted all; None without a network.
     """
     model, airframe = analysis.model, analysis.model.airframe
     basis = analysis.prediction.basis[analysis.track.flying]
@@ -382,7 +396,7 @@ def _kinds_of_speed(analysis: FlightAnalysis) -> tuple[str, ...]:
 
 
 def model_words(model: RotorModel) -> list[str]:
-    """Describe training domain and interval of a model in words."""
+    """Return sentences on a model's training domain and interval; a missing one is left out."""
     text = []
     if model.training_domain is not None:
         covers = model.training_domain
@@ -399,8 +413,10 @@ def _effect(effect: EffectRecord) -> str:
 
 
 def error_row(analysis: FlightAnalysis) -> data.JsonObject:
-    """Return the prediction error of a flight, with the sentence about its intervals or why there
-    is none."""
+    """Return the error of predicted rotor speeds in a flight as a dict for JSON.
+
+    `words` explains the intervals, or says why there are none, or why there is no error.
+    """
     found = prediction_error(analysis, analysis.places)
     if found.overall is None:
         text = _without_error(analysis)
@@ -414,7 +430,7 @@ def error_row(analysis: FlightAnalysis) -> data.JsonObject:
 
 
 def _without_error(analysis: FlightAnalysis) -> str:
-    """Return why the prediction is not checked."""
+    """Return why the predicted rotor speeds of a flight cannot be compared with measured ones."""
     known = np.isfinite(analysis.track.rotor_speed_rpm)
     measured = known & ~analysis.from_outputs
     predicted = np.isfinite(analysis.prediction.rotor_speed_rpm)
@@ -430,8 +446,10 @@ def _without_error(analysis: FlightAnalysis) -> str:
 
 
 def _quality(log: FlightLog) -> data.JsonObject:
-    """Return defects of the log and assumptions made in reading it; a silence is longer than 1
-    s."""
+    """Return format, damage, gaps, channels and messages of a log as a dict for JSON.
+
+    A silence is a gap of all messages longer than 1 s. `notes` are assumptions made in reading.
+    """
     track, whole = log.track, log.quality
     counted = ("bytes", "frames", "bytes_skipped", "damaged_places", "bad_checksum")
     return {
@@ -457,13 +475,12 @@ def build_report(
     plan: MissionPlan | None = None,
     assumed: PlanConditions | None = None,
 ) -> data.Report:
-    """Build the report on flights, in their order, checked against `max_utilisation`.
+    """Build the report on flights, in their order.
 
-    That is the largest share of a rotor's maximum thrust that may be in use. Each flight is
-    compared with the forecast of `plan`, if given, under `assumed`; see `plan_comparison`.
-
-    `unread` are logs that could not be read, to be listed. Raises DataError when the share is not
-    between 0 and 1, or there is no flight.
+    `max_utilisation` is the largest share of a rotor's maximum thrust that may be in use. Each
+    flight is compared with the forecast of `plan`, if given, under the conditions `assumed`, or if
+    None under those before take-off. `unread` are logs that could not be read, to be listed. Raises
+    DataError if the share is not between 0 and 1, or there is no flight.
     """
     if not 0.0 < max_utilisation < 1.0:
         raise DataError(f"max_utilisation {max_utilisation:g} is no share; give one such as 0.5")
@@ -484,8 +501,10 @@ def build_report(
 
 
 def overview_of(reports: Sequence[data.ReportedFlight], limit: float) -> data.JsonObject:
-    """Return level and headline of all flights, number of the worst, from 1, and flights per
-    level."""
+    """Return level and headline of all flights together, and the number of flights of each level.
+
+    `worst_flight` is the number, from 1, of the worst one; None if its utilisation is unknown.
+    """
     levels = [report.advice.level for report in reports]
     first, report = worst_first(reports)[0]
     level, words = report.advice.level, report.json["verdict"]["headline"]
@@ -500,10 +519,10 @@ def overview_of(reports: Sequence[data.ReportedFlight], limit: float) -> data.Js
 
 
 def worst_first(reports: Sequence[data.ReportedFlight]) -> list[tuple[int, data.ReportedFlight]]:
-    """Return (index in the list, report), the worst verdict first.
+    """Return (index in `reports`, report), the flight with the gravest level first.
 
-    Of equal verdicts the one with the most thrust in use comes first; flights without a verdict
-    come last.
+    Of equal levels the flight with the largest utilisation comes first, one without a known
+    utilisation last.
     """
 
     def rank(item: tuple[int, data.ReportedFlight]) -> tuple[int, float]:

@@ -23,10 +23,11 @@ from thrustmargin.models.model.rotor_model import RotorModel
 
 
 def explain(model: RotorModel, flights: Sequence[FlightTrack]) -> ChangeCause:
-    """Search for effects that flights show and the model of their aircraft lacks.
+    """Search for effects that explain a change of an aircraft over `flights`.
 
-    `model` has the mode state before the first of them. The kind is NOT_SEARCHED where no flight
-    has enough rows.
+    `model` is the aircraft's, in its state before the first flight. Return the reported effects
+    with the errors before and after; UNEXPLAINED if there are none, NOT_SEARCHED if no flight has
+    enough rows.
     """
     tracks = [before_loss(track, loss_of_control(track)) for track in flights]
     tracks = [track for track in tracks if too_little(track, model) is None]
@@ -47,7 +48,10 @@ def explain(model: RotorModel, flights: Sequence[FlightTrack]) -> ChangeCause:
 
 
 def _explained(found: ReportedEffect) -> CausingEffect:
-    """Return a reported effect with its main parameter, in the flight that represents it."""
+    """Return a reported effect with value and 95 % interval of its main parameter.
+
+    The value is that in the flight that represents the effect.
+    """
     effect, row = found.term.effect, found.flight
     main = next((k for k, p in enumerate(effect.parameters) if not p.detail), 0)
     return CausingEffect(

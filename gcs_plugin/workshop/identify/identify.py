@@ -150,11 +150,11 @@ def logs_to_fit(
     *,
     option: str,
 ) -> TracksOnDisk:
-    """Read and check logs in their order; store the usable flights in files of `folder`.
+    """Read the logs in `inputs` in order, and store the usable flights in files of `folder`.
 
-    Unusable logs, also those of another airframe, are added to `not_used`. Print the sensors'
-    offsets. Raise DataError, naming each log, if rotor speeds are those of other rotors or times,
-    or if no log of `option` is usable.
+    Unusable logs, also those of another airframe, are appended to `not_used`. Print offsets of the
+    logs' instruments. `option` is put into errors to name the kind of logs. Raise DataError if
+    rotor speeds belong to other rotors or times, or if no log is usable.
     """
     from thrustmargin.gcs_plugin.commands.shared.analysed import TracksOnDisk
     from thrustmargin.gcs_plugin.commands.shared.inputs import claimed, listed, read_logs
@@ -196,10 +196,11 @@ def write_result(
     html: Path | None,
     mission: Path | None = None,
 ) -> list[Path]:
-    """Write the requested files and return their paths; each is put in place once all are complete.
+    """Write the result to the files that are not None, and return their paths.
 
-    `json` "-" is standard output. The mission is left out without a next flight. Raise ModelError
-    for a file that cannot be written.
+    They are `out` (the new model), `json`, `html` (a page) and `mission` (the next flight, if there
+    is one). `json` "-" is standard output. No file is replaced before all are complete. Raise
+    ModelError if one cannot be written.
     """
     from thrustmargin.gcs_plugin.workshop.identify.identify_result import json_text
     from thrustmargin.gcs_plugin.workshop.identify.manoeuvre_plan import manoeuvre_plan
@@ -235,8 +236,9 @@ def write_result(
 
 
 def show(result: Result, written: Sequence[Path]) -> None:
-    """Print the result: sentences, tables, unused logs, notes on the new model and files
-    written."""
+    """Print the result: sentences, tables, unused logs, notes on the new model, and the files
+    `written`.
+    """
     from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
     from thrustmargin.gcs_plugin.wording.language import Verbatim, say
     from thrustmargin.gcs_plugin.workshop.identify.identify_result import printed_tables

@@ -70,8 +70,8 @@ def make_result(
 ) -> Result:
     """Return the result of an identification: new model, margins, next flight and sentences.
 
-    `tracks` are the fitted flights, then the held-out ones. `mission` is dropped if there is no
-    next flight.
+    `tracks` are the fitted flights, then the held-out ones. `model_in`, `model_out` and `mission`
+    are file names to be named in the result; `mission` is dropped if there is no next flight.
     """
     unseen = found.unseen
     fitted = tracks[: found.problem.flights]
@@ -104,11 +104,11 @@ def make_result(
 
 
 def json_text(result: Result) -> str:
-    """Return the JSON text of the schema "thrustmargin.identify/1".
+    """Return the result as JSON, schema "thrustmargin.identify/1".
 
-    After the keys of `Identification.to_json` follow `next_flight`, `margin`, `arms`, `answer`,
-    `actions`, `notes`, `not_used` and `date`. `margin` is the predicted
-    thrust margin before and after: of all effects, and of each.
+    The keys of `Identification.to_json` are followed by `next_flight`, `margin`, `arms`, `answer`,
+    `actions`, `notes`, `not_used` and `date`. `margin` is the predicted thrust margin before and
+    after adding all effects, and each effect alone.
     """
     whole: dict[str, Any] = result.found.to_json(
         model_in=result.model_in, model_out=result.model_out
@@ -128,8 +128,12 @@ def json_text(result: Result) -> str:
 
 
 def _next_flight_json(result: Result) -> dict[str, Any]:
-    """Return the next flight as JSON: manoeuvre, repeats, mission, and the two sets to
-    distinguish."""
+    """Return the next flight as a dict for JSON: manoeuvre, repeats, duration in minutes, mission
+    file.
+
+    `separates` are the two sets of effects that it distinguishes, `certainty` the probability that
+    it does. The result must have a next flight.
+    """
     following = result.following
     assert following is not None
     return {
@@ -152,10 +156,10 @@ MOST_SETS = 5  # sets of effects listed
 
 
 def effect_rows(found: Identification) -> list[tuple[str, str, str, str]]:
-    """Return the table rows of all reported effects: name, value, 95 % interval, probability.
+    """Return table rows (name, value, 95 % interval, probability) of all reported effects.
 
-    The row of an effect has only a name and a probability; rows of its parameters follow, without
-    probability. All amounts of one unit in the table are in the same, possibly smaller, unit.
+    An effect has a row with name and probability alone, then one for each parameter without a
+    probability. Amounts of one unit are all displayed in the same, possibly smaller, unit.
     """
     rows = []
     largest: dict[str, float] = {}
@@ -175,10 +179,11 @@ def effect_rows(found: Identification) -> list[tuple[str, str, str, str]]:
 def _parameter_rows(
     found: Identification, one: ReportedEffect, largest: Mapping[str, float]
 ) -> list[tuple[str, str, str]]:
-    """Return name, value with unit, and interval of each parameter of one effect.
+    """Return (name, value with unit, interval) as texts for each parameter of one effect.
 
-    A parameter of single flights has a row for each of the MOST_FLIGHTS flights with the largest
-    effect. `largest` is the table's largest amount in each unit.
+    A parameter with a value for each flight has a row for each of the MOST_FLIGHTS flights with the
+    largest effect. `largest` is the table's largest amount in each unit, by which a smaller unit is
+    chosen.
     """
     parameters = one.term.effect.parameters
     own = [k for k, p in enumerate(parameters) if p.per_flight]
@@ -208,9 +213,9 @@ def set_rows(found: Identification) -> list[tuple[str, float]]:
 
 
 def error_rows(result: Result) -> list[tuple[str, str, str, str]]:
-    """Return rotor, RMSE before and after with intervals, and mean residual after, rpm.
+    """Return table rows (rotor, RMSE before, RMSE after, mean residual after) as texts, rpm.
 
-    The first row is for all rotors.
+    RMSE have intervals. The first row is for all rotors together.
     """
     names = result.found.model.airframe.rotor_names
     return [
@@ -225,7 +230,11 @@ def error_rows(result: Result) -> list[tuple[str, str, str, str]]:
 
 
 def printed_tables(result: Result) -> list[Table]:
-    """Return the tables that the console prints below the sentences; each fits 80 columns."""
+    """Return the tables that the console prints below the sentences; each fits 80 columns.
+
+    They are reported effects, explanations, excluded effects and errors; without content a table is
+    left out.
+    """
     found = result.found
     flights = found.problem.flights
     by = say("by {count} flights" if flights > 1 else "by {count} flight", count=flights)

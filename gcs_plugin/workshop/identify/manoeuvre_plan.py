@@ -25,8 +25,8 @@ def manoeuvre_plan(
 ) -> plans.MissionPlan:
     """Return the mission that flies `manoeuvre` `repeats` times, centred on where the flights were.
 
-    Altitudes are above home, on ground taken as level. Raise PlanError if the flights report no
-    position or no height.
+    `limits` has the heights and the place flown. Altitudes are above home, on ground taken as
+    level. Raise PlanError if the flights report no position or no height.
     """
     corners = manoeuvres.corners_ned(manoeuvre, limits)
     if limits.origin is None or not np.isfinite(corners).all():

@@ -168,9 +168,11 @@ def ingest(
 
 
 def follow_known(logs: list[LogSource], inputs: Inputs) -> list[LogSource]:
-    """Analyse logs of aircraft that a store knows and update their states, as `learn` does.
+    """Analyse the logs of aircraft known to the hangar and store their flights, as command `learn`
+    does.
 
-    Return the other logs. A log that is stored already is left to `ingest_logs`, which counts it.
+    Return the other logs: those of unknown aircraft and those that cannot be read. Print the number
+    of flights of each aircraft on stderr. Raise DataError if a flight cannot be stored.
     """
     from thrustmargin.gcs_plugin.commands.shared.known import hangar_of, learn_logs, recognised
 
@@ -197,10 +199,11 @@ def follow_known(logs: list[LogSource], inputs: Inputs) -> list[LogSource]:
 
 
 def _check_kind(store: SeasonStore, names: str | None) -> None:
-    """Raise DataError if the store names flights in another way than this run does.
+    """Raise DataError if the store names its flights in another way than this run would.
 
-    Otherwise a log would be stored twice, under two names. `names` is the name of the key of this
-    run's pseudonyms; None without pseudonyms. An empty store adopts this run's way.
+    Flights have either their own names or pseudonyms made with a key. `names` is the name of this
+    run's key; None for own names. With two ways a log would be stored twice. An empty store is
+    marked with this run's way.
     """
     from thrustmargin.gcs_plugin.store.season_store import NAMES
 
@@ -218,16 +221,19 @@ def _check_kind(store: SeasonStore, names: str | None) -> None:
 
 
 def _absolute(airframe: str | None) -> str | None:
-    """Return the absolute path of an airframe file, for processes with other folders; a name
-    unchanged."""
+    """Return the absolute path of an airframe file, since other processes have other folders.
+
+    The name of a shipped airframe, and None, are returned unchanged.
+    """
     return str(Path(airframe).absolute()) if airframe and Path(airframe).is_file() else airframe
 
 
 def find_logs(words: tuple[str, ...]) -> tuple[list[LogSource], list[tuple[str, str]]]:
-    """Return the logs that files, folders, patterns and addresses name, each once and sorted.
+    """Return the logs that `words` name, each once and sorted by path, and the refused ones.
 
-    Also return name and reason of logs that cannot be read, or not yet. Raises DataError if one of
-    `words` names no log.
+    A word is a file, a folder (searched recursively), a glob pattern or an fsspec address. A
+    refused log is a pair of file name and reason: it is no regular file, or is still being
+    recorded. Raises DataError if a word names no log.
     """
     import glob
 
@@ -269,9 +275,11 @@ def find_logs(words: tuple[str, ...]) -> tuple[list[LogSource], list[tuple[str, 
 
 
 def _at_address(word: str, endings: set[str]) -> dict[str, int]:
-    """Return the size in bytes of each log at an fsspec address or pattern, by the log's address.
+    """Return a dict of address -> size in bytes, of the logs at `word`, an fsspec address or
+    pattern.
 
-    Raises DataError if fsspec cannot read it.
+    Only files with one of `endings` (lower case, with the dot) count, or the file that `word`
+    itself names. Raises DataError if fsspec does not know the address's protocol.
     """
     from fsspec.core import url_to_fs
 
@@ -291,9 +299,9 @@ def _at_address(word: str, endings: set[str]) -> dict[str, int]:
 
 
 def _client(scheduler: str) -> Any:
-    """Return a client of the Dask cluster at `scheduler`, to be closed.
+    """Return a Dask client of the cluster with the address `scheduler`; the caller must close it.
 
-    Raises InstallError without Dask, DataError if no scheduler answers.
+    Raises InstallError if Dask is not installed, DataError if no scheduler answers within 10 s.
     """
     require("--cluster", "distributed")
     from distributed import Client
@@ -310,7 +318,11 @@ def _cores(client: Any) -> int:
 
 
 def _print(outcome: IngestOutcome, store: str, *, quiet: bool) -> None:
-    """Print how many flights were stored, and each rejected log with its reason."""
+    """Print the number of flights stored in `store`, and each rejected log with its reason on
+    stderr.
+
+    `quiet`: the number is not printed.
+    """
     words = [f"flights taken into {store}: {len(outcome.flights)}"]
     words += [f"logs there already: {outcome.already}"] if outcome.already else []
     words += [f"logs not taken: {len(outcome.rejected)}"] if outcome.rejected else []
@@ -321,7 +333,10 @@ def _print(outcome: IngestOutcome, store: str, *, quiet: bool) -> None:
 
 
 def _as_json(outcome: IngestOutcome, store: str) -> dict[str, Any]:
-    """Return the outcome as JSON values, schema thrustmargin.ingest/1."""
+    """Return the outcome as a dict for JSON, schema thrustmargin.ingest/1.
+
+    Its lists are the names of the stored flights and the rejected logs with their reasons.
+    """
     return {
         "schema": SCHEMA,
         "store": store,

@@ -125,8 +125,11 @@ def learn(
 
 
 def _flight_lines(flight: LearntFlight, log_name: str) -> tuple[str, ...]:
-    """Return lines on a flight: verdict, effect on the aircraft's state, difference from earlier
-    ones."""
+    """Return lines on a flight: headline, what its aircraft's model learnt, and how it differs.
+
+    It is compared with the aircraft's earlier flights. Without a verdict there is one line, with
+    the reason. `log_name` is the log's name.
+    """
     from thrustmargin.gcs_plugin.store.hangar import NotTaught
     from thrustmargin.gcs_plugin.wording.advice_words import headline
     from thrustmargin.gcs_plugin.wording.aircraft_words import change_words, learnt_words
@@ -148,7 +151,12 @@ def _flight_lines(flight: LearntFlight, log_name: str) -> tuple[str, ...]:
 
 
 def _groups(inputs: Inputs, hangar: Hangar, unread: list[UnusedLog]) -> list[_Group]:
-    """Group the logs by aircraft; logs that cannot be read or assigned are added to `unread`."""
+    """Group the logs by the aircraft that flew them.
+
+    An aircraft is the one that the options name, a known one recognised by the log's marks, or a
+    new one. If the marks leave several, ask in the terminal. Logs that cannot be read or assigned
+    are appended to `unread`.
+    """
     from thrustmargin.gcs_plugin.commands.shared.inputs import reading_keywords, unnamed
     from thrustmargin.gcs_plugin.logs.read import read_sorties
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
@@ -193,10 +201,11 @@ def _groups(inputs: Inputs, hangar: Hangar, unread: list[UnusedLog]) -> list[_Gr
 
 
 def _chosen(logs: Sequence[str], open_ones: Sequence[tuple[str, MarksMatch]]) -> str | None:
-    """Ask in a terminal which of the candidate aircraft flew some logs, one question for all of
-    them.
+    """Ask in the terminal which of the candidate aircraft flew the logs; one answer is for all
+    logs.
 
-    None without a terminal, or if it is none of them.
+    `open_ones` are the candidates' names and how their marks match. None without a terminal, at the
+    end of the input, or if it is none of them.
     """
     if not sys.stdin.isatty():
         return None
@@ -220,9 +229,11 @@ def _make(
     *,
     seed: int,
 ) -> tuple[KnownAircraft, list[tuple[LearntFlight, FlightLog]]]:
-    """Make a new aircraft: its airframe from hovers, its model from the fault-free flights.
+    """Make a new aircraft: its airframe from hovers, its model from the fault-free flights of
+    `group`.
 
-    Return it with the flights that its model was trained on.
+    Return the aircraft, and the flights that its model was trained on with their logs. `seed` is
+    for the training.
     """
     from thrustmargin.gcs_plugin.store.hangar import checked_name
 
@@ -246,10 +257,12 @@ def _follow(
     again: bool,
     seed: int,
 ) -> tuple[KnownAircraft, list[tuple[LearntFlight, FlightLog]]]:
-    """Return a known aircraft, with the flights that its model was made from now.
+    """Return a known aircraft, and the flights that its model was now trained on; none if it was
+    not.
 
-    A model is made where no flights have made one, or `again`; an airframe where the owner states
-    it. Raise DataError where a statement contradicts what flights have taught.
+    A model is trained if the aircraft's present one was not trained on flights, or with `again`; an
+    airframe is made only if the owner states values. Raise DataError if the owner states values of
+    an aircraft with a trained model, without `again`.
     """
     known = hangar.load(str(group.name))
     stated = owner != NOTHING_STATED
@@ -278,10 +291,11 @@ def _with_marks(
     flights: Sequence[tuple[LearntFlight, FlightLog]],
     hangar: Hangar,
 ) -> KnownAircraft:
-    """Add to an aircraft the marks of those logs of a group whose flights have a verdict.
+    """Store the marks of a group's logs as further marks of an aircraft; return the aircraft
+    unchanged.
 
-    A log that was named as one of it, and does not fit it, is perhaps of another aircraft, whose
-    logs would be taken for it from then on.
+    Only logs whose flights have a verdict count: another log, named by the user as one of the
+    aircraft, may be of another aircraft, whose logs would then be recognised wrongly.
     """
     from thrustmargin.gcs_plugin.store.hangar import NotTaught
 
@@ -304,8 +318,12 @@ def _draft_airframe(
     inputs: Inputs,
     console: Console,
 ) -> ReadingOptions:
-    """Write an airframe file by the hovers of a group of logs and the owner's statements. Return
-    how the logs are to be read."""
+    """Write an airframe file to `draft`, from the hovers in a group's logs and the owner's
+    statements.
+
+    Missing values are asked for in a terminal. Return the options with which to read the logs, such
+    as the stated load.
+    """
     from thrustmargin.gcs_plugin.commands.airframe.new import AirframeNew
 
     made = AirframeNew(
@@ -331,11 +349,13 @@ def _make_model(
     airframe: Path,
     seed: int,
 ) -> tuple[KnownAircraft, list[tuple[LearntFlight, FlightLog]]]:
-    """Train the model of an aircraft on the sound flights of a group; keep it with its airframe.
+    """Train a model on a group's fault-free flights, and store it with its airframe as aircraft
+    `name`.
 
-    Return the aircraft with the flights that its model was made from: none where they are too few,
-    and its model is then its airframe alone. What other flights taught is set aside. Raise
-    DataError, and change nothing, where they are too few for an aircraft that has a model.
+    Return the aircraft, and the flights that the model was trained on. If they are too few there
+    are none, and the model is the airframe's weight and thrust curve. Earlier flights of the
+    aircraft no longer count for its state. Raise DataError, and change nothing, if they are too few
+    and the aircraft has a trained model.
     """
     import time
 
@@ -440,7 +460,7 @@ def _folder_name(group: _Group, hangar: Hangar) -> str:
 
 
 def _new_name(marks: Marks) -> str:
-    """Return the name of a new aircraft: asked for in a terminal, else made from its marks.
+    """Return a name for a new aircraft: asked for in a terminal, else made from its marks.
 
     Raises DataError if the input ends without an answer.
     """
@@ -454,10 +474,10 @@ def _new_name(marks: Marks) -> str:
 
 
 def card(aircraft: KnownAircraft) -> tuple[str, ...]:
-    """Describe a known aircraft in a few lines: name, folder, count of sound flights, days.
+    """Return lines on a known aircraft: name, folder, number of fault-free flights and of days.
 
-    Also say how well it is predicted: the coverage of sound flights that it was not trained on,
-    and the step from day to day (0 without flights).
+    They also say how well it is predicted: the coverage of intervals in flights that it was not
+    trained on, and by how much rotor speeds differ from day to day.
     """
     import numpy as np
 

@@ -80,17 +80,20 @@ class IngestSettings:
 
 @lru_cache(maxsize=4)
 def season_model(model: str | None, airframe: str | None) -> tuple[RotorModel, str]:
-    """Return the rotor speed model of a run and its digest."""
+    """Return the rotor speed model that a store's flights are analysed with, and its digest.
+
+    `model` and `airframe` are those of the options.
+    """
     chosen = chosen_model(None if model is None else Path(model), airframe)
     return chosen, model_digest(chosen)
 
 
 def stage_log(log: LogSource, content: str, *, settings: IngestSettings) -> list[str]:
-    """Read a log whose digest is `content`, stage its flights and return their names.
+    """Read a log, write its flights to the store's staging area, and return the flights' names.
 
-    A log has a flight for each vehicle and sortie. The flight whose name is the digest alone is
-    staged last, because it marks the log as stored. Raises ThrustMarginError for a log without a
-    flight.
+    `content` is the log's digest, which begins each name: a log has a flight for each vehicle and
+    sortie. The flight named by the digest alone is staged last, because its presence marks the log
+    as stored. Raises ThrustMarginError for a log without a flight.
     """
     from threadpoolctl import threadpool_limits
 
@@ -106,10 +109,10 @@ def stage_log(log: LogSource, content: str, *, settings: IngestSettings) -> list
 def season_flights(
     path: Path, content: str, settings: IngestSettings, *, name: str
 ) -> list[SeasonFlight]:
-    """Return the flights of all sorties of all vehicles in a log that is called `name` in the
-    store.
+    """Return the flights in the log at `path`: all sorties, of all vehicles unless one is chosen.
 
-    Raises ThrustMarginError if the first vehicle has no flight.
+    `content` is the log's digest; `name` is what the store calls the log. Vehicles without a flight
+    are listed in the first flight. Raises ThrustMarginError if the first vehicle has no flight.
     """
     found, log = _sortie_flights(path, content, settings, settings.reading, name=name)
     first = found[0]
@@ -129,7 +132,8 @@ def _sortie_flights(
 ) -> tuple[list[SeasonFlight], FlightLog]:
     """Return the flights of one vehicle's sorties, and the log of the first sortie.
 
-    The first flight's name is `content` alone, by which a store recognises the log.
+    The first flight is named `content`, the others `content` with the sortie's number appended.
+    `name` is the log's name in the store, left out in an anonymous store.
     """
     model, _ = season_model(settings.model, settings.airframe)
     given = settings.model is not None or settings.airframe is not None
@@ -147,9 +151,10 @@ def _sortie_flights(
 def flight_of_log(
     log: FlightLog, airframe_match: AirframeMatch, name: str, settings: IngestSettings
 ) -> SeasonFlight:
-    """Return the flight of one sortie for the store, called `name`.
+    """Analyse one sortie with the model of `settings` and return its flight for the store.
 
-    Raises DataError if it has no row in flight, or more rotors than the store has columns for.
+    `name` is the flight's name there. Raises DataError if the sortie has no row in flight, or more
+    rotors than the store has columns for.
     """
     model, digest = season_model(settings.model, settings.airframe)
     _check_rows(log)
@@ -158,10 +163,11 @@ def flight_of_log(
 
 
 def flight_of_known(flight: LearntFlight, log: FlightLog, aircraft: KnownAircraft) -> SeasonFlight:
-    """Return the flight of a known aircraft for the store, with its effect on the aircraft's state.
+    """Return a known aircraft's flight for the store, with its effect on the aircraft's state.
 
-    Its margins are by the state before the flight, its sums by the model as trained, so that a
-    season shows the changes that the state adapts to. Raises DataError like `flight_of_log`.
+    Margins are by the model in the state before the flight. The sums for identification are by the
+    model as trained, so that a season shows the changes that the state adapts to. Raises DataError
+    if the flight has no row in flight, or too many rotors.
     """
     _check_rows(log)
     settings = IngestSettings(store="", aircraft=aircraft.name, max_utilisation=flight.advice.limit)
@@ -182,7 +188,11 @@ def _check_rows(log: FlightLog) -> None:
 def stored_flight(
     log: FlightLog, analysis: FlightAnalysis, name: str, settings: IngestSettings, *, digest: str
 ) -> SeasonFlight:
-    """Return for the store a flight that was analysed with the model of digest `digest`."""
+    """Return an analysed flight as the store's row of `flights`, its 10 Hz rows and its sums.
+
+    `name` is the flight's name, `digest` that of the model that `analysis` used. With a key in
+    `settings`, names, serial numbers and places are replaced by pseudonyms.
+    """
     sums, reason = _sums(analysis)
     identity, program = aircraft_identity(log, settings.aircraft), firmware(log)
     marks = marks_of(log)
@@ -231,8 +241,11 @@ def stored_flight(
 
 
 def _sums(analysis: FlightAnalysis) -> tuple[dict[str, np.ndarray] | None, str | None]:
-    """Return a flight's sums for identification over many flights; None and the reason without
-    any."""
+    """Return (sums, None): sums over a flight's rows, as named arrays, from which effects are
+    identified.
+
+    Where they cannot be computed, return (None, reason), "no_verdict" or "no_evidence".
+    """
     if analysis.no_verdict:
         return None, "no_verdict"
     try:
@@ -243,9 +256,10 @@ def _sums(analysis: FlightAnalysis) -> tuple[dict[str, np.ndarray] | None, str |
 
 
 def _summary(analysis: FlightAnalysis, log: FlightLog, report: ReportedFlight) -> dict[str, Any]:
-    """Return the columns of `schema.FLIGHTS` from the report and the log.
+    """Return the flight's values for the columns `schema.FLIGHTS`, by name.
 
-    `analysis` uses the load of the whole flight, `report` that of its verdict.
+    Units are in the names; unknown numbers are NaN. `analysis` uses the load of the whole flight,
+    `report` the load that the verdict is based on.
     """
     track, verdict, flight = log.track, report.json["verdict"], report.json["flight"]
     advice = report.advice
@@ -322,9 +336,10 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: ReportedFlight) -
 def keep_flights(
     flights: Sequence[tuple[LearntFlight, FlightLog]], aircraft: KnownAircraft, hangar: Hangar
 ) -> None:
-    """Write flights of a known aircraft to the season's store, which is the folder of the hangar.
+    """Write flights of a known aircraft to the season's store in the folder of the hangar.
 
-    Raises DataError where the store cannot be written.
+    Flights without a row in flight, or with more rotors than the store has columns for, are left
+    out. Raises DataError if the store cannot be written.
     """
     made = []
     for flight, log in flights:

@@ -149,8 +149,9 @@ def training_run(
 ) -> TrainingRun:
     """Train the model of an aircraft on its flights, with a progress line on the console.
 
-    Flights in which a rotor is weak by a model of the others are left out. Raises LogError
-    when no flight can be used, and DataError when fewer than FEWEST_FLIGHTS are sound.
+    A flight in which a rotor is weak compared with a model of the other flights is left out, and
+    the model trained again. Raises LogError if no flight can be used, and DataError if fewer than
+    FEWEST_FLIGHTS are left.
     """
     from datetime import UTC, datetime
     from importlib.metadata import version
@@ -179,7 +180,10 @@ def training_run(
     names, date = settings.names(), datetime.now(UTC).date().isoformat()
 
     def run(good: Sequence[FlightTrack]) -> tuple[Trained | None, Commissioned]:
-        """Return network and model of some flights."""
+        """Return the trained network, and the model made with it, of the flights `good`.
+
+        The network is None if neither airspeed nor tank level varies in them.
+        """
         trained = None
         with steps(console, total=len(names) + 1, lines=True) as step:
 
@@ -234,9 +238,11 @@ def training_run(
 
 
 def network_can_learn(tracks: Sequence[FlightTrack]) -> bool:
-    """Return True if tank level or measured airspeed, the network's inputs, vary in `tracks`.
+    """Return True if tank level or measured airspeed, the network's inputs, vary enough in
+    `tracks`.
 
-    Ground speed in place of an airspeed does not count, because the air it moves in is unknown.
+    Only rows for training count. An airspeed that is really ground speed does not count, because
+    the wind in it is unknown.
     """
     import numpy as np
 
@@ -260,11 +266,11 @@ def network_can_learn(tracks: Sequence[FlightTrack]) -> bool:
 def select_flights(
     tracks: Sequence[FlightTrack], model: RotorModel
 ) -> tuple[list[FlightTrack], list[UnusedLog]]:
-    """Return the usable flights, and the unusable ones with the reason.
+    """Return the flights to train on, and the others with the reason.
 
-    Unusable are flights with too few rows for training, or with speeds of other rotors or times.
-    Flights without any such row are returned: `_logs_without_rows` reports them. Raise LogError if
-    no flight is usable.
+    A flight is unusable if it has too few rows for training, or if its rotor speeds belong to other
+    rotors or times. Flights without any row for training are returned as usable:
+    `_logs_without_rows` reports them. Raise LogError if no flight is usable.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import listed
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
@@ -289,7 +295,7 @@ def select_flights(
 
 
 def _logs_without_rows(tracks: Sequence[FlightTrack]) -> list[UnusedLog]:
-    """Return the flights without a row for training, with the reason."""
+    """Return the flights that have no row for training, each with the reason."""
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.model.inferred.load_inference import LOAD_FROM_SPEEDS
     from thrustmargin.models.physics.flight_phases import training_rows

@@ -169,7 +169,10 @@ def usable_seconds(model: RotorModel, track: FlightTrack) -> float:
 
 
 def assemble_flight(model: RotorModel, track: FlightTrack) -> Problem:
-    """Assemble all fittable rows of one flight; raises like `assemble`."""
+    """Assemble all rows of one flight that can be fitted, not thinned.
+
+    Raise AirframeError for a wrong rotor count, DataError with too few rows.
+    """
     airframe = model.airframe
     if track.rotor_count != airframe.rotor_count:
         raise AirframeError(
@@ -244,7 +247,8 @@ def thin_rows(problem: Problem, stride: int) -> Problem:
 
 
 def join_flights(parts: Sequence[Problem]) -> Problem:
-    """Concatenate the problems of single flights of one aircraft.
+    """Concatenate the problems of single flights of one aircraft, and number flights and blocks
+    anew.
 
     For motor outputs, `background_rpm` becomes the larger of the model's and these flights' spread.
     """

@@ -100,8 +100,8 @@ def season_changes(sums: SeasonSums, false_entries: float = FALSE_ENTRIES) -> Se
     """Find the model errors that all flights of a season share, and the values that changed over
     it.
 
-    `false_entries`: expected number of false changes in one season. The trends are of all values,
-    changed ones first.
+    `false_entries` is the expected number of false changes in one season. The result has the trend
+    of every value, changed ones first, and the shared errors that are significant.
     """
     penalty = penalty_of(sums.flights, len(sums.main), false_entries)
     found = SeasonModel()
@@ -129,9 +129,9 @@ def season_changes(sums: SeasonSums, false_entries: float = FALSE_ENTRIES) -> Se
 
 
 def relinearise(sums: SeasonSums, found: SeasonModel) -> SeasonSums:
-    """Recompute the sums, linearised at the losses found, until these no longer change.
+    """Recompute the sums, linearised at the losses in `found`, until these no longer change.
 
-    Linearised at 0, a large loss leaves enough residual to appear as another rotor's.
+    Linearised at 0, a large loss leaves enough residual to appear as the loss of another rotor.
     """
     for _ in range(MOST_RELINEARISATIONS):
         curves = joint_fit(sums, found)[0]
@@ -172,10 +172,11 @@ def _add_best_value(sums: SeasonSums, found: SeasonModel, penalty: float) -> Sea
 
 
 def _is_possible(sums: SeasonSums, found: SeasonModel, place: int, penalty: float) -> bool:
-    """Return False for a shared value beyond its bounds, or within the error of other effects'
-    laws.
+    """Return True if the shared value number `place` is inside its bounds and no error of other
+    effects.
 
-    Laws are accurate to FORM.
+    It must exceed the error that inaccuracy of the other shared effects' equations (a share FORM of
+    their size) would cause in it, by the factor sqrt(`penalty`).
     """
     at = joint_fit(sums, replace(found, shapes={}))[0][0]
     value = sums.limit("absent")[place] + at[place]
@@ -209,10 +210,11 @@ def _change_curve(
 def _value_changes(
     sums: SeasonSums, place: int, found: SeasonModel, curves: Floats, penalty: float
 ) -> tuple[list[SeasonEntry], Floats]:
-    """Return the significant changes of value `place` over the season, and its curve (F,).
+    """Return the significant changes of value number `place` over the season, and its curve (F,).
 
-    `curves` (F, K) are all values'. A change must exceed sqrt(`penalty`) times its error joined
-    with the error that FORM of other values' changes causes. Without changes the curve is 0.
+    `curves` (F, q) are the fitted curves of all q values. A change must exceed sqrt(`penalty`)
+    times its error, which includes what a share FORM of other values' changes would cause. The
+    curve is 0 without changes.
     """
     value, error, _ = _flight_estimates(sums, place, curves)
     where = np.flatnonzero(np.isfinite(value))
@@ -233,12 +235,13 @@ def _value_changes(
 
 
 def _flight_estimates(sums: SeasonSums, place: int, curves: Floats) -> tuple[Floats, Floats, float]:
-    """Return estimates (F,) and standard errors (F,) of a value, and the errors' scale factor.
+    """Return estimates (F,) and standard errors (F,) of value number `place`, and the errors'
+    factor.
 
-    The factor is the one by which flights scatter more than their errors; the errors include it.
-
-    No flight has a smaller error than the median flight: flights of one kind share model errors,
-    and a few accurate flights of another kind would appear as a change.
+    `curves` (F, q) are the fitted curves of all values. The errors are already multiplied by the
+    factor, by which flights scatter more than their own errors. Unknown: NaN with an infinite
+    error. No flight has a smaller error than the median flight: flights of one kind share model
+    errors, and a few accurate flights of another kind would appear as a change.
     """
     value, error = sums.estimates(place, curves)
     known = np.isfinite(value)
@@ -249,10 +252,11 @@ def _flight_estimates(sums: SeasonSums, place: int, curves: Floats) -> tuple[Flo
 
 
 def _basis(sums: SeasonSums, found: SeasonModel) -> tuple[NDArray[np.intp], Floats, Floats]:
-    """Return index (B,), curve (F, B) and prior size (B,) of each term of the joint fit.
+    """Return for the B terms of the joint fit: value index (B,), curve (F, B) and prior size (B,).
 
-    Each value has a mean, small like on a sound aircraft unless it is shared; each changed value
-    has its curve; each loss has its torque share. Means come first.
+    First a constant for each main value, with the small prior of a sound aircraft unless the value
+    is shared. Then the curve of each changed value, with a flat prior, and the torque share that
+    goes with each loss.
     """
     main, scale, usual = sums.main, sums.limit("scale"), _usual_sizes(sums)
     free = np.array([int(k) in found.shared for k in main], dtype=bool)
@@ -276,8 +280,9 @@ def _usual_sizes(sums: SeasonSums) -> Floats:
 
 
 def joint_fit(sums: SeasonSums, found: SeasonModel) -> _Fit:
-    """Fit all terms by least squares; return curves (F, q) of all values, and the remaining
-    squares."""
+    """Fit all terms by least squares; return the curves (F, q) of all q values and the remaining
+    squares.
+    """
     places, over, prior = _basis(sums, found)
     means = sums.main.size
     system = np.zeros((places.size, places.size))
@@ -295,9 +300,10 @@ def joint_fit(sums: SeasonSums, found: SeasonModel) -> _Fit:
 
 
 def _shared_effects(sums: SeasonSums, found: SeasonModel, penalty: float) -> list[SharedEffect]:
-    """Return the season means that exceed their standard errors, estimated by the flights' scatter.
+    """Return the shared effects that exceed sqrt(`penalty`) times their standard error.
 
-    Each flight counts once; model uncertainty is added.
+    The error is by the scatter of flights (each counts once), joined with the median model
+    uncertainty.
     """
     places, over, prior = _basis(sums, found)
     rows = sums.information[:, places][:, :, places]
@@ -330,10 +336,11 @@ def _shared_effects(sums: SeasonSums, found: SeasonModel, penalty: float) -> lis
 def _equivalent_values(
     sums: SeasonSums, rest: SeasonModel, squares: float, others: Mapping[int, SeasonModel]
 ) -> tuple[str, ...]:
-    """Return the names of values that fit nearly as well as the one that is missing in `rest`.
+    """Return the names of the values that could explain nearly as much as a value that was found.
 
-    `others` maps a value's index to the model with it instead; `squares` is the cost with the
-    missing one. Nearly: above it by less than 2 NEAR, or than the share FORM of the gain if more.
+    `rest` is the model without the found value, `squares` the cost with it. `others` maps the index
+    of another value to the model with that value instead. Its cost must be above `squares` by less
+    than 2 NEAR, or than the share FORM of the found value's gain if that is more.
     """
     gain = joint_fit(sums, rest)[1] - squares
     most = squares + max(2.0 * NEAR, FORM * gain)
@@ -341,9 +348,11 @@ def _equivalent_values(
 
 
 def _trend(sums: SeasonSums, place: int, found: SeasonModel, fit: _Fit, penalty: float) -> Trend:
-    """Return the trend of value number `place`: estimates, curve, changes and detection limit.
+    """Return the trend of value number `place`: estimates by flight, curve, changes, detection
+    limit.
 
-    `penalty` is the gain in squares that a change must exceed.
+    `fit` are the curves (F, q) and cost of the joint fit of `found`; `penalty` is the gain in
+    squares that a change must exceed. The detection limit is NaN with fewer than 2 known flights.
     """
     curves, squares = fit
     value, error, _ = _flight_estimates(sums, place, curves)

@@ -188,10 +188,12 @@ def _shown_load(
 def with_load_so_far(
     track: FlightTrack, airframe: Airframe, so_far: LoadEvidence
 ) -> tuple[FlightTrack, LoadEvidence]:
-    """Fill in the load for the next rows of a flight in progress, from earlier time spans only.
+    """Fill in the load for the next rows of a flight in progress, without any row using later ones.
 
-    Also return the evidence including these rows. After a sudden change of load it is NaN until
-    enough rows show the new one.
+    Each row uses earlier spans of time only; `so_far` is the evidence from earlier rows. Also
+    return the evidence including these rows. NaN until the load is known well enough, and after a
+    sudden change of load until enough rows show the new one. Unchanged where a gauge reports the
+    load.
     """
     # A rejected gauge counts as not reported.
     still = so_far.gauged and not track.source("tank_kg").rejected
@@ -223,10 +225,11 @@ def with_load_so_far(
 
 
 def shared_error(track: FlightTrack, airframe: Airframe, load: Floats) -> Floats:
-    """Return the part (T,) kg of an inferred load's standard error that cancels in its redundancy.
+    """Return the part (T,), kg, of an inferred load's standard error that cancels in the
+    redundancy.
 
-    An error of thrust curve, air density or empty mass shifts the weight by thrust and the largest
-    thrust alike.
+    An error of thrust curve, air density or empty mass shifts the weight inferred by thrust and the
+    largest thrust alike, so their ratio does not change. `load` (T,) is in kg.
     """
     curve = GUESSED_ERROR if "thrust_coefficient" in airframe.guessed else CURVE_ERROR
     mass = GUESSED_ERROR if "empty_mass" in airframe.guessed else MASS_ERROR

@@ -91,8 +91,13 @@ def _voltage_variance(airframe: Airframe, voltage: Floats) -> Floats:
 
 
 def load_error(track: FlightTrack, airframe: Airframe) -> Floats:
-    """Return the standard error (T,) of ln(weight over largest thrust); redundancy and
-    prediction use it."""
+    """Return the standard error (T,) of ln(weight over largest thrust).
+
+    It combines, as independent, the load's error (left out where the track states none), the
+    guessed quantities of the airframe, and a voltage that is unknown (not above 0). A load that
+    hover thrust shows shares the thrust curve's error with the largest thrust: the shared part is
+    subtracted. NaN for an unknown aircraft.
+    """
     guesses = guessed_variance(airframe, "empty_mass") + largest_thrust_variance(airframe)
     guesses += _voltage_variance(airframe, track.voltage)
     if "tank_kg" not in track.standard_errors:
@@ -129,10 +134,11 @@ def redundancy_error(
     density_share: Floats,
     outputs: OutputEvidence | None = None,
 ) -> Floats:
-    """Return the standard error (T,) of ln redundancy to the low side, including `beyond_load`.
+    """Return the standard error (T,) of ln redundancy towards lower values.
 
-    `density_share` (T,) is the standard error of ln density. Where hover thrust shows the load,
-    density shifts load and largest thrust alike, and cancels.
+    It includes the surplus of `beyond_load`. `density_share` (T,) is the standard error of ln
+    density; it is left out where hover thrust shows the load, because density then shifts load and
+    largest thrust alike.
     """
     shared = track.source("tank_kg").meaning is Meaning.HOVER_THRUST
     error = np.hypot(load_error(track, airframe), 0.0 if shared else density_share)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from tests.models.known_effects import known_effect
-from thrustmargin.models.effects import CATALOGUE, with_known_channels
+from thrustmargin.models.effects import with_known_channels
 from thrustmargin.models.errors import ModelError
 
 
@@ -20,7 +20,7 @@ def test_a_misspelt_channel_is_refused_with_the_one_that_is_meant():
 
 
 def test_what_an_effect_makes_for_itself_is_known_to_others():
-    made = next(effect for effect in CATALOGUE if effect.own_channel is not None)
+    made = known_effect("drag_moment")
     asks = replace(known_effect("tank_scale"), needs=(made.name,))
     assert with_known_channels([made, asks]) == [made, asks]
     with pytest.raises(ModelError):
