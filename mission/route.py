@@ -153,7 +153,6 @@ PLANNED = AirframeMatch()
 class Forecast:
     """The predicted remaining route, at ten rows a second."""
 
-    item: NDArray[np.intp]  # (N,) mission item being flown to
     analysis: FlightAnalysis  # of N predicted rows; time_s counts from now
 
     @property
@@ -162,12 +161,6 @@ class Forecast:
         predicted.
         """
         return np.min(self.analysis.margin_predicted, axis=1)
-
-    @property
-    def least_margin(self) -> float:
-        """Return the smallest margin, turns and climbs included; NaN if none is known."""
-        known = self.margin[np.isfinite(self.margin)]
-        return float(np.min(known)) if known.size else float("nan")
 
     @cached_property
     def lasting_margin(self) -> float:
@@ -236,8 +229,7 @@ def forecast(
     analysis = analyse(
         replace(flight.track, voltage=volts), model, flight.density, airframe_match=PLANNED
     )
-    items = np.array([leg.item for leg in legs], dtype=np.intp)
-    return Forecast(item=items[flight.course.active], analysis=analysis)
+    return Forecast(analysis=analysis)
 
 
 def margin_at_fill(

@@ -321,7 +321,7 @@ def _likeness(begins: Beginning) -> float:
 
 def _read(path: Path, _vehicle: int | None, options: Options) -> tuple[FlightLog, ...]:
     craft = options.airframe
-    track, unread = _read_first(path, 0 if craft is None else craft.rotor_count)
+    track, unread = read_csv(path, 0 if craft is None else craft.rotor_count)
     return (replace(table_log(track, path, options, format=FORMAT.name), unflown=unread),)
 
 
@@ -358,15 +358,7 @@ FORMAT = LogFormat(
 )
 
 
-def read_csv(path: Path, *, rotor_count: int = 0) -> FlightTrack:
-    """Read the track of a CSV file; `rotor_count` is for a file without rotor columns.
-
-    Raise LogError, naming the wrong column or row.
-    """
-    return _read_first(path, rotor_count)[0]
-
-
-def _read_first(path: Path, rotor_count: int) -> tuple[FlightTrack, tuple[Statement, ...]]:
+def read_csv(path: Path, rotor_count: int) -> tuple[FlightTrack, tuple[Statement, ...]]:
     """Read the first flight of a CSV file; also return a note on how many flights follow, if any.
 
     `rotor_count` is for a file without rotor columns. Raise LogError, naming the wrong column or

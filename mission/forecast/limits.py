@@ -31,7 +31,6 @@ class FlightLimits:
     climb_jerk: float  # m/s³ of take-off
     snap: float  # m/s⁴
     radius: float  # m from a place within which its corner is cut
-    take_off_speed: float  # m/s
     land_speed: float  # m/s near the ground
     land_below: float  # m above home
     return_height: float  # m above home
@@ -81,7 +80,6 @@ _PX4: Mapping[str, tuple[str, float]] = {
     "jerk": ("MPC_JERK_AUTO", 4.0),
     "climb_jerk": ("MPC_JERK_AUTO", 4.0),
     "radius": ("NAV_ACC_RAD", 10.0),
-    "take_off_speed": ("MPC_TKO_SPEED", 1.5),
     "land_speed": ("MPC_LAND_SPEED", 0.7),
     "land_below": ("MPC_LAND_ALT2", 5.0),
     "return_height": ("RTL_RETURN_ALT", 60.0),
@@ -150,7 +148,6 @@ def _ardupilot(parameters: Mapping[str, float]) -> FlightLimits:
         spray_speed=spray,
         # Half of what leaning takes in the time of the attitude controller (AC_WPNav).
         snap=values["jerk"] * math.pi / (4.0 * max(values["yaw_time"], 0.1)),
-        take_off_speed=values["climb_speed"],
         yaw_rate=min(slew, rate) if rate > 0.0 else slew,
         yaw_acceleration=turning,
         yaw_loop=loop,

@@ -24,10 +24,13 @@ from thrustmargin.mission.forecast.experience import (
 )
 from thrustmargin.mission.forecast.fill_along import (
     LegForecast,
+    ThrustPlace,
     Weakest,
+    idle_use,
     largest_fill,
     leg_forecast,
     survivable_below,
+    thrust_places,
     weakest_place,
 )
 from thrustmargin.mission.forecast.legs import CHARGE_KEPT, Needs, leg_ends, needs, parts_flown
@@ -50,7 +53,6 @@ from thrustmargin.mission.forecast.plan_flight import (
     wind_ned,
     with_slower_yaw,
 )
-from thrustmargin.mission.forecast.thrust_places import ThrustPlace, idle_use, thrust_places
 from thrustmargin.mission.forecast.way import (
     Course,
     TimedLeg,

@@ -607,13 +607,13 @@ def _share(level_most: float, vertical_most: float, level: float, rise: float) -
     return max(min(by_level, by_rise), 1e-3)
 
 
-def timed_legs(legs: Sequence[WayLeg], start_s: float = 0.0) -> tuple[TimedLeg, ...]:
-    """Return the legs with their start and end times, s; the first starts at `start_s`.
+def timed_legs(legs: Sequence[WayLeg]) -> tuple[TimedLeg, ...]:
+    """Return the legs with their start and end times, s; the first starts at 0.
 
     At a corner without a stop the next leg starts before a leg ends, so their times overlap.
     """
     result: list[TimedLeg] = []
-    begun = active = start_s
+    begun = active = 0.0
     for leg, following in pairwise([*legs, None]):
         assert leg is not None
         timed = TimedLeg(leg=leg, profile=leg.profile, start_s=begun, active_s=active)

@@ -192,11 +192,10 @@ def _gain(mass: Floats, level: Floats) -> tuple[float, float, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sprayed:
-    """The mass, by thrust, that left the aircraft while its pump ran: interval and pump time."""
+    """The mass, by thrust, that left the aircraft while its pump ran, at most, and pump time."""
 
     pump_s: float  # s in flight with the pump on
-    least_kg: float  # ends of the 99 % interval
-    most_kg: float
+    most_kg: float  # upper end of the 99 % interval
 
 
 def sprayed_by_thrust(
@@ -222,11 +221,7 @@ def sprayed_by_thrust(
         slope, error, _ = _gain(lifted, pumped_s)
         left, reach = -slope * np.ptp(pumped_s), SURELY * error * np.ptp(pumped_s)
         whole = float(seconds.sum()) / max(float(np.ptp(pumped_s)), 1.0)
-        return Sprayed(
-            pump_s=float(seconds.sum()),
-            least_kg=(left - reach) * whole,
-            most_kg=(left + reach) * whole,
-        )
+        return Sprayed(pump_s=float(seconds.sum()), most_kg=(left + reach) * whole)
     return None
 
 

@@ -94,11 +94,6 @@ class OutputEvidence:
         less; else 1."""
         return float(np.exp(self.over_speeds)) if self.over_speeds < -self.shows else 1.0
 
-    def surely_more_than(self, mass: float) -> bool:
-        """Return True if the outputs surely show more thrust than an aircraft of `mass` kg can
-        need."""
-        return bool(np.log(self.lifted_kg / mass) > SURELY * self.error)
-
 
 def output_evidence(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]

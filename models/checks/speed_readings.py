@@ -438,23 +438,23 @@ def delays(track: FlightTrack) -> tuple[Floats, Floats, Floats]:
     grid = np.arange(time_s[known][0], time_s[known][-1], step)
     # Pauses and landings are interpolated; a real delay outweighs these rows.
     together, felt = (
-        _band_pass(np.interp(grid, time_s[known], c[known]), step) for c in (squares, upward)
+        band_pass(np.interp(grid, time_s[known], c[known]), step) for c in (squares, upward)
     )
     furthest = min(round(REACH / step), grid.size - FEWEST_OF_ORDER)
     if furthest < 1:
         return empty, empty, empty
     rows = np.arange(-furthest, furthest + 1)
-    found = np.array([_lagged_correlation(together[max(k, 0) :], felt[max(-k, 0) :]) for k in rows])
+    found = np.array([lagged_correlation(together[max(k, 0) :], felt[max(-k, 0) :]) for k in rows])
     return (rows * step).astype(np.float64), found[:, 0], found[:, 1]
 
 
-def _band_pass(values: Floats, step: float) -> Floats:
+def band_pass(values: Floats, step: float) -> Floats:
     """Subtract from values (n,), `step` s apart, the mean over TREND s; smooth over SMOOTH_ROWS."""
     values = values - running_mean(values, round(TREND / step) | 1)
     return running_mean(values, SMOOTH_ROWS)
 
 
-def _lagged_correlation(one: Floats, other: Floats) -> tuple[float, float]:
+def lagged_correlation(one: Floats, other: Floats) -> tuple[float, float]:
     """Return the correlation of two series, and its log-likelihood over no correlation.
 
     The series are cut to the length of the shorter one. Neighbours correlate, so the number of

@@ -25,7 +25,7 @@ import numpy as np
 
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import KAPPA_FLOOR, Array, Effect, Kind, Placed, Values
-from thrustmargin.models.effects.channels import LAGS, NEAR_LAG, Channels
+from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.physics.airframe import Airframe
@@ -290,24 +290,6 @@ def outside_identified(placed: Sequence[Placed], x: Channels) -> Bools:
         if item.effect.seen is not None:
             out |= ~item.effect.seen(item.values, x)
     return out
-
-
-def lacks_channel(placed: Sequence[Placed], x: Channels) -> Bools:
-    """Flag the rows (T,) in which a channel that an effect needs is NaN.
-
-    Of a shift table the lags up to NEAR_LAG count; all of them if an effect models late reports.
-    """
-    near = np.flatnonzero(np.abs(LAGS) <= NEAR_LAG)
-    late = any(item.effect.delays for item in placed)
-    looked_at = slice(None) if late else slice(near[0], near[-1] + 1)
-    total = np.zeros(x.time_s.shape)  # a sum is finite only if all its terms are
-    for name in {name for item in placed for name in item.effect.neutral}:
-        value = x.read(name)
-        for part in value if isinstance(value, tuple) else (value,):
-            if name.endswith("_shifts"):
-                part = part[:, looked_at]
-            total = total + np.add.reduce(part, axis=tuple(range(1, part.ndim)))
-    return ~np.isfinite(total)
 
 
 #: Part of parameter names in older model files, and its present form.

@@ -98,8 +98,6 @@ LOAD_FACTOR = Effect(
     looks=lambda p: shifts_look(p["lag"], LOAD_LOOK),
 )
 
-_WEIGHT = (EXTRA_MASS, ARM_WEIGHT, LOAD_FACTOR)
-
 
 def _with_drag(p, x: Channels, thrust):
     """Return the thrust (T,) N with parasite drag and its work while speeding up."""
@@ -133,8 +131,6 @@ PARASITE_DRAG = Effect(
     apply=_with_drag,
     looks=lambda p: (derivative_look(ALONG_SPAN), derivative_look(ALONG_SPAN)),
 )
-
-_DRAG = (PARASITE_DRAG,)
 
 
 SHORTEST = 4.0  # arms of the aircraft
@@ -345,7 +341,6 @@ def _cable_bracket(number: int) -> Effect:
 
 
 SLUNG_LOADS = tuple(_cable_bracket(k) for k in range(BRACKETS))
-_SLUNG = SLUNG_LOADS
 
 
-EFFECTS = (*_WEIGHT, *_DRAG, *_SLUNG)
+EFFECTS = (EXTRA_MASS, ARM_WEIGHT, LOAD_FACTOR, PARASITE_DRAG, *SLUNG_LOADS)

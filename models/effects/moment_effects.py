@@ -170,8 +170,6 @@ CG_OFFSET_TANK = Effect(
     apply=_tank_moment,
 )
 
-_CG = (CG_OFFSET, CG_OFFSET_TANK)
-
 
 MEAN_SPAN = (
     2.0  # s of an aircraft of the F16's size: the lean into wind is slow, reports of it noisy
@@ -224,8 +222,6 @@ DRAG_MOMENT = Effect(
     apply=_drag_moment,
 )
 
-_DRAG_MOMENT = (DRAG_MOMENT,)
-
 
 def flow(track: FlightTrack, airframe: Airframe, start: None = None) -> tuple[Floats, None]:
     """Return the airspeed along the horizontal directions forward and right (T, 2), m/s.
@@ -266,8 +262,6 @@ FLOW_MOMENT = Effect(
     own_channel=flow,
     apply=_flow_moment,
 )
-
-_FLOW = (FLOW_MOMENT,)
 
 
 SAMPLED = 0.04  # accuracy of the derivative of a rate that is sampled and noisy
@@ -391,8 +385,6 @@ MANOEUVRE_MOMENT = Effect(
     looks=lambda p: shifts_look(p["lag"], derivative_look(RATE_SPAN)),
 )
 
-_MANOEUVRE = (MANOEUVRE_MOMENT,)
-
 
 def _trim_moment(p, x: Channels, thrust):
     """Return the yaw moment of a tilted motor, proportional to thrust."""
@@ -496,7 +488,14 @@ WEATHERVANE = Effect(
     apply=_yaw_moment,
 )
 
-_YAW = (YAW_TRIM, TILTED_ARM, WEATHERVANE)
 
-
-EFFECTS = (*_CG, *_DRAG_MOMENT, *_FLOW, *_MANOEUVRE, *_YAW)
+EFFECTS = (
+    CG_OFFSET,
+    CG_OFFSET_TANK,
+    DRAG_MOMENT,
+    FLOW_MOMENT,
+    MANOEUVRE_MOMENT,
+    YAW_TRIM,
+    TILTED_ARM,
+    WEATHERVANE,
+)

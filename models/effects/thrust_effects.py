@@ -73,8 +73,6 @@ AIR_DENSITY = Effect(
     temperature_offset=lambda p: float(p["temperature_offset"]),
 )
 
-_DENSITY = (AIR_DENSITY,)
-
 
 THRUST_DRIFT = Effect(
     name="thrust_drift",
@@ -116,8 +114,6 @@ BATTERY_VOLTAGE = Effect(
     "the battery show thrust going with voltage^p, speeds that follow it too far against it",
     apply=_voltage_thrust,
 )
-
-_ALL_ROTORS = (THRUST_DRIFT, BATTERY_VOLTAGE)
 
 
 CLIMB_SHARE = 0.15  # share of the scatter of axial inflow that must be due to climb
@@ -177,8 +173,6 @@ GROUND_EFFECT = Effect(
     source="Cheeseman and Bennett: 1/kappa = 1 - k (R/z)^2, k = 1/16 for one rotor",
     apply=lambda p, x: 1.0 / (1.0 - p["strength"] * x.radius_over_height**2),
 )
-
-_INFLOW = (CLIMB_INFLOW, TRANSLATIONAL_LIFT, GROUND_EFFECT)
 
 
 LONG_BEFORE = 1e4  # s
@@ -297,7 +291,15 @@ ONSETS = (
     ROTOR_DEGRADATION_SINCE,
     ROTOR_DEGRADATION_UNTIL,
 )
-_DEGRADATION = (ROTOR_DEGRADATION, *ONSETS)
 
 
-EFFECTS = (*_DENSITY, *_ALL_ROTORS, *_INFLOW, *_DEGRADATION)
+EFFECTS = (
+    AIR_DENSITY,
+    THRUST_DRIFT,
+    BATTERY_VOLTAGE,
+    CLIMB_INFLOW,
+    TRANSLATIONAL_LIFT,
+    GROUND_EFFECT,
+    ROTOR_DEGRADATION,
+    *ONSETS,
+)

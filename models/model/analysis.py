@@ -369,12 +369,6 @@ class FlightAnalysis:
         return yaw_reserve(airframe, self.utilisation * airframe.rotor_effectiveness)
 
     @property
-    def measured(self) -> Bools:
-        """Flag the rows (T,) in which every rotor has a speed, measured or inferred from its motor
-        output."""
-        return np.all(np.isfinite(self.utilisation), axis=1)
-
-    @property
     def any_measured(self) -> Bools:
         """Flag the rows (T,) in which at least one rotor has a speed, measured or inferred from its
         motor output."""
@@ -440,27 +434,8 @@ class FlightAnalysis:
         One rotor is enough, whatever is known of the others: an ESC without readings hides no
         overload.
         """
-        return self._above(limit, 0.0)
-
-    def surely_above(self, limit: float) -> Bools:
-        """Flag rows (T,) like `above_limit`, where the low end of a rotor's 90 % interval exceeds
-        `limit`."""
-        return self._above(limit, -INTERVAL)
-
-    def maybe_above(self, limit: float) -> Bools:
-        """Flag rows (T,) like `above_limit`, where the high end of a rotor's 90 % interval exceeds
-        `limit`."""
-        return self._above(limit, INTERVAL)
-
-    def _above(self, limit: float, errors: float) -> Bools:
-        """Flag the rows (T,) in flight in which any rotor's utilisation exceeds `limit`.
-
-        `errors` standard errors are added first: of the high side if positive (possibly above), of
-        the low side if negative (surely above).
-        """
-        use = self.known_utilisation + errors * self.row_errors[errors > 0.0]
         with np.errstate(invalid="ignore"):
-            return self.track.flying & np.any(use > limit, axis=1)
+            return self.track.flying & np.any(self.known_utilisation > limit, axis=1)
 
 
 def analyse(

@@ -277,15 +277,6 @@ def state_before(
     return walk([*earlier, coming], steps, last_training=last_training, repairs=repairs)[-1].before
 
 
-def log_likelihood(made: Sequence[WalkStep]) -> float:
-    """Return the log likelihood of a walk: each flight's offsets given the state before it."""
-    total = 0.0
-    for one in made:
-        variance = np.square(one.before.error) + np.square(one.flight.error)
-        total -= 0.5 * float(np.sum(np.square(one.surprise) + np.log(2.0 * math.pi * variance)))
-    return total
-
-
 def fit_steps(
     flights: Sequence[FlightOffsets],
     *,

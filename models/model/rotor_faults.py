@@ -132,7 +132,7 @@ class RotorFaults:
         """Start with the weak rotors that the model contains as present faults."""
         enough = model.airframe.rotor_count >= FEWEST_ROTORS
         self._modes = mode_directions(model)
-        self._tests = [_propeller_test(model, self._modes), _motor_test(model)] if enough else []
+        self._tests = [propeller_test(model, self._modes), motor_test(model)] if enough else []
         self._known = faults_in_model(model)
         for test in self._tests[:1]:
             test.forget(self._known)
@@ -524,7 +524,7 @@ def rotor_fade(model: RotorModel, modes: Floats) -> RotorFade:
     return RotorFade(steps, np.hypot(torque, STEP_ERROR * steps), drift)
 
 
-def _propeller_test(model: RotorModel, modes: Floats) -> FaultTest:
+def propeller_test(model: RotorModel, modes: Floats) -> FaultTest:
     """Return the test for a sudden loss of a rotor's thrust, in modal signals.
 
     `modes` (R, R) has the direction of each signal as a column (`mode_directions`).
@@ -564,7 +564,7 @@ def _output_test(model: RotorModel, modes: Floats) -> FaultTest:
     return output_test(steps, np.hypot(torque, STEP_ERROR * steps), _turn_inputs(model))
 
 
-def _motor_test(model: RotorModel) -> FaultTest:
+def motor_test(model: RotorModel) -> FaultTest:
     """Return the test for a motor that turns more slowly than its output demands, in R signals.
 
     A signal is ln of squared speed less ln of the thrust share of the output, less the rotors'

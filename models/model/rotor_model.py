@@ -11,8 +11,7 @@ and the air of the row (N is proportional to 1/sqrt(rho) at one thrust); without
 weight shared by the rotors and the thrust curve in the air of the row (Eq. 4 and 6), without
 airspeed. Identified effects apply to all rows: outside the training they change the speed by the
 same share as they change the base. Fast effects need half a second around a row. At the end of live
-data, or where a channel is missing, the row is predicted without the effect and flagged
-(`Prediction.partial`).
+data, or where a channel is missing, the row is predicted without the effect.
 
 `identified_airframe` is the airframe with the changes of its identified effects.
 """
@@ -37,7 +36,6 @@ from thrustmargin.models.effects.compose import (
     EffectRecord,
     Identified,
     base_table,
-    lacks_channel,
     losses_of,
     outside_identified,
     placed_from,
@@ -297,20 +295,19 @@ def model_channels(
 
 def speed_with_effects(
     model: RotorModel, track: FlightTrack, start: FlightState | None = None
-) -> tuple[Floats, Bools, Bools]:
-    """Return rotor speeds (T, R), rpm, with all of the model's effects, and two masks (T,).
+) -> tuple[Floats, Bools]:
+    """Return rotor speeds (T, R), rpm, with all of the model's effects, and a mask (T,).
 
-    The first mask flags rows without a channel that an effect needs (its influence is left out
-    there), the second rows outside the range in which an effect was identified. Speeds are NaN
-    where one of the model's `inputs` is missing. `start` is the state of the effects before the
-    first row; None: the flight begins.
+    The mask flags rows outside the range in which an effect was identified. Speeds are NaN where
+    one of the model's `inputs` is missing. `start` is the state of the effects before the first
+    row; None: the flight begins.
     """
     x = model_channels(model, track, start=start)
     with np.errstate(invalid="ignore", divide="ignore"):
         speed = rotor_speed_rpm(table_of(model), _tolerant_effects(model), x)
     for channel in model.inputs:
         speed[~np.isfinite(getattr(track, channel))] = np.nan
-    return speed, lacks_channel(model.placed, x), outside_identified(model.placed, x)
+    return speed, outside_identified(model.placed, x)
 
 
 @lru_cache(maxsize=8)
@@ -386,7 +383,6 @@ class Prediction:
     coverage: float  # nominal coverage of the interval, e.g. 0.9; NaN without one
     thrust: Floats  # (T, R) N
     basis: NDArray[np.int8]  # (T,) Basis
-    partial: Bools | None = None  # (T,) rows without a channel that an effect needs
 
     def __repr__(self) -> str:
         rows, rotors = self.rotor_speed_rpm.shape
@@ -451,10 +447,9 @@ def predict(
             np.nan_to_num(airspeed[near]), np.zeros_like(half[near])
         )
         coverage = interval.coverage
-    lacking = None
     by_effects, held_at_edge = None, np.zeros(known.shape, dtype=np.bool_)
     if model.effects:
-        by_effects, lacking, held_at_edge = speed_with_effects(model, track, start)
+        by_effects, held_at_edge = speed_with_effects(model, track, start)
         half[held_at_edge] *= EXTRAPOLATED
         replaced = inside if model.network is not None else known
         speed[replaced] = by_effects[replaced] * np.sqrt(thin[replaced])[:, None]
@@ -489,7 +484,6 @@ def predict(
         coverage=coverage if np.any(np.isfinite(half)) else float("nan"),
         thrust=rotor_thrust(identified_airframe(model), speed, air),
         basis=basis,
-        partial=lacking,
     )
 
 

@@ -152,7 +152,7 @@ def train(
     names = iter(settings.names())
     curves: list[LossCurve] = []
 
-    slow = _slow_rows([tracks[i] for i in places], samples)
+    slow = slow_rows([tracks[i] for i in places], samples)
 
     def fit(split: Split, seed: int) -> NetworkFit:
         """Fit a network on the training rows of a split, with the loss curve recorded under the
@@ -181,10 +181,10 @@ def train(
     split_scores = []
     for kind in settings.splits:
         split = SPLITS[kind](samples, settings.seed)
-        split_scores.append(_split_score(kind, samples, split, fit(split, settings.seed)))
+        split_scores.append(split_score(kind, samples, split, fit(split, settings.seed)))
     fits = [fit(split, settings.seed + 1 + k) for k, split in enumerate(learnt)]
     network = stack_networks([f.network for f in fits])
-    left_out = _held_out_speeds(samples, fits, member_rows)
+    left_out = held_out_speeds(samples, fits, member_rows)
     spread = ensemble_speed(network, samples.airspeed, samples.tank_kg)[1]
     residual = samples.rotor_speed_rpm - left_out
     interval = calibrate(
@@ -244,7 +244,7 @@ def _model_of_network(
     )
 
 
-def _slow_rows(tracks: Sequence[FlightTrack], samples: Samples) -> Bools:
+def slow_rows(tracks: Sequence[FlightTrack], samples: Samples) -> Bools:
     """Flag the rows (N,) of `samples` to train on: all, but every n-th of a track sampled too fast.
 
     Too fast is more than FASTEST rows a second: rows a hundredth of a second apart add no
@@ -280,7 +280,7 @@ def _select(rows: Rows, wanted: np.ndarray) -> Rows:
     return rows[wanted[rows]]
 
 
-def _held_out_speeds(
+def held_out_speeds(
     samples: Samples, fits: Sequence[NetworkFit], splits: Sequence[Split]
 ) -> Floats:
     """Return rotor speeds (N, R) rpm, each the mean of the members that held out the row's
@@ -296,7 +296,7 @@ def _held_out_speeds(
     return total / count
 
 
-def _split_score(kind: str, samples: Samples, split: Split, fitted: NetworkFit) -> SplitScore:
+def split_score(kind: str, samples: Samples, split: Split, fitted: NetworkFit) -> SplitScore:
     """Score one network on the training, validation and test rows of its split."""
     predicted = member_speeds(fitted.network, samples.airspeed, samples.tank_kg)[0]
 
@@ -373,7 +373,6 @@ class NetworkPoints:
 
     title: str  # of the aircraft of the training flights, which may be simulated
     airspeed: Floats  # (P,) m/s
-    tank_kg: Floats  # (P,) kg
     rotor_speed_rpm: Floats  # (P, R)
     load: Floats  # (P,) N for each rotor
     left_out: int  # points outside the model's training domain
@@ -418,7 +417,6 @@ def network_points(airframe: Airframe, model: RotorModel) -> NetworkPoints:
     return NetworkPoints(
         title=model.airframe.title,
         airspeed=speed[learnt],
-        tank_kg=tank[learnt],
         rotor_speed_rpm=predicted.rotor_speed_rpm[learnt] * to_curve,
         load=weight(airframe, tank[learnt]) / airframe.rotor_count,
         left_out=int(np.count_nonzero(~learnt)),

@@ -306,15 +306,6 @@ class RotorNetwork:
         """Return the number of rotors, R."""
         return self.output_mean.shape[1]
 
-    @property
-    def hidden(self) -> tuple[int, ...]:
-        """Return the units of each hidden layer."""
-        return tuple(w.shape[2] for w in self.weights[:-1])
-
-    def member(self, index: int) -> RotorNetwork:
-        """Return one of the networks, by its index from 0, as an ensemble of one."""
-        return _combine(lambda arrays: arrays[0][index : index + 1], self)
-
 
 def stack_networks(networks: Sequence[RotorNetwork]) -> RotorNetwork:
     """Combine the members of `networks`, in order, into one ensemble."""

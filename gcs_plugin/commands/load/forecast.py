@@ -250,7 +250,7 @@ def forecast(
         limit=inputs.limit,
         faults=before.faults,
         other_order=before.other_order,
-        experience=None if aircraft is None else aircraft.experience_before(),
+        experience=None if aircraft is None else aircraft.experience,
     )
     cleared = before.clearance
     if aircraft is not None:

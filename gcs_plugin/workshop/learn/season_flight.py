@@ -57,7 +57,7 @@ from thrustmargin.models.model.analysis import (
 from thrustmargin.models.model.inferred.speed_basis import measured_only
 from thrustmargin.models.model.model_file import model_digest
 from thrustmargin.models.model.rotor_model import RotorModel, without_state
-from thrustmargin.models.physics.resistance import battery_resistance
+from thrustmargin.models.physics.known_battery import battery_resistance
 from thrustmargin.models.physics.smoothing import known_mean, known_median, known_most
 
 #: Seconds for which a landed flight waits for another writer of the season's store.

@@ -169,7 +169,7 @@ def training_run(
     from thrustmargin.models.model.rotor_model import physics_model
     from thrustmargin.models.model.training import train as fit
 
-    kept, unfit = _usable_flights(tracks, physics_model(aircraft))
+    kept, unfit = select_flights(tracks, physics_model(aircraft))
     thermometer = learnt_thermometer(kept, aircraft)
     kept = [with_air_temperature(track, thermometer) for track in kept]
     names, date = settings.names(), datetime.now(UTC).date().isoformat()
@@ -258,7 +258,7 @@ def network_can_learn(tracks: Sequence[FlightTrack]) -> bool:
     return False
 
 
-def _usable_flights(
+def select_flights(
     tracks: Sequence[FlightTrack], model: RotorModel
 ) -> tuple[list[FlightTrack], list[UnusedLog]]:
     """Return the flights to train on, and the others with the reason.

@@ -55,11 +55,6 @@ class ModelUpdate:
     notes: tuple[str, ...]
 
 
-def with_effects(model: RotorModel, identified: Identification, *, date: str = "") -> RotorModel:
-    """Return the model with the effects found on it; see `update_model`."""
-    return update_model(model, identified, date=date).model
-
-
 def update_model(model: RotorModel, identified: Identification, *, date: str = "") -> ModelUpdate:
     """Add the effects of an identification to the model that it was made with.
 

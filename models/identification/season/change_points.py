@@ -208,7 +208,7 @@ def changes(values: Floats, errors: Floats, penalty: float) -> tuple[list[Season
             began, old = pieces[k - 1][0], fits[k - 1]
             before = float(old.at(start - 1))
             bent = (
-                _fit_hinge(values, errors, began, end, line=bool(old.slope)) if now.slope else None
+                fit_hinge(values, errors, began, end, line=bool(old.slope)) if now.slope else None
             )
             if bent is not None and bent[0] - now.squares - old.squares <= penalty:
                 dates = bent[1]
@@ -275,7 +275,7 @@ def _step_interval(values: Floats, errors: Floats, began: int, end: int) -> tupl
     return _date_interval(costs, int(tried[0]))[1:]
 
 
-def _fit_hinge(
+def fit_hinge(
     values: Floats, errors: Floats, began: int, end: int, line: bool
 ) -> tuple[float, tuple[int, int, int]]:
     """Fit a constant (a line if `line`) followed by a line that starts where the first one ends.

@@ -62,7 +62,6 @@ OTHERS = [language for language in LANGUAGES if language != "en"]
 #: Data that looks like a text; what commands for engineers say.
 NOT_SPOKEN = {
     *("take-off mass", "as flown", "first part", "not known", "hidden mass"),
-    *("holds height and heading", "holds height, but it will spin", "WOULD DESCEND"),
     *("in the air in this log", "in this log"),  # ends of sentences that are translated whole
     *("the start", "Home is taken where the first line starts; give --home for another."),
     "; the load that you state is taken for each of them",

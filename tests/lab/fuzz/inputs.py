@@ -30,7 +30,7 @@ from thrustmargin.gcs_plugin.office.season.parts import read_parts
 from thrustmargin.mission.field_file import read_field
 from thrustmargin.mission.plan import write_plan
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.model_file import METADATA_KEY, load_model, save_model
+from thrustmargin.models.model.model_file import load_model, save_model
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -112,7 +112,7 @@ def _without_digest(model: bytes) -> bytes:
     tensors = safetensors.numpy.load(model)
     size = int.from_bytes(model[:8], "little")
     metadata = json.loads(model[8 : 8 + size])["__metadata__"]
-    return safetensors.numpy.save(tensors, {METADATA_KEY: metadata[METADATA_KEY]})
+    return safetensors.numpy.save(tensors, {"thrustmargin": metadata["thrustmargin"]})
 
 
 def _options(path: Path) -> Any:
