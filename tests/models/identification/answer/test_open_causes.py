@@ -10,7 +10,7 @@ from tests.models.known_effects import known_curve, known_effect
 from tests.models.made_flights import curve_model, made_flights, table
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.answer.model_update import margin_changes, with_effects
+from thrustmargin.models.identification.answer.model_update import margin_changes, update_model
 from thrustmargin.models.identification.answer.result import Identification
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.problem import assemble
@@ -70,7 +70,7 @@ def test_its_curve_range_and_intervals_are_in_the_json(pitching):
 
 def test_the_new_model_and_the_margin_hold_it(pitching, tmp_path):
     path = tmp_path / "with.safetensors"
-    save_model(with_effects(MODEL, pitching, date="2026-01-02"), path)
+    save_model(update_model(MODEL, pitching, date="2026-01-02").model, path)
     new = load_model(path)
     cause, record = pitching.open_causes[0], new.effects[0]
     assert (record.parameters["low"].value, record.parameters["high"].value) == cause.range
@@ -94,7 +94,7 @@ def test_the_uneven_loss_of_a_rotor_is_corrected_for_and_stays_an_alarm():
     (steady,) = (one for one in told if one["mode"] is None)
     assert steady["parameters"]["loss"]["value"] == pytest.approx(0.02, abs=0.015)
     assert found.after.rmse_rpm < 0.5 * found.before.rmse_rpm
-    new = with_effects(MODEL, found)
+    new = update_model(MODEL, found).model
     (fault,) = faults_in_model(new)
     assert fault.rotor == 2
     assert 0.05 < fault.size < 0.13
@@ -113,7 +113,7 @@ def test_what_the_held_out_flights_do_not_show_is_in_no_model(pitching):
 def test_what_flights_left_out_do_not_show_again_is_not_taken():
     found = identified(with_causes([[], [], [PITCH], []]))
     assert found.open_causes == ()
-    assert with_effects(MODEL, found).effects == MODEL.effects
+    assert update_model(MODEL, found).model.effects == MODEL.effects
 
 
 @pytest.mark.slow

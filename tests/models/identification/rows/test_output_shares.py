@@ -15,7 +15,7 @@ from thrustmargin.gcs_plugin.workshop.identify.identify_words import (
 from thrustmargin.models.effects.base import Kind
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.answer.model_update import with_effects
+from thrustmargin.models.identification.answer.model_update import update_model
 from thrustmargin.models.identification.answer.posterior import EffectEstimate
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.output_shares import (
@@ -78,7 +78,7 @@ def test_one_flight_names_a_rotor_only_beside_what_good_flights_have_shown():
     assert any("learnt from good flights" in line for line in open_questions(sound))
     good = identify([by_outputs(k) for k in range(4)], curve_model(), catalogue=few)
     # These may not be sound either: only `train` makes a model of sound flights.
-    assert with_effects(curve_model(), good).background_rpm == ()
+    assert update_model(curve_model(), good).model.background_rpm == ()
     modes = good.problem.mode_amplitudes(good.residual_after_rpm)
     spread = tuple(learnt_spread(modes, good.problem.flight).tolist())
     learnt = replace(curve_model(), background_rpm=spread)
