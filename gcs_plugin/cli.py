@@ -152,8 +152,9 @@ def not_a_command(name: str) -> str:
 def run(argv: Sequence[str]) -> int:
     """Run the command that `argv` names and return the exit code.
 
-    It is 0 or what the command returns; 1 for an error, 2 for a wrong usage, 130 after Ctrl-C; the
-    error is printed. Raises SystemExit(2) for a command line that cannot be parsed.
+    It is 0 or what the command returns; 1 for an error, an unread log or a closed pipe, 2 for a
+    wrong usage, 130 after Ctrl-C; the error is printed. Raise SystemExit(2) for a command line that
+    cannot be parsed.
     """
     argv = _in_language(argv)
     options = list(argv[: argv.index("--")] if "--" in argv else argv)
@@ -216,7 +217,8 @@ def _answer(argv: Sequence[str]) -> Any:
     """Run the command that `argv` names and return its result; an int is the exit status.
 
     Without a command print the usage on stderr and return 2; print it for --help and the version
-    for --version and return 0. Raise SystemExit(2) for an unknown command.
+    for --version and return 0. Raise SystemExit(2) for an unknown command or arguments that cannot
+    be parsed.
     """
     first = argv[0] if argv else ""
     if first in ("", "-h", "--help"):

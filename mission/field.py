@@ -140,9 +140,8 @@ def line_spacing(swaths_ned: tuple[Floats, ...]) -> float:
 
 
 def _straight_pieces(swaths_ned: tuple[Floats, ...]) -> Floats:
-    """Return start and end (P, 2, 2), north and east, of straight pieces long enough to be
-    lines.
-    """
+    """Return start and end (P, 2, 2), m north and east, of straight pieces of SHORTEST_LINE m or
+    more; P may be 0."""
     pieces = [np.empty((0, 2, 2))]
     for swath in swaths_ned:
         line = shapely.simplify(shapely.LineString(swath[:, :2]), STRAIGHTNESS)

@@ -181,8 +181,11 @@ def _kml_rings(boundary: Element) -> list[list[list[float]]]:
 
 
 def _of_isoxml(root: Element, name: str) -> Iterator[Named]:
-    """Yield the part fields (PFD) of ISO 11783-10: polygons (PLN) of rings (LSG) of points
-    (PNT).
+    """Yield name and polygon of the part fields (PFD) of ISO 11783-10: polygons (PLN) of rings
+    (LSG) of points (PNT).
+
+    Only boundaries are yielded, without their inner rings and the field's exclusion zones; an
+    outline that falls apart is yielded in parts. Raise PlanError without a part field.
     """
     fields = [e for e in root.iter() if _kind(e) == "PFD"]
     if not fields:

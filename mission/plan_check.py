@@ -257,10 +257,14 @@ def _shape(area: FencePolygon | FenceCircle, home: tuple[float, float, float]) -
 
 
 def _between_lines(legs: _Legs, faults: dict[PlanFault, list[int]]) -> None:
-    """Add to `faults` the mission items whose legs, pump on, join two parallel spray lines.
+    """Append to lists in `faults` the item of each leg with the pump on between two parallel spray
+    lines.
 
-    A leg longer than TURN times the median of these is "pump on between lines", any other "pump on
-    in turns". Add none where less than half the sprayed length is parallel."""
+    A leg joins two lines if the legs before and after it are lines and it is not. If longer than
+    TURN times the median length of all joining legs it is a "pump on between lines", else "pump on
+    in turns". Opposite directions are parallel; the way home does not count. Append nothing if
+    lines are less than half of the length with the pump on.
+    """
     on = np.array([bool(s.pump) and s.kind not in _HOMEWARD for s in legs.steps], dtype=np.bool_)
     vectors = (legs.end - legs.start)[:, :2]
     length = np.hypot(*vectors.T)

@@ -126,6 +126,7 @@ class _Items:
     def add(self, entry: Any, *, where: str) -> None:
         """Append one entry of "items": a simple item, or all items of a survey pattern.
 
+        A pattern that does not store its items is appended as drawn, if it has drawn waypoints.
         Raise PlanError, which begins with `where`, for another entry.
         """
         if not isinstance(entry, dict):

@@ -235,8 +235,11 @@ def forecast(
 def margin_at_fill(
     model: RotorModel, given: PlanConditions, fill_kg: float, airspeed: float
 ) -> float:
-    """Return the predicted thrust margin of the most used rotor with `fill_kg` in the tank; NaN if
-    unknown.
+    """Return the predicted thrust margin, a share, of the most used rotor with `fill_kg` in the
+    tank; NaN if unknown.
+
+    It is for steady level flight at `airspeed`, m/s, in the air and with the battery voltage of
+    `given`.
     """
     volts = given.battery.voltage
     filled = steady_flight(model, given.density, volts, airspeed, np.array([fill_kg]))

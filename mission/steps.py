@@ -261,10 +261,11 @@ class _Walk:
 
     def _speeds(self, item: PlanItem, which: float, speed: float) -> None:
         """Apply a change of speed to the state; `speed` in m/s, -1 no change, -2 the vehicle's own
-        speed.
+        speed, stored as None.
 
         `which` is the command's type: 2 climb, 3 descent; 0 airspeed and 1 ground speed are
-        equivalent to a Copter. Any other type or speed is listed as not understood.
+        equivalent to a Copter. Any other type or speed is listed as not understood; the invalid
+        speed of a known type is then replaced by the vehicle's own.
         """
         if which not in (0.0, 1.0, 2.0, 3.0) or not (speed > 0.0 or speed in (-1.0, -2.0)):
             self.name(item, "unknown command", "time", "load")
@@ -344,7 +345,12 @@ def jumps_back(plan: MissionPlan) -> list[int]:
 
 
 def _executed(plan: MissionPlan, walk: _Walk) -> list[PlanItem]:
-    """Return the items in order of execution; jumps are followed, unless that takes too many."""
+    """Return the items in order of execution, without the jumps; jumps are followed.
+
+    A jump to nothing or to itself, or one without end, ends the list: at the jump, or for too many
+    repeats where the first jump that is followed back began. `walk` then lists the jump as not
+    understood.
+    """
     items = plan.items
     targets = _jump_targets(items)
     jumps_left: dict[int, float] = {}

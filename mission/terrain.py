@@ -119,9 +119,11 @@ def _tile(data: bytes, path: Path) -> Terrain:
 
 
 def _grid(data: bytes, path: Path) -> Terrain:
-    """Return the terrain in the bytes of an ESRI ASCII grid in degrees; NaN where it has no data.
+    """Return the terrain in the bytes of an ESRI ASCII grid in degrees: heights in m, NaN where it
+    has no data.
 
-    `path` serves for messages only. Raise PlanError for a damaged grid or one in metres.
+    `path` serves for messages only. The value of no data is -9999 if the header states none. Raise
+    PlanError for a damaged grid or one in metres.
     """
     lines = data.decode("ascii", errors="replace").splitlines()
     header: dict[str, float] = {}

@@ -240,7 +240,9 @@ class FlightTrack:
     def of(cls, *, name: str, time_s: Floats, rotor_count: int, **given: object) -> Self:
         """Build a track with the channels in `given` and NaN in all others (`flying`: all True).
 
-        `rotor_count` 0 is for a flight that reports nothing of its rotors. Raises as FlightTrack.
+        `time_s` (T,) is s. `rotor_count` sets the shape (T, R) of absent rotor channels; 0 is for a
+        flight that reports nothing of its rotors. Raise TrackError, as the class does, for channels
+        that do not fit.
         """
         rows = np.asarray(time_s).size
         for channel, shape in _shapes(rows, rotor_count).items():

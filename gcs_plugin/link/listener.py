@@ -50,7 +50,8 @@ class Link:
     def frames(self, chunk: Chunk, stamp_us: int) -> tuple[list[Frame], bytes]:
         """Return the frames of a chunk received at `stamp_us`, Unix µs, and bytes to forward.
 
-        The bytes of a stream are forwarded once a frame is whole, those of a datagram as they came.
+        The bytes of a stream are forwarded once a frame is whole, the bytes of a datagram as they
+        came.
         """
         splitter = self._splitters.get(chunk.peer)
         if splitter is None:

@@ -78,7 +78,8 @@ def play(
 def _in_turn(path: Path, *, loop: bool) -> Iterator[tuple[int, int, bytes]]:
     """Yield, for each frame of the log: its stamp, the stamp before it (both µs), and its bytes.
 
-    With `loop` repeat for ever.
+    The first frame has its own stamp as the one before. With `loop` repeat for ever, each time as
+    from the start.
     """
     for _ in itertools.count() if loop else range(1):
         before: int | None = None

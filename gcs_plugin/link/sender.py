@@ -29,10 +29,11 @@ class Sender:
         self._packers: dict[int, Any] = {}
 
     def send(self, vehicle: int, message: Any, *, forwards: bool = False) -> None:
-        """Send a pymavlink `message` from the plugin, over the link with the vehicle.
+        """Send a pymavlink `message` in the name of a vehicle: its system id, component COMPONENT.
 
-        `vehicle` is its system id; if it was never heard, every link is used. With `forwards` send
-        it to the ground stations too.
+        It goes over the link on which the system id `vehicle` was heard, or over every link if it
+        was never heard. With `forwards` it also goes to the ground stations that receive forwarded
+        messages. The message is signed if a key is set.
         """
         packer = self._packers.get(vehicle)
         if packer is None:

@@ -123,7 +123,8 @@ class SigningFilter:
     def _verdict(self, frame: bytes) -> str:
         """Classify a frame by its bytes, without its age; return a field of SigningCounts.
 
-        "accepted" if digest and id are good; else "unsigned", "malformed", "wrong_key" or
+        "accepted" if digest and id are good; "unsigned" for a whole MAVLink 1 frame or a MAVLink 2
+        frame without signature; "malformed" for a wrong length or unknown flags; "wrong_key" or
         "unknown_id".
         """
         if len(frame) >= 8 and frame[0] == V1 and len(frame) == frame[1] + 8:

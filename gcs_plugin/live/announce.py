@@ -214,7 +214,10 @@ def plain(text: str) -> str:
 def figures(update: Update) -> dict[str, float]:
     """Return the newest row's known figures by the names of their NAMED_VALUE_FLOAT.
 
-    Margins are in %, masses in kg. Unknown figures are absent.
+    MARGIN, MARGIN_PRE (predicted) and MARGIN_AHD (on the remaining route) are the least margins, %;
+    MARGIN_ROT is the worst rotor, from 1; REDUND the redundancy, a ratio; TANK_THR the load by
+    thrust and NEXT_FILL the next fill, kg; FLIGHT_LVL the level of the flight's answer. Unknown
+    figures are absent.
     """
     analysis = update.analysis
     margins = analysis.margin[-1]

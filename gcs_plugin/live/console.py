@@ -60,7 +60,12 @@ class Screen:
 
 
 def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> RenderableType:
-    """Return the terminal's content, `width` characters wide; `page`: the 3D page is open too."""
+    """Return the terminal's content, `width` characters wide; `page`: the 3D page is open too.
+
+    Alarms of all vehicles come first, the gravest first, then the table of vehicles, remarks, and
+    the state of the monitor. Vehicles that have left are in the remarks only. Below WIDE some
+    columns are left out.
+    """
     from rich.box import HEAVY_HEAD, SIMPLE_HEAD
     from rich.console import Group
     from rich.table import Table
@@ -123,12 +128,13 @@ def answer_lines(watch: VehicleMonitor) -> tuple[str, ...]:
 def vehicle_cells(
     watch: VehicleMonitor, now_us: int, limit: float, old_s: float = OLD
 ) -> list[Text]:
-    """Return the cells of the table for a vehicle: its id, its figures and their age.
+    """Return the cells of the table for a vehicle, in the order of its columns: its id, its figures
+    and their age.
 
-    `now_us` is the monitor's time; `limit` the least margin allowed, a share. "-" is unknown:
-    `problem` or the update's `remarks` give the reasons. Figures older than `old_s` s are dim and
-    begin with "~". Styles are set on the text and never written into it: the terminal shows markup
-    as it is.
+    `now_us` is the monitor's time, µs; `limit` the least margin allowed, a share. "-" is unknown:
+    `problem` or the update's `remarks` give the reasons; before the first update all figures are,
+    and the age is that of the last message. Figures older than `old_s` s are dim and begin with
+    "~". Styles are set on the text and never written into it: the terminal shows markup as it is.
     """
     from rich.text import Text
 

@@ -72,16 +72,18 @@ class Fleet:
         """Return system id -> monitor, in order of ids, of the systems with an autopilot's
         heartbeat.
 
-        Radios, gimbals and trackers have none. While no system has one, those with rows of a flight
-        are listed.
+        Radios, gimbals and trackers have none. While no system has one, the systems with rows of a
+        flight are listed.
         """
         seen = {n: w for n, w in sorted(self._watches.items()) if w.seen}
         return {n: w for n, w in seen.items() if w.vehicle} or seen
 
     def take(self, frames: Sequence[Frame]) -> None:
-        """Pass frames of any sender, in the order of arrival, to the monitor of their system.
+        """Pass frames of any sender, in the order of arrival, to the monitor of their system; a new
+        vehicle gets one.
 
-        Of a ground station only mission messages are used, by the vehicle that they are sent to.
+        Of a ground station only mission messages are used, by the vehicle that they are sent to. If
+        the settings name one vehicle, other vehicles are ignored.
         """
         for frame in frames:
             if frame.verified and frame.id == HEARTBEAT and not self._is_vehicle(frame):

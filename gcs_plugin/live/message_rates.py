@@ -151,7 +151,8 @@ class RateRequester(Output):
                 asked.round_s = now_s
 
     def _ask(self, watch: VehicleMonitor, asked: _Asked, now_s: float) -> None:
-        """Queue the requests due at `now_s`, s; list those without effect in `watch.not_followed`.
+        """Queue the requests due at `now_s`, s; list requests without effect in
+        `watch.not_followed`.
 
         A message is requested if it comes at less than half the needed rate, ever more rarely.
         Parameters are requested from ArduPilot only.

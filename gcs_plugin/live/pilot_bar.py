@@ -84,7 +84,8 @@ class PilotBar(Output):
             self._server = None
 
     def answer(self, path: str) -> tuple[str, bytes] | None:
-        """Return media type and body for the path of an HTTP request; None for an unknown path."""
+        """Return media type and body for the path of an HTTP request: figures (/bar.json), page,
+        icon and the registration with BlueOS; None for an unknown path."""
         if path == "/bar.json":
             return "application/json", json.dumps(self.content()).encode()
         if path in ("/", "/index.html"):
@@ -95,10 +96,13 @@ class PilotBar(Output):
         return ("image/svg+xml", _file("icon.svg")) if path == "/icon.svg" else None
 
     def content(self) -> dict[str, Any]:
-        """Return the content of /bar.json: schema, least margin in %, and a dict a vehicle.
+        """Return the content of /bar.json: `schema`, `limit` (least margin, %) and `vehicles`, a
+        dict a vehicle.
 
-        Margins are in %; `margin`, `predicted` and `rotor` are None, and `action` empty, once they
-        are older than FRESH s. `last_margin` stays.
+        Its keys: `vehicle` (system id), `age_s`, `margin`, `predicted` and `last_margin`, %, `low`,
+        `rotor` (from 1), `action` (text) and `flight` (the answer, or None). `margin`, `predicted`
+        and `rotor` are None, `low` False and `action` empty, once they are older than FRESH s;
+        `last_margin` stays.
         """
         now_us, vehicles = self._clock(), []
         for number, shown in sorted(self._shown.items()):

@@ -107,11 +107,12 @@ def _payloads(frames: Frames, of_vehicle: NDArray[np.bool_]) -> dict[int, bytes]
 def _move(
     values: NDArray[np.void], names: tuple[str, ...], origin: tuple[float, float] | None
 ) -> tuple[float, float] | None:
-    """Shift the positions of messages, in place, by the same way that takes `origin` to NEW_PLACE.
+    """Shift latitude and longitude of messages, in place, by the same way that takes `origin` to
+    NEW_PLACE.
 
-    `names` are the fields of latitude, longitude (1e-7 °) and altitude (mm) in `values` (n,);
-    positions without a fix become 0. `origin` is the log's first fix, °, None if not found yet:
-    then the first in `values`. Return it, None if there is none so far.
+    `names` are the fields of latitude, longitude (1e-7 °) and altitude (mm) in `values` (n,); the
+    altitude stays. Latitude and longitude without a fix become 0. `origin` is the log's first fix,
+    °, None if not found yet: then the first in `values`. Return it, None if there is none so far.
     """
     latitude, longitude, altitude = (values[n] * s for n, s in zip(names, SCALES, strict=True))
     fixed = ((latitude != 0.0) | (longitude != 0.0)) & (np.abs(latitude) <= 90.0)

@@ -223,7 +223,8 @@ def _as_written(text: str) -> Statement:
 
 
 def _cleaned_remark(remark: Statement) -> Statement:
-    """Return the remark with unprintable characters in all its texts replaced by spaces.
+    """Return the remark with unprintable characters in all its texts, also of nested ones, replaced
+    by spaces.
 
     A remark of a kind that this program does not know becomes plain text.
     """
@@ -404,7 +405,8 @@ def _known(name: str) -> bool:
 
 
 def unit_of_column(name: str) -> str | None:
-    """Return the unit of a column of this program, "" without one; None for any other name."""
+    """Return the unit of a column of this program, "" without one (a flag or a plain number); None
+    for any other name."""
     if rotor := _ROTOR.fullmatch(name):
         return TRACK_CHANNELS[rotor[1]].unit
     if name in ("time_s", "flying"):

@@ -176,7 +176,8 @@ def _compared(one: Comparison) -> Finding:
 
 
 def _vehicles(log: FlightLog) -> list[Finding]:
-    """Return a warning if the log contains several vehicles, of which only one is read."""
+    """Return one warning if the log contains several vehicles, of which only one is read; else an
+    empty list."""
     if len(log.vehicles) < 2:
         return []
     words = say(
@@ -368,7 +369,7 @@ def _gyro(track: FlightTrack) -> list[Finding]:
 
 
 def instrument_offsets(log: FlightLog) -> list[str]:
-    """Return a sentence on each ESC whose voltage differs from the others' by a constant."""
+    """Return a sentence on each ESC whose voltage differs from the other ESCs' by a constant."""
     below = (
         "the ESC of motor {motor} reads {volts} V below the others, loaded or not: an offset of "
         "its instrument, not of its motor"
@@ -408,7 +409,12 @@ def _absent(log: FlightLog) -> list[Finding]:
 
 
 def as_json(inspection: Inspection) -> dict[str, Any]:
-    """Return the inspection as JSON values; None where unknown."""
+    """Return the inspection as JSON values; None where unknown.
+
+    It has the log (file, format, vehicle, sortie), the airframe and its basis, the times, s, the
+    `channels`, the `quality` of the log, `motor_order` and `speed_scale` (None if not checked), and
+    `findings`. Motors count from 1.
+    """
     log, values = inspection.log, to_json_values(inspection.log.quality)
     order, scale = inspection.motor_order, inspection.speed_scale
     return {

@@ -20,9 +20,11 @@ _MOST_BYTES = 4 << 20
 
 
 def read_parameters(path: Path) -> dict[str, float]:
-    """Read a parameter file; return finite values by name in capitals, the last of several.
+    """Read a parameter file (NAME,VALUE or the columns of QGroundControl); return finite values by
+    name in capitals, the last of several.
 
-    Raise LogError if it cannot be read or has no parameter.
+    Lines of another form are skipped. Raise LogError if the file cannot be read, is too large or
+    has no parameter.
     """
     try:
         if regular(path).stat().st_size > _MOST_BYTES:

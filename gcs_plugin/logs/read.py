@@ -145,7 +145,8 @@ def _read_as(
 def formats(path: Path) -> list[LogFormat]:
     """Return the formats to try, most probable first.
 
-    Raise LogError for a folder, an empty file or text of no known format.
+    They are ranked by the first bytes and the name's ending; others are left out. Raise LogError
+    for a folder, an empty file or text of no known format.
     """
     if path.is_dir():
         raise LogError(f"{path} is a folder; give a log file in it")

@@ -122,7 +122,8 @@ def _boot(
     """Return the recording of one vehicle in one run of its clock.
 
     `mine` (n,) flags the vehicle's frames, `pilot` is its autopilot's component id, `came_twice`
-    the number of copies dropped.
+    the number of copies dropped. Of a message that the autopilot sends, those of other components
+    are left out. Unix time is by GPS, else by the log's stamps.
     """
     component, chosen = frames.component, int(frames.system[np.argmax(mine)])
     inside = mine.copy()
@@ -288,7 +289,8 @@ def _waypoints(frames: Frames, chosen: int, last_row: int) -> tuple[PlanItem, ..
 
 
 def _texts(streams: dict[str, Stream]) -> tuple[tuple[float, str], ...]:
-    """Return (time in s, text) of each STATUSTEXT; pieces of a long text are joined."""
+    """Return (time in s, text) of each STATUSTEXT; pieces of a long text are joined. Empty without
+    such a message."""
     stream = streams.get("STATUSTEXT")
     if stream is None:
         return ()

@@ -179,9 +179,8 @@ class _Log:
     formats: dict[bytes, list[tuple[bytes, int, bytes]]] = field(default_factory=dict)
 
     def end(self, begin: int) -> int:
-        """Return the offset after the message at offset `begin`; 0 if it contradicts the
-        definitions so far.
-        """
+        """Return the offset after the message at offset `begin`; 0 if it is incomplete, of an
+        unknown type, or contradicts the definitions so far."""
         data = self.data
         if begin + 3 > len(data):
             return 0
@@ -240,7 +239,8 @@ class _Log:
 
 
 def whole_messages(data: bytes, topics: Container[str]) -> WholeMessages:
-    """Return the valid messages of a log, with data of `topics` only, and the places of damage.
+    """Return the valid messages of a log, with data of `topics` only, and the damaged parts as
+    (offset, length), bytes.
 
     `data` are the bytes of the file; topics without a timestamp are left out.
     """

@@ -54,8 +54,9 @@ class UlogMotors:
 def ulog_motors(topics: Mapping[str, list[Topic]], parameters: Mapping[str, float]) -> UlogMotors:
     """Return the signals of motor outputs and ESCs, numbered by motor from 0, with notes on them.
 
-    `topics` maps a topic's name to its instances, in order. Without `actuator_motors` the outputs
-    are those of `actuator_outputs`.
+    `topics` maps a topic's name to its instances, in order. Of `actuator_motors` and `esc_status`
+    only the first instance is used. Without outputs in `actuator_motors` they are those of
+    `actuator_outputs`; without either there are none.
     """
     motors = UlogMotors(motor_order=state("by actuator functions"))
     for topic in topics.get("actuator_motors", [])[:1]:
@@ -149,7 +150,8 @@ _ESC_FIELDS = (
 def _with_escs(motors: UlogMotors, topic: Topic) -> UlogMotors:
     """Return `motors` with the ESC signals of the topic esc_status added, numbered by motor from 0.
 
-    ESCs are matched to motors by their functions, else by place. An ESC that repeats the speeds of
+    ESCs are matched to motors by their functions, if any is set; else by place, and then only ESCs
+    that turned. Speeds are NaN while an ESC is not online. An ESC that repeats the speeds of
     another one is dropped with a note. If no ESC turned, `unused` has the reason.
     """
     signals: list[Signal] = []

@@ -149,7 +149,9 @@ def _of_motors(
     """Compare a report at `time_s`, s, with the log; `named` are the motors it names, from 0.
 
     Return the result, the motors that the log shows as faulty or exchanged, and the output, 0 to 1,
-    of the first named motor (NaN without one).
+    of the first named motor (NaN without one). Without a fault or an exchange the motors are empty,
+    and the result says if motors could be compared, if all outputs were high, or if the named one
+    was the highest.
     """
     seen = motor_evidence(track, time_s)
     value = seen.outputs[named[0]] if named else math.nan

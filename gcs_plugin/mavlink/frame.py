@@ -236,7 +236,7 @@ class Walk:
         """Yield class, offset and header of frames from before `stop`, of `size` bytes.
 
         The offset is that of the stamp of `gap` bytes, if any. Yielded are good and unverified
-        frames, and those with a wrong checksum where a frame was expected. `closed`: another frame
+        frames, and frames with a wrong checksum where a frame was expected. `closed`: another frame
         may begin after the last byte. With `wait`, stop at the first frame that more bytes may
         complete.
         """
@@ -340,10 +340,12 @@ class FrameSplitter:
         return self.feed(data, stamp_us, closed=True)
 
     def feed(self, data: bytes, stamp_us: int, *, closed: bool = False) -> list[Frame]:
-        """Return the frames completed by the next bytes of a stream (TCP, serial).
+        """Return the frames completed by the next bytes of a stream (TCP, serial), and add to the
+        counts of the link.
 
-        `stamp_us` is their arrival by the ground's clock, µs. `closed`: the bytes after these begin
-        a new frame, so that an unfinished one will never be completed.
+        `stamp_us` is their arrival by the ground's clock, µs. The bytes passed by are in `passed`;
+        an unfinished frame waits for the next call. `closed`: the bytes after these begin a new
+        frame, so that an unfinished one will never be completed.
         """
         counts, link = self.counts, self.link
         counts.bytes += len(data)

@@ -129,7 +129,8 @@ def decode(
     """Yield index, rows and values of each source that the rule's n messages contain.
 
     Rows are a mask (n,), and values, in SI, are those rows' alone. For a rule without `index` the
-    index is None and the rows are all, as a slice. Infinite values become NaN.
+    index is None and the rows are all, as a slice; a rule with `only` yields that one index.
+    Infinite values become NaN.
     """
     with np.errstate(invalid="ignore"):
         values = quantity(rule, columns)

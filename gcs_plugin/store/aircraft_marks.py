@@ -108,7 +108,7 @@ def serial_of_texts(log: FlightLog) -> str:
 
 
 def match(log: Marks, known: Marks) -> MarksMatch:
-    """Compare the marks of a log with those that an earlier log of a known aircraft has.
+    """Compare the marks of a log with the marks of an earlier log of a known aircraft.
 
     SAME: equal serial number or calibration. OTHER: another aircraft. In the other cases the user
     must choose: COPIED (equal calibration, another serial number), RECALIBRATED (equal sensors,
@@ -138,7 +138,8 @@ def match(log: Marks, known: Marks) -> MarksMatch:
 def _equal(
     one: Mapping[str, float], other: Mapping[str, float], *, fewest: int = FEWEST_VALUES
 ) -> bool | None:
-    """Return True if the values that both mappings have under a name are equal.
+    """Return True if the values that both mappings have under a name are equal within 1e-6 of the
+    value of `other`, else False.
 
     None if they share fewer than `fewest` names.
     """

@@ -114,8 +114,8 @@ def content_of(path: str) -> str:
 def known_contents(store: SeasonStore) -> set[str]:
     """Return the digests of all logs whose flights are stored or staged.
 
-    The last flight to be staged of a log is named by the digest alone, the others have a suffix. So
-    a log whose reading was interrupted is not among them.
+    The last flight to be staged of a log is named by the digest alone, the other flights have a
+    suffix. So a log whose reading was interrupted is not among them.
     """
     names = store.table("flights", columns=["flight"])["flight"].to_pylist()
     names += [Path(key).stem for keys in staged_partitions(store).values() for key in keys]
@@ -167,13 +167,15 @@ def ingest_logs(
     hide: Callable[[str], str] | None = None,
     again: bool = False,
 ) -> IngestOutcome:
-    """Store the flights of each log that is not in the store yet, or of all logs if `again`.
+    """Store the flights of each log that is not in the store yet, or of all logs if `again`; return
+    what was stored, rejected and already there.
 
     `read(log, digest)` stages a log's flights and returns their names; it is pickled for other
     processes, which `executor` starts, again after one died. `at_once` logs are in work at a time.
     `show(name, bytes done, bytes of all logs)` reports progress. The store must be locked;
     `check_lock` raises DataError if the lock is lost. `refused` are (name, reason) of logs to list
-    as rejected. `hide` maps a digest to its pseudonym in an anonymous store.
+    as rejected. A log that cannot be read is rejected too, but OSError is raised if the store
+    cannot be written. `hide` maps a digest to its pseudonym in an anonymous store.
     """
     begun = time.monotonic()
     if store.on_disk and Path(store.path(DRAFTS)).exists():
@@ -273,7 +275,11 @@ def store_flights(store: SeasonStore, flights: Sequence[SeasonFlight], *, wait_s
 
 
 def _reject(outcome: IngestOutcome, task: _Task, reason: str) -> None:
-    """Append a log to the outcome's rejected ones; its name at the beginning of `reason` is cut."""
+    """Append a log to the outcome's rejected ones, with its content's digest, the reason and the
+    time.
+
+    The log's path or name at the beginning of `reason` is cut.
+    """
     for named in (task.log.path, task.log.name):
         reason = reason.removeprefix(f"{named}: ").removeprefix(f"{named} ")
     outcome.rejected.append(

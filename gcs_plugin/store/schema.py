@@ -51,6 +51,9 @@ OF_VEHICLE = {
 def column_units(rotors: int) -> dict[str, str]:
     """Return column name -> unit of the stored rows, in order, for an aircraft with `rotors`
     rotors.
+
+    After the channels come the errors of inferred ones (`..._error`), `flying`, and the columns of
+    each rotor, from 1, and of the vehicle.
     """
     units: dict[str, str] = {}
     for channel, column in TRACK_CHANNELS.items():

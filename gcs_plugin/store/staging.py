@@ -362,7 +362,8 @@ def _merge_rows(store: SeasonStore, draft: Path, target: str, member: str, keys:
 
 
 def _writer(out: Any, table: pa.Table) -> Any:
-    """Return a Parquet writer to `out` for tables like `table`, compressed as suits measurements.
+    """Return a Parquet writer to `out` with the schema of `table`, compressed as suits
+    measurements.
 
     Byte-stream split puts bytes of equal significance together, since few values repeat exactly.
     """

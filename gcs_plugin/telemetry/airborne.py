@@ -108,12 +108,14 @@ def _airborne(
     channels: Mapping[str, Floats],
     airframe: Airframe | None,
 ) -> Airborne:
-    """Flag which of T rows are off the ground; rows disarmed or with idle outputs never are.
+    """Flag which of T rows are off the ground, with the test that decided; rows disarmed or with
+    idle outputs never are.
 
     The rest follow the landed state and the height; without a landed state, thrust above IDLE_SHARE
     of that in cruise by rotor speeds or outputs; without these, a height of more than 1 m above
-    home. Stretches in which the aircraft is held are on the ground. `clock_s` (T,) is the vehicle's
-    clock, s; `channels` are on these rows.
+    home. No row is flagged without any of these, with constant outputs, with rotors too slow to
+    lift, or if the height never rose. Stretches in which the aircraft is held are on the ground.
+    `clock_s` (T,) is the vehicle's clock, s; `channels` are on these rows.
     """
     on = _motors_on(signals, clock_s)
     if not on.any():
@@ -250,10 +252,11 @@ def _idle_throughout(above_idle: Bools, clock_s: Floats) -> Bools:
 
 
 def _stayed_down(height: Floats, on: Bools) -> bool:
-    """Return True if the height never rose more than CLEAR m above the last before arming.
+    """Return True if, in all armed rows, the height is at most CLEAR m above the last known height
+    before arming.
 
-    `height` (T,) is in m, `on` (T,) flags armed rows, the first of which ends the time before
-    arming. False if no height is known before or while armed.
+    `height` (T,) is in m, NaN where unknown; `on` (T,) flags armed rows. Arming is at the first
+    flagged row. Return False if no height is known before arming, or none while armed.
     """
     first = int(np.argmax(on))
     ground, later = height[:first], height[first:][on[first:]]
@@ -347,10 +350,12 @@ def airborne_so_far(
 
 
 def _clear_of_ground(flying: Bools, height: Floats) -> Bools:
-    """Return `flying` (T,) without rows at the ends of its stretches that are not clear of ground.
+    """Return a copy of `flying` (T,) without rows at the ends of its stretches that are not clear
+    of ground.
 
     Clear is more than CLEAR m above the height (T,), m, of the stretch's first or last known row.
-    No row is removed where the log begins or ends in the air.
+    No row is removed where the log begins or ends in the air, nor from a stretch that is never
+    clear or without a known height.
     """
     result = flying.copy()
     for first, end in stretches(flying):

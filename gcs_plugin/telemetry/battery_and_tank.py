@@ -90,8 +90,11 @@ def power(
 
 
 def stated_battery(signals: Signals) -> StatedBattery:
-    """Return cells, nominal voltage and capacity that the flight battery last reported; 0 where it
-    did not."""
+    """Return cells, nominal voltage, V, and capacity, mAh, that the flight battery last reported
+    above 0; 0 where it did not.
+
+    If no voltage shows which battery is the flight battery, it is the one with the lowest number.
+    """
     statements = {
         name: by_index(signals, f"battery_{name}") for name in ("cells", "nominal", "capacity")
     }
@@ -147,11 +150,13 @@ def _of_escs(channel: str, signals: Signals, sampling: Sampling) -> Iterator[Sig
 
 
 def esc_voltage_offsets(signals: Signals, outputs: Sequence[int]) -> tuple[float, ...]:
-    """Return the constant offset, V, of each motor's ESC voltage from the others'; NaN without one.
+    """Return the constant offset, V, of each motor's ESC voltage from the others' median, positive
+    if it reads high.
 
-    `outputs` are the motors' ESC numbers. All ESCs share one battery: the drop along a cable grows
-    with the load, the offset of an instrument does not. All ESCs must report, at least three, and
-    all but one must agree.
+    NaN for an ESC without one: the offset must be _ESC_OFFSET V or more and equal at high and low
+    load, and all other ESCs must agree. `outputs` are the motors' ESC numbers. All ESCs share one
+    battery: the drop along a cable grows with the load, the offset of an instrument does not. All
+    are NaN unless all ESCs report, at least three.
     """
     escs = by_index(signals, "esc_voltage")
     of_rotors = [escs.get(output) for output in outputs]
@@ -474,10 +479,12 @@ _SPRAY_WINDOW = 4.0  # s
 def spraying_sources(
     share: Signal | None, tank: Signal | None, sampling: Sampling, notes: list[Statement]
 ) -> tuple[Signal, ...]:
-    """Return the sources of `spraying`, 1 while the pump runs, else 0, preferred first.
+    """Return the sources of `spraying`, 1 while the pump runs, else 0, preferred first; empty
+    without pump output and tank level.
 
     They are the pump's output `share` (0 to 1) and the falling level `tank`, kg. An unknown output
-    is 0, with `sampling` "hold" NaN. Append to `notes` if there is no pump output.
+    is 0, with `sampling` "hold" NaN. If the level is the only source, append to `notes` that there
+    is no pump output.
     """
     sources = []
     if share is not None:

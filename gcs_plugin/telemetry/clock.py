@@ -60,7 +60,8 @@ class Clock:
     on_arrival: bool = False  # every message has the time at which a listener got it
 
     def times(self, fields: NDArray[np.void], rows: Index) -> Floats:
-        """Return the times (n,), s since boot, of messages: those they carry, else the estimate.
+        """Return the times (n,), s since boot, of messages: the times they carry, else the
+        estimate.
 
         `fields` (n,) are those of one message type, `rows` (n,) their frames. A carried time is
         used only where it is within TRUST s of the estimate, and never `on_arrival`.

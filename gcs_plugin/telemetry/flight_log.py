@@ -213,8 +213,11 @@ def serviced(track: FlightTrack, clock_s: Floats, down: float, up: float) -> boo
 def _samples_between(
     signals: Signals, channel: str, start: float, end: float
 ) -> tuple[Floats, Floats]:
-    """Return times and finite values (n,) of a channel's reports from `start` to `end`; empty
-    without a report."""
+    """Return times and finite values (n,) of a channel's reports from `start` to `end`, both
+    inclusive, s.
+
+    Both arrays are empty without a report.
+    """
     signal = best(signals, channel)
     if signal is None:
         return np.empty(0), np.empty(0)
@@ -406,7 +409,8 @@ def log_of_track(
 
 
 def _with_absences(track: FlightTrack) -> FlightTrack:
-    """Return the track with notes on motors without speeds, and a statement on coarse speeds."""
+    """Return a copy of the track with a note on missing rotor speeds, of all or of some motors, and
+    a statement if the speeds are coarse, scattered or slow."""
     if not track.reports("rotor_speed_rpm"):
         silent = "rotor_speed_rpm" not in track.sources
         note = state("no ESC telemetry" if silent else "no ESC telemetry that measures")

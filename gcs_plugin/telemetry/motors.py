@@ -207,10 +207,12 @@ def motor_map(
 ) -> MotorMap:
     """Match motors to servo outputs and ESCs, and find the pump's output, by the parameters.
 
-    `name` is the log's, for errors; `facts` the vehicle's kind and rotor count. `motor_order` and
-    `esc_order` describe a numbering by motor that the log already has. `turned` are the ESCs that
-    have turned so far; None: those in `signals`. A vehicle that rotors do not lift gets no motors.
-    Raise AirframeError if the vehicle and `airframe` differ in the number of rotors.
+    Without parameters on them, motor n is taken as output n, which the result states as assumed.
+    `name` is the log's, for errors; `facts` the vehicle's kind and rotor count; None or no count:
+    by the reports in `signals`. `motor_order` and `esc_order` describe a numbering by motor that
+    the log already has. `turned` are the ESCs that have turned so far; None: those in `signals`. A
+    vehicle that rotors do not lift gets no motors. Raise AirframeError if the vehicle and
+    `airframe` differ in the number of rotors.
     """
     facts = VehicleFacts() if facts is None else facts
     pump = next(

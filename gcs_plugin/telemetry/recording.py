@@ -110,9 +110,10 @@ def channel_source(channel: ChannelReport) -> str:
 
 
 def channel_values(channel: ChannelReport) -> dict[str, Any]:
-    """Return the report of a channel as JSON values by field name, with its source in words.
+    """Return the report of a channel as JSON values by field name, with its source in words as
+    `source`.
 
-    `unused` is left out: it is in the words of the source.
+    `provenance` is the source as values. `unused` is left out: it is in the words of the source.
     """
     values: dict[str, Any] = to_json_values(channel)
     del values["unused"]

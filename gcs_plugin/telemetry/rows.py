@@ -411,9 +411,10 @@ def place_of_zero(
 ) -> PlaceOfZero | None:
     """Return the origin of positions: home at take-off, else the estimator's, else first fix.
 
-    None without any. `flying` (T,) flags rows in flight, at `clock_s` (T,). Home counts only if
-    fixes are reported. An origin `before` that a take-off has fixed is replaced only by a better
-    kind.
+    None without any. `flying` (T,) flags rows in flight, at `clock_s` (T,), s. Of several reports
+    the last one up to the take-off counts, else the first. Home counts only if fixes are reported.
+    An origin `before` that a take-off has fixed is replaced only by a better kind; another one by
+    any report of home or the estimator.
     """
     fixes = best(signals, "geodetic")
     settled = bool(flying.any()) or (before is not None and before.settled)

@@ -95,9 +95,9 @@ def rejected_sources(there: Iterable[Signal], used: Signal) -> tuple[Rejected, .
 def by_index(signals: Signals, channel: str) -> dict[int | str, Signal]:
     """Return the sources of one channel by their index: output number, battery id or name.
 
-    Of several sources with one index the first with a value other than 0 is used. Those of a
-    battery are joined, because BATTERY_STATUS_V2 replaces BATTERY_STATUS once a ground station
-    requests it.
+    Sources without an index are left out. Of several with one index the first with a value other
+    than 0 is used. Those of a battery are joined, because BATTERY_STATUS_V2 replaces BATTERY_STATUS
+    once a ground station requests it.
     """
     by_number: dict[int | str, Signal] = {}
     for signal in signals.get(channel, ()):
@@ -199,7 +199,7 @@ class _Times:
     def shortened(self, time_s: Floats, values: Floats) -> tuple[Floats, Floats]:
         """Return times (n,), s, and values (n, ...) without the rows before `since`, s.
 
-        The last row before it with a finite value is kept.
+        Of the rows before `since` only the last one with a finite value is kept.
         """
         first = int(time_s.searchsorted(self.since))
         known = np.flatnonzero(known_rows(values[:first]))
@@ -297,7 +297,7 @@ def ordered_signal(
 
 
 def airspeed_sources(signals: Signals, sampling: Sampling) -> Iterator[Signal]:
-    """Yield the airspeed's sources, m/s, preferred first: those reported, then velocity - wind.
+    """Yield the airspeed's sources, m/s, preferred first: reported airspeeds, then velocity - wind.
 
     The latter is left out if a reported one covers as much of a recorded flight (`sampling`
     "linear"). Without a wind it is the speed over ground. An airspeed of 0 is no airspeed, as PX4

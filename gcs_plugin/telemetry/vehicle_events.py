@@ -54,12 +54,13 @@ def stated_channels(
     spraying: Floats,
     pumped_kg: Floats,
 ) -> Iterator[tuple[str, Floats, Provenance, Floats | None]]:
-    """Yield name, values (T,), source, standard error (T,) of channels that `options` state.
+    """Yield name, values (T,), source, standard error (T,) of channels that `options` state:
+    "tank_kg", kg, and the outside "temperature", K.
 
-    `time_s` and `flying` (T,) are the rows'. `spraying` (T,) is 1 while the pump runs, `pumped_kg`
-    (T,) the sum of its output; both NaN where unknown. The error is None where none can be stated.
-    An aircraft without a tank carries 0 kg whatever a gauge reports, unless `options` name the
-    gauge.
+    A stated load falls by the pump's output, else by spraying time, else by flight time. `time_s`
+    and `flying` (T,) are the rows'. `spraying` (T,) is 1 while the pump runs, `pumped_kg` (T,) the
+    sum of its output; both NaN where unknown. The error of the load is None. An aircraft without a
+    tank carries 0 kg whatever a gauge reports, unless `options` name the gauge.
     """
     rows = time_s.size
     if options.load is not None:

@@ -131,8 +131,9 @@ class VehicleLink:
     def vehicle(self, number: int | None = None, *, timeout: float = 10.0) -> System:
         """Return the vehicle with system id `number`, or the only one on the link.
 
-        Raise LinkError if none is received within `timeout` s, or if there are several and `number`
-        is None.
+        Without a number, wait SECOND_VEHICLE s after the first vehicle for another one. Raise
+        LinkError if none is received within `timeout` s, or if there are several and `number` is
+        None.
         """
         heard = time.monotonic() + timeout
         settled = math.inf
@@ -197,10 +198,11 @@ class VehicleLink:
 
 
 def autopilot_of(vehicle: System) -> Autopilot:
-    """Return the autopilot of a vehicle once its heartbeat has arrived; wait HEARTBEATS s at most.
+    """Return the autopilot of a vehicle once its heartbeat has arrived; wait HEARTBEATS s at most,
+    then return what MAVSDK reports.
 
-    Before a heartbeat MAVSDK reports a generic autopilot. ArduPilot's list of items, which begins
-    with home, would then be read as one without.
+    Before a heartbeat that is a generic autopilot. ArduPilot's list of items, which begins with
+    home, would then be read as one without.
     """
     from mavsdk import Autopilot
 

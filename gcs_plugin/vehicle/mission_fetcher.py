@@ -85,7 +85,7 @@ class MissionFetcher(Output):
                 self._link.feed(data)
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
-        """Queue the requests for missions that are due, and pass on those that arrived.
+        """Queue the requests for missions that are due, and pass on the missions that arrived.
 
         One is due SETTLED s after the mission changed, the vehicle restarted or was heard again,
         and after a growing delay if unanswered. `now_us` is the ground's clock, µs.

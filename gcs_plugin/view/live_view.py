@@ -390,9 +390,11 @@ class LiveView(ViewPage, Output):
         return replace(one, largest=largest, fill=advice.text(largest))
 
     def _live_state(self, tab: str) -> dict[str, Any]:
-        """Return a tab's state other than the aircraft as JSON: link, overlay, camera, focus.
+        """Return a tab's state without the aircraft as JSON: `status` (link), `field` (overlay and
+        camera, None before the first row) and `follow` (the aircraft in focus).
 
-        While no aircraft is heard it also includes what to display before the first message.
+        While no aircraft is heard it also includes, as `waiting`, what to display before the first
+        message.
         """
         overlays, one = self._heard.overlays, self._tabs.of(tab)
         field = None

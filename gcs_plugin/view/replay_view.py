@@ -323,9 +323,11 @@ class ReplayView(ViewPage):
         self.ask(lambda: self._set_camera(tab, camera))
 
     def _replay_state(self, tab: str) -> dict[str, Any]:
-        """Return a tab's state other than the aircraft as JSON: time, overlays and camera.
+        """Return a tab's state without the aircraft as JSON: `replay` and `field`.
 
-        Times are s from the first row.
+        `replay` has `time`, `duration` and `worst` (time of the worst value, None if unknown), s
+        from the first row, if it is `playing` or `ended`, and the `speed` among `speeds`. `field`
+        is the state of overlay and camera, with the pinned `worst` value.
         """
         one = self._tabs.of(tab)
         clock, worst = one.clock, self._worst_row(one.overlay)

@@ -315,10 +315,11 @@ OF_CAVEAT: Mapping[Caveat, Trouble] = {
 
 
 def answer_to(trouble: Trouble, phase: Phase = Phase.RECORDED) -> TroubleAnswer:
-    """Return action, urgency and proof of a repair for a finding, in a phase of the flight.
+    """Return urgency, action and proof of a repair for a finding, in a phase of the flight.
 
-    In flight, a finding of urgency STOP asks to land or to fly by sight. For another finding the
-    action is that after the flight; its urgency decides if the pilot is informed now.
+    A finding has two urgencies: one in flight, and one for any other phase. In flight the urgency
+    is the first: STOP asks to land or to fly by sight, and its action is the pilot's. In all other
+    cases the action is that for after the flight.
     """
     row = _TABLE[trouble]
     if phase is not Phase.IN_FLIGHT:

@@ -110,7 +110,11 @@ def open_notes(advice: Advice) -> str:
 
 
 def _first_line(advice: Advice, level: FlightLevel) -> str:
-    """Return the headline for one warning level of a flight, in capitals: `NO VERDICT`."""
+    """Return the headline for one warning level of a flight, mostly in capitals: `NO VERDICT`.
+
+    Amounts in it are of that level: a duration, a time or a voltage. A limit not exceeded is
+    restricted to the time with data, if the log ends in flight.
+    """
     use, limit = advice.use, least_words(advice.limit)
     if level is FlightLevel.DAMAGED:
         return damage_words(advice)
@@ -164,9 +168,11 @@ def _first_line(advice: Advice, level: FlightLevel) -> str:
 
 
 def _known_in_part(advice: Advice) -> str:
-    """Return for how much of the flight load and thrust are known, in brackets and capitals.
+    """Return in brackets and capitals for how much of the flight load and thrust are known, or that
+    the load is not known.
 
-    Empty if it is nearly the whole flight.
+    Empty if they are known for nearly the whole flight. An unknown load is not mentioned if the
+    flight shows a fault, which is the reason.
     """
     if not math.isfinite(advice.rotor_lost.redundancy_min):
         return "" if advice.faults else say(" (LOAD NOT KNOWN)")
@@ -241,9 +247,10 @@ def suspects(advice: Advice) -> tuple[int, ...]:
 
 
 def no_ground(advice: Advice) -> str:
-    """Return why a flight has no verdict, or what contradicts a bad verdict.
+    """Return what contradicts a verdict, or why there is none: the margin is only predicted.
 
-    Empty for other flights.
+    The first is if rotor speeds contradict the model (`Caveat.MODEL`). Empty for all other flights,
+    also for those without a verdict for another reason.
     """
     if Caveat.MODEL in advice.caveats:
         return misfit_words(advice)
@@ -252,7 +259,11 @@ def no_ground(advice: Advice) -> str:
 
 
 def misfit_words(advice: Advice) -> str:
-    """Return how rotor speeds contradict load, air or turns by the model, and what to check."""
+    """Return how rotor speeds contradict load, air or turns by the model, and what to check.
+
+    For level flight it has the bias, %, with its direction, if it is noticeable, and the share of
+    the time within the model's error; for turns by how much the speeds seem to be misread.
+    """
     found, parts = advice.misfit, []
     if found.interval_fails:
         words = (
@@ -317,7 +328,12 @@ def action(advice: Advice) -> str:
 
 
 def action_steps(advice: Advice) -> list[tuple[ActionKind, str]]:
-    """Return (kind, words) of each step to do next, the gravest first, the fill after it."""
+    """Return (kind, words) of each step to do next, the gravest first, the fill after it.
+
+    In the air, at a level that asks to land, landing leads. No fill is advised before landing or
+    after lost control; without a verdict only the open checks are returned. Steps that only permit
+    (nothing to do) occur if the flight kept its limits.
+    """
     first: list[tuple[ActionKind, str]] = []
     land = advice.in_progress and advice.level in LAND_FIRST
     if land:
@@ -388,7 +404,11 @@ _OPEN: Mapping[Caveat, ActionKind] = {
 
 
 def _open_steps(advice: Advice) -> list[tuple[ActionKind, str]]:
-    """Return (kind, words) of a step for each caveat, which settles it; empty while in flight."""
+    """Return (kind, words) of the step that settles a caveat, for each caveat with one; empty while
+    in flight.
+
+    A part not in the log asks to see how the flight ended, or to record whole flights.
+    """
     if advice.in_progress:
         return []
     steps = []
@@ -426,8 +446,9 @@ def _bad_rotors(advice: Advice) -> actions.TroubleAnswer:
 def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
     """Return (label, text) lines below a flight's headline.
 
-    They are faults, model, ESCs, arms, thrust left, battery, one rotor lost, and how sure the fill
-    is; each only if there is something to report.
+    They are faults and their proof of repair, model, ESCs, arms, thrust left, battery (only if it
+    collapsed), and how sure the fill is, each only if there is something to report. What the loss
+    of one rotor would have meant is always there.
     """
     use = advice.use
     found = [("alarm", fault_found(advice, episode)) for episode in advice.faults]
@@ -514,9 +535,11 @@ def _passing(advice: Advice) -> str:
 
 
 def one_rotor_out(advice: Advice) -> str:
-    """Return whether the others would have carried the aircraft if one rotor had been lost.
+    """Return whether the other rotors would have carried the aircraft if one rotor had been lost.
 
-    If not, for how long. Unknown without a tank level.
+    If not, for how long; that it cannot be decided if the interval includes 1; for which time, if
+    the load is known for a part only. Unknown without a tank level; with a fault it says what the
+    loss of one more would mean.
     """
     lost = advice.rotor_lost
     if not math.isfinite(lost.redundancy_min) and advice.faults:

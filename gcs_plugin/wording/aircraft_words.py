@@ -141,8 +141,10 @@ def card_lines(
 ) -> tuple[str, ...]:
     """Return lines on a known aircraft: its flights, and how well it is predicted.
 
-    `held` are the coverages of the interval, 0 to 1, in later flights. Without any, the line states
-    `day_step`, the share of rotor speed by which the interval is widened for a new day.
+    `held` are the coverages of the interval, 0 to 1, in later flights: their mean and least are
+    stated. Without any, the line states `day_step`, the share of rotor speed by which the interval
+    is widened for a new day. With 0 `flights` the lines say that no flight made the model, and what
+    to do next.
     """
     known = {"name": Verbatim(name), "folder": Verbatim(folder)}
     counted = Verbatim(counted_words(flights, days))
@@ -217,7 +219,8 @@ def change_words(change: AircraftChange) -> str:
 def _what_changed(change: AircraftChange) -> str:
     """Return how flights differ from earlier ones since a log: a rotor's loss, coverage or speeds.
 
-    The text has the size with its interval, and the name of the first log with the change.
+    The first of these that is known is named. A loss and speeds have their interval; speeds, by
+    mode, also the mass, kg, that would explain them. The text names the first log with the change.
     """
     if (total := change.rotor) is not None:
         return say(
@@ -265,8 +268,11 @@ def _what_changed(change: AircraftChange) -> str:
 
 
 def _explained(found: ChangeCause) -> str:
-    """Return what the search over effects found as the cause of a change, with RMSE before and
-    after.
+    """Return the effects that a search found as the cause of a change, each with its value and 95 %
+    interval, and the RMSE before and after, rpm.
+
+    If no search was made for lack of flight time, or no effect explains the change, the text says
+    that instead.
     """
     if found.kind is CauseKind.NOT_SEARCHED:
         return say("too little flight to search for its cause")

@@ -209,7 +209,8 @@ GAUGE_WRONG = "Tank falls slower than pump: check the gauge"
 def control_words(kind: LossKind, value: float) -> str:
     """Return the alarm about lost control: `CONTROL LOST: tilted 95°`.
 
-    `value` is m/s for a fall, rad/s for a spin, and rad for the other kinds.
+    `value` is m/s for a fall, rad/s for a spin, and rad for an attitude that is wrong or turned
+    over; angles are worded in degrees. KeyError for other kinds.
     """
     unit, words = {
         LossKind.NOT_AS_ASKED: ("°", "CONTROL LOST: {amount} off what was asked"),
@@ -247,8 +248,9 @@ def margin_words(
 
     `what` is the first words. `least` is the thrust left, `ends` its 90 % interval, and `limit` the
     least allowed, all shares. The value is rounded down, so that one below the limit never reads as
-    equal; "near" replaces "below" if the interval reaches the limit. `rotor` counts from 1, None
-    for none. With rotors in `bad`, which have an alarm, the action refers to that alarm.
+    equal; "near" replaces "below" if the interval reaches the limit, and "none: beyond ceiling" the
+    value if it is wholly below 0. `rotor` counts from 1, None for none. With rotors in `bad`, which
+    have an alarm, the action refers to that alarm.
     """
     low, high = percent_down(max(ends[0], 0.0)), percent_up(ends[1])
     within = f" ({low}-{high})" if ends[1] > ends[0] else ""

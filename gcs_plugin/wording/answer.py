@@ -76,9 +76,11 @@ class FlightAnswer:
 
     @property
     def json(self) -> dict[str, Any]:
-        """Return the answer's headline, level, action, rotors, fill and time as a dict for JSON.
+        """Return the answer as a dict for JSON: `headline`, `level`, `action`, `rotors` (from 1),
+        `fill_kg`, `until_s` and `shows`.
 
-        Unknown numbers are None. `shows` are the lines about an aircraft without an airframe.
+        Unknown numbers are None. `until_s` is the time, s, up to which the answer holds, None for a
+        whole flight. `shows` are the lines about an aircraft without an airframe.
         """
         return {
             "headline": self.headline,
@@ -130,8 +132,10 @@ _TO_CHECK: Mapping[Caveat, str] = {
 def brief(advice: Advice, contact: report_words.FirstContact | None = None) -> str:
     """Return the action before the next flight as a phrase of at most 50 letters.
 
-    For an unknown aircraft it is `contact`, its motor outputs, in words. Empty where nothing is
-    known.
+    The first of these that applies: lost control, a bad rotor, the battery, the motor order, for an
+    unknown aircraft `contact` (its motor outputs) in words, how the flight ended, too heavy, the
+    next fill with what to check. Empty where nothing is known, or where nothing fits though the
+    flight kept its limits.
     """
     if FlightLevel.LOST in advice.levels:
         return say(actions.GROUND_BRIEFLY)

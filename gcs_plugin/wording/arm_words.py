@@ -138,7 +138,11 @@ def arm_sentence(finding: ArmFinding) -> str:
 
 
 def amount_words(one: PossibleCause) -> str:
-    """Return what a possible cause changes, in words, with amount, %, and 95 % interval."""
+    """Return what a possible cause changes, in words, with amount, %, and 95 % interval.
+
+    The sign is in the words (more or less); the amount has none. An interval that includes zero
+    begins at 0.
+    """
     more, less = AMOUNTS[one.cause]
     least, most = sorted((abs(one.lower), abs(one.upper)))
     ends = (0.0 if one.lower < 0.0 < one.upper else least, most)

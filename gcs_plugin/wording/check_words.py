@@ -301,7 +301,12 @@ def note_words(track: FlightTrack) -> list[str]:
 
 
 def source_words(source: Provenance) -> str:
-    """Return the source of a channel's values in words; names of messages are not translated."""
+    """Return the source of a channel's values in words, with its remarks in brackets; names of
+    messages are not translated.
+
+    It is the names of the parts, if it has some, else its own name with its fields; `not in the
+    log` for an absent channel.
+    """
     remarks = "; ".join(_remark_words(remark, source) for remark in source.remarks)
     parts = ", ".join(
         source_words(part)
@@ -421,7 +426,8 @@ def airframe_match_words(airframe_match: AirframeMatch) -> str:
 def known_words(known: KnownFrom) -> str:
     """Return the known aircraft and what its model learnt from, in words.
 
-    `aircraft x, known from 5 flights on 3 days`.
+    `aircraft x, known from 5 flights on 3 days`; without a flight, that none has taught its model
+    yet.
     """
     own = {"name": Verbatim(known.aircraft), "flights": known.flights, "days": known.days}
     if known.flights == 0:
@@ -434,9 +440,11 @@ def known_words(known: KnownFrom) -> str:
 
 
 def grounds_words(airframe_match: AirframeMatch) -> str:
-    """Return an airframe's name and how it was chosen: `x, given`, to follow the word "airframe".
+    """Return an airframe's name and how it was chosen, to follow the word "airframe": `x, given`.
 
-    Guessed values in it are named; `not known` if none was chosen.
+    For a known aircraft it is its name and the flights it is known from; for a recognised one, what
+    in the flight fits it. Guessed values in the airframe are named, but not for a known aircraft;
+    `not known` if none was chosen.
     """
     if airframe_match.known_from is not None:
         return known_words(airframe_match.known_from)

@@ -67,7 +67,8 @@ def grounding_words(before: Clearance) -> str:
 def condition_words(condition: Condition) -> str:
     """Return in capitals what must hold for the forecast to apply: `... WAS REPAIRED`.
 
-    Empty for a condition that another sentence of the forecast states.
+    For damage it names the rotors, and for a part of the last flight that the log lacks which part,
+    if that flight is known. Empty for a condition that another sentence of the forecast states.
     """
     caveat, flight = condition.caveat, condition.flight
     if caveat in CONDITIONS:
@@ -108,11 +109,11 @@ def only_if_words(before: Clearance) -> tuple[str, ...]:
 
 def first_steps(before: Clearance, *, grounded: bool) -> list[str]:
     """Return a sentence for each thing to do before the take-off, with how to prove that it is
-    done.
+    done; empty if nothing is.
 
-    `before` is the consequence of the aircraft's earlier flights. If they have `grounded` the
-    aircraft, only the grounding's sentence is returned, because its inspection covers the other
-    conditions.
+    `before` is the consequence of the aircraft's earlier flights: a sentence for each of its
+    caveats. If they have `grounded` the aircraft, only the grounding's sentence is returned,
+    because its inspection covers the other conditions.
     """
     troubles = [actions.OF_CAVEAT[one] for one in before.caveats]
     if grounded and before.level is not None:

@@ -57,7 +57,9 @@ def day_briefly(day: Day) -> str:
 def battery_words(day: Day) -> str:
     """Return a day's battery as a phrase to follow "with"; empty if it is unknown.
 
-    `the battery at 3:20 of this flight`, `a full battery`, `a battery of 56.5 V at rest`.
+    `the battery at 3:20 of this flight`, `a battery of 56.5 V at rest`. The voltage under load
+    comes first, else that at rest. An assumed one is `a half used battery` under load, `a full
+    battery` at rest.
     """
     loaded, rest = day.loaded_voltage, day.battery_voltage
     if math.isfinite(loaded.at_s) and not loaded.source.assumed:
@@ -164,8 +166,8 @@ def ask_words(name: str, step: float, kg: float) -> str:
     """Return a request to state a value of the day, with how much it changes the fill.
 
     `Say the air temperature with --air-temperature: it moves the fill by 1.0 kg per 10 °C.` `name`
-    is a field of `Day`, `step` (10) is in the unit of its option, `kg` is the change of the fill
-    per step.
+    is a key of DAY_FIELDS: a field of `Day`. `step` (10) is in the unit of the field's option and
+    left out of the text if 1. `kg` is the change of the fill per step, worded with its sign.
     """
     how = DAY_FIELDS[name]
     unit = f"{step:g} {how.unit}" if step != 1.0 else how.unit

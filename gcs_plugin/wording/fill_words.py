@@ -59,7 +59,8 @@ FLIGHT_LEVELS: Mapping[FillLevel, FlightLevel] = {
 
 
 def fill_advice(fill: NextFill, limit: float, *, was_within: bool = False) -> str:
-    """Return how much to fill, for which day, and why not more.
+    """Return how much to fill, for which day, and why not more; or why no amount is stated, by
+    `fill.level`.
 
     `Fill at most 9.1 kg (9.1 L) with a full battery, 15 °C: with more it would descend ...`.
     `limit` is the largest share of a rotor's largest thrust that may be used for long.

@@ -81,7 +81,11 @@ def lost_rows(losses: Sequence[LossOfControl]) -> str:
 
 
 def _sign(one: LossOfControl) -> str:
-    """Return one sign of a loss of control with its amount: `tilted up to 95°`."""
+    """Return one sign of a loss of control with its largest size: `tilted up to 95°`.
+
+    `one.value` is a share of full output, rad, rad/s, m/s or m/s² by its kind; angles are worded in
+    degrees.
+    """
     value = one.value
     words, amount = {
         LossKind.SATURATED: ("a motor at {amount} output", percent(value)),
@@ -101,9 +105,9 @@ def event_words(kind: str, subject: str, text: str, time_s: float, count: int) -
     """Return an event that the vehicle reported, as `crash (crash check: ERR 12 1) at 1:23, 2
     times`.
 
-    `kind` (crash) is what happened; `subject` (crash check) the part, or a motor's number; `text`
-    (ERR 12 1) the message. `time_s` is the first time, negative for before the log's first row;
-    `count` is stated if above 1.
+    `kind` (crash) is what happened; `subject` (crash check) the part, or a motor's number, left out
+    if equal to `kind`; `text` (ERR 12 1) the message. `time_s` is the first time, s; negative,
+    before the log's first row, is worded `at the start`. `count` is stated if above 1.
     """
     about = say("motor or part {part}", part=subject) if subject.isdigit() else say(subject)
     details = ": ".join(filter(None, (about if subject != kind else "", text)))

@@ -98,9 +98,10 @@ LEAST_SHARE = 0.005  # of utilisation, worth a word
 def verdict(made: PlanForecast) -> str:
     """Return the forecast's first line: may the aircraft take off with this fill, and why.
 
-    `TAKE OFF WITH 9.0 kg ONLY IF ...: thrust left 55 %, ...`. Open conditions come before the
-    reason, since the line may be read no further; a line that forbids the take-off names none.
-    Without a verdict it says so.
+    `TAKE OFF WITH 9.0 kg ONLY IF ...: thrust left 55 %, ...`; `DO NOT TAKE OFF ...`, `MAY TAKE OFF
+    ...`, or that it is too close to decide. Open conditions come before the reason, since the line
+    may be read no further; a line that forbids the take-off names none. A grounded aircraft and one
+    over its maximum take-off mass come first. Without a verdict it says so.
     """
     advice = made.advised.advice
     use, limit = advice.use, least_words(advice.limit)
@@ -153,7 +154,8 @@ def verdict(made: PlanForecast) -> str:
 def _no_verdict(made: PlanForecast) -> str:
     """Return the English line, in capitals, for a plan without a verdict.
 
-    It names the reason if that is an earlier flight of the aircraft.
+    It names the reason if that is an earlier flight of the aircraft: too short to show anything,
+    not recognised, of another airframe, or contradicted; else it is NO_VERDICT.
     """
     before = made.clearance.flight
     if made.clearance.level is not FlightLevel.UNKNOWN or before is None:
@@ -243,9 +245,11 @@ def place_words(made: PlanForecast) -> tuple[str, ...]:
 
 
 def fill_words(made: PlanForecast) -> str:
-    """Return the sentence on the largest fill with which the plan keeps the limit throughout.
+    """Return the sentence on the largest fill, kg, with which the plan keeps the limit and survives
+    a lost rotor throughout.
 
-    If the aircraft is damaged or grounded, or the fill is unknown, it says that instead.
+    In this order it says instead: that the aircraft is damaged; that it is grounded; that the fill
+    is unknown; that there is no tank; or, for 0 kg, that no fill will do.
     """
     liquid, limit = _liquid(made), least_words(made.advised.advice.limit)
     if made.advised.advice.faults or made.clearance.level is FlightLevel.DAMAGED:
@@ -265,8 +269,10 @@ def fill_words(made: PlanForecast) -> str:
 
 
 def survivable_words(made: PlanForecast) -> str:
-    """Return the sentence on the tank level below which losing a rotor is survivable, and when that
-    is.
+    """Return the sentence on the tank level below which losing a rotor is survivable, and when in
+    the plan that is reached.
+
+    Other sentences: unknown; never, even with an empty tank; throughout; not reached in this plan.
     """
     below = made.survivable_below_kg
     if made.level is FlightLevel.UNKNOWN or not math.isfinite(below):

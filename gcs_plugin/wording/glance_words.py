@@ -47,8 +47,9 @@ _PART: Mapping[str, str] = {
 def in_the_air(name: str, rotors: Sequence[int], place: str = "") -> str:
     """Return the action that an alarm asks of the pilot now: `LAND: rotor 3 front left`.
 
-    `name` is the alarm's, `rotors` its rotors, from 1, and `place` the place of a single one. Empty
-    for an alarm whose own text already is the action, or one that needs a rotor and has none.
+    `name` is the alarm's, `rotors` its rotors, from 1, and `place` the place of a single one, left
+    out with several. Empty for an alarm whose own text already is the action, an unknown name, or
+    an alarm that needs a rotor and has none.
     """
     words = _IN_THE_AIR.get(name, "")
     if not words or ("{which}" in words and not rotors):
@@ -89,8 +90,9 @@ def alarm_then(fault: RotorFault, places: Sequence[str] = ()) -> str:
 def glance(advice: Advice) -> str:
     """Return the action after a flight in a few words: `OK, 9.8 L next`, `FILL 8.6 L`.
 
-    While the flight is in progress, a fault asks to land. Empty where nothing is known, and for a
-    good answer with open caveats, which needs a full sentence.
+    Lost control, a bad rotor, the battery and the motor order come first, in this order. While the
+    flight is in progress, a fault asks to land. Empty where nothing is known, and for a good answer
+    with open caveats, an incomplete log or an unknown load, which needs a full sentence.
     """
     levels, land = advice.levels, advice.in_progress
     if FlightLevel.LOST in levels:

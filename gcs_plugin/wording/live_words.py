@@ -264,9 +264,10 @@ def stale_words(ages: Mapping[str, float]) -> str:
 
 
 def not_followed_words(rates: Mapping[str, tuple[float, float]]) -> str:
-    """Return the line on messages that come slower than requested; empty if none does.
+    """Return the line on messages that come more slowly than requested; empty if `rates` is.
 
-    `rates` maps a message's name to (received, requested), Hz.
+    `rates` maps the name of each such message to (received, requested), Hz. All of them are listed:
+    rates are not compared here.
     """
     if not rates:
         return ""
@@ -295,10 +296,10 @@ def by_source(source: Provenance) -> str:
 
 
 def messages_words(frames: int, lost: Mapping[str, int], refused_why: str = "") -> str:
-    """Return the line with the number of frames received and lost.
+    """Return the line with the number of frames received, and in brackets those lost by each cause.
 
-    `lost` maps a cause, a key of LOST, to its number; `refused_why` is why frames were refused,
-    empty if none was.
+    `lost` maps a cause, a key of LOST, to its number; causes with none are left out. `refused_why`
+    is why frames were refused, empty if none was.
     """
     parts = [f"{lost[name]} {say(words)}" for name, words in LOST.items() if lost.get(name)]
     line = say("{count} messages", count=frames) + (f" ({', '.join(parts)})" if parts else "")

@@ -229,7 +229,8 @@ def basis_words(
     """Return in words whether a flight's thrust utilisation is measured, inferred or predicted.
 
     Of `airborne_s` seconds in the air it is known for `known_s`, and by rotor speeds, reported or
-    inferred, for `measured_s` of these.
+    inferred, for `measured_s` of these. The time unknown is added from 5 % on, the share predicted
+    if any is. With 0 `known_s` it says that nothing is known.
     """
     if known_s == 0.0:
         return say("nothing measured, nothing predicted")

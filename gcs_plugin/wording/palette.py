@@ -182,8 +182,9 @@ def ink_on(paper: ArrayLike) -> str:
 def legend(scale: ColourScale, note: str = "") -> dict[str, Any]:
     """Return the colour scale as a dict for a page's legend; positions are per cent of its length.
 
-    `jumps` are positions of sudden colour changes. `note` is a text to show with it, translated.
-    The page must escape the texts.
+    `stops` are pairs (CSS colour, position), `marks` pairs (position, text), `jumps` the positions
+    of sudden colour changes; `unknown` is the colour of NaN. `note` is a text to show with it,
+    translated. The page must escape the texts.
     """
 
     def place(value: float) -> float:

@@ -330,8 +330,10 @@ def _use_words(contact: FirstContact) -> str:
 
 
 def found_words(contact: FirstContact) -> str:
-    """List what a log contains on an unknown aircraft: motors, layout, cells, hover, sensors,
-    autopilot.
+    """List what a log contains on an unknown aircraft: motors, layout and motor order, cells,
+    seconds of steady hover, ESC speeds, tank gauge, airspeed, autopilot.
+
+    What is missing is listed as not known or as `no ...`.
     """
     layout = contact.layout or say("layout not known")
     order = say("in its motor order" if contact.motor_order_known else "motor order not known")

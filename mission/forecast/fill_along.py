@@ -169,12 +169,13 @@ def largest_fill(
     flown: Callable[[PlanConditions], Advised],
 ) -> float:
     """Search for the largest tank mass at take-off, kg, with which the whole plan stays below
-    `limit`.
+    `limit` and survives the loss of a rotor.
 
-    `flown` forecasts the plan under other conditions; `advised` is the forecast under `given`. The
-    result is rounded down to 0.1 kg; 0 means not even an empty tank keeps the limit. NaN where the
-    utilisation is unknown or a rotor is faulty. The search is by secant steps, because the mass
-    left to the limit is nearly linear in the load.
+    `limit` is a share of a rotor's largest thrust. `flown` forecasts the plan under other
+    conditions; `advised` is the forecast under `given`. The result is rounded down to 0.1 kg and at
+    most what tank and take-off mass allow; 0 means not even an empty tank keeps the limit. NaN
+    where the utilisation is unknown or a rotor is faulty. The search is by secant steps, because
+    the mass left to the limit is nearly linear in the load.
     """
     craft = identified_airframe(advised.analysis.model)
     most = min(craft.tank_capacity_kg, craft.max_takeoff_mass - craft.empty_mass)
@@ -257,8 +258,10 @@ def thrust_places(
     """Return the critical places of a simulated flight, at most one per kind and item, in flight
     order.
 
-    `idle` is the thrust utilisation of a rotor at idle. With `terrain` the path is compared with
-    the ground below it; `home`, the origin of positions, is latitude and longitude, degrees, and m.
+    Kinds: a slope that slows the vehicle, or needs more thrust than there is; height lost; motors
+    at idle in a descent; a path into the ground. `idle` is the thrust utilisation of a rotor at
+    idle. Only with `terrain` is the path compared with the ground below it; `home`, the origin of
+    positions, is latitude and longitude, degrees, and m.
     """
     legs = tuple(timed.leg for timed in flight.course.legs)
     items = np.array([leg.item for leg in legs])[flight.course.active]
@@ -332,12 +335,14 @@ def _most(
 def _height_lost(
     flight: PlanFlight, analysis: FlightAnalysis, items: Floats
 ) -> list[tuple[int, float]]:
-    """Return, for each item, the height, m, lost where all rotors together lack thrust.
+    """Return item and height, m, lost where all rotors together lack thrust, for each item with
+    LEAST_LOST m or more.
 
     The thrust needed follows from weight and acceleration by Newton's law, not from the model. With
     the attitude kept, thrust that lacks a share d of the demand leaves a downward acceleration of d
     times the vertical part of the demand. It is integrated twice over consecutive rows that lack
-    thrust; height lost later, until the sinking is stopped, is not included.
+    thrust, the largest such height of an item counts; height lost later, until the sinking is
+    stopped, is not included. Vertical legs lose none: the vehicle climbs more slowly.
     """
     track, craft = flight.track, identified_airframe(analysis.model)
     upward = G0 - flight.course.gained_ned[:, 2]  # m/s²

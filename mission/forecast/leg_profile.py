@@ -151,10 +151,12 @@ def _pulse_seconds(speed: float, acceleration: float, jerk: float, snap: float) 
 def _pulse(
     speed: float, acceleration: float, jerk: float, snap: float
 ) -> tuple[float, float, float, float, float]:
-    """Return peak acceleration, m/s², peak jerk, m/s³, and the durations of three phases, s.
+    """Return peak acceleration, m/s², peak jerk, m/s³, and the durations of three phases, s, of
+    speeding up to `speed`, m/s.
 
     The phases are one ramp of jerk, constant jerk, and constant acceleration; the last two are 0
-    where the limits are not reached. Arguments are as in `speeding_up`.
+    where the limits are not reached. The limits are `acceleration` m/s², `jerk` m/s³ and `snap`
+    m/s⁴.
     """
     ramp = jerk * math.pi / (2.0 * snap)
     root = math.sqrt(ramp**2 + 4.0 * speed / jerk)

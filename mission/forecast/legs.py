@@ -190,7 +190,8 @@ def parts_flown(
     windy: bool,
     longest_s: float,
 ) -> PartsFlown:
-    """Choose the legs to simulate: the `first` ones, and later ones that differ from those chosen.
+    """Choose the legs to simulate: the `first` ones, and later ones that differ from the legs
+    already chosen.
 
     Two legs are alike if motion (`_kind`), mass and battery charge are about equal. `ends` covers
     all `legs`. Tank and battery are full after the legs numbered `refill_after`, from 0; `mass`,

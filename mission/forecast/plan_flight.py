@@ -141,6 +141,8 @@ def conditions(
     """Return the conditions of a planned flight, and the assumptions made for unknown values.
 
     `day` is `given.day`, with defaults. The assumptions map a name to the figures of its sentence.
+    Without a battery capacity the voltage is constant: that under load with the fill. An unknown
+    flow or wind is 0.
     """
     assumed: dict[Assumption, tuple[str, ...]] = {}
     if day.height.source.assumed and not day.pressure.known:

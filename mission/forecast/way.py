@@ -236,8 +236,11 @@ def _wanted_headings(
 ) -> tuple[Floats, Floats]:
     """Compute the target heading (T,), rad and unwrapped, and its rate (T,), rad/s.
 
-    Parameters are as in `heading`. The target keeps its last value in rows where it does not follow
-    the path: too slow, `held`, or a vehicle that does not turn to its course.
+    `velocity` and `gained` (T, 2 or 3) are velocity, m/s, and acceleration, m/s², north and east;
+    `ordered` (T,) rad is the heading that the plan orders, NaN where none; `start` is the first
+    heading, rad. Without an order the target is the direction of the velocity. It keeps its last
+    value in rows where it does not follow the path: too slow, `held`, or a vehicle that does not
+    turn to its course. The rate is 0 where the heading is ordered or kept.
     """
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     way = np.arctan2(velocity[:, 1], velocity[:, 0])
@@ -351,12 +354,14 @@ def plan_legs(
     terrain: Terrain | None = None,
     start_yaw: float = math.nan,
 ) -> tuple[WayLeg, ...]:
-    """Return the straight legs that a vehicle flies for `steps`.
+    """Return the straight legs that a vehicle flies for `steps`, with climbs, waits and the way
+    home.
 
-    The first leg begins at `start` (3,), m NED about home; None: at home. `start_yaw` is as in
-    `course`. Between two places with heights above the ground the legs follow `terrain`; without
-    terrain a height above the ground counts as above home. Raise PlanError if the plan has no place
-    to fly to, is farther than a multirotor flies, or leaves the ground that `terrain` covers.
+    The first leg begins at `start` (3,), m NED about home; None: at home. `start_yaw`, rad, is the
+    first heading, NaN if unknown. Between two places with heights above the ground the legs follow
+    `terrain`; without terrain a height above the ground counts as above home. A take-off or return
+    without a height uses the return height of `limits`. Raise PlanError if the plan has no place to
+    fly to, is farther than a multirotor flies, or leaves the ground that `terrain` covers.
     """
     way = _Way(limits, np.zeros(3) if start is None else start, start_yaw)
     flown = steps.steps
@@ -442,8 +447,9 @@ def _places(plan: MissionPlan, steps: Sequence[Step], terrain: Terrain | None = 
     """Return the places of S steps (S, 3), m north, east and down from home.
 
     NaN where a step keeps the previous value: the whole place, or north and east where it changes
-    height alone. Raise PlanError where home's height is needed and unknown, or for a step beyond
-    FARTHEST.
+    height alone. Heights above ground are relative to the ground at home; without `terrain` the
+    ground counts as level. Raise PlanError where home's height is needed for a height above the sea
+    and unknown, or for a step beyond FARTHEST, m.
     """
     there = [(*(step.place or (math.nan, math.nan))[:2], step.height) for step in steps]
     degrees = np.array(there, dtype=np.float64).reshape(-1, 3)

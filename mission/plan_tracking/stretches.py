@@ -265,11 +265,13 @@ def stretch_ends(flight: PlanFlight, flown: FlownWay, *, over_s: float = 0.0) ->
 def compare_with_plan(
     flight: PlanFlight, forecast: FlightAnalysis, flown: FlownWay, *, over_s: float = 0.0
 ) -> PlanComparison:
-    """Compare a simulated `flight` of a plan with the path `flown`, stretch by stretch.
+    """Compare the simulated `flight` of a plan with the path `flown`, stretch by stretch.
 
-    `forecast` is the analysis of the simulated flight. Stretches shorter than SHORTEST_S s are left
-    out; `over_s` is as in `stretch_ends`. `left_at` of the result is the item at which the plan was
-    left, None if it was completed.
+    `forecast` is the analysis of the simulated flight. Stretches that lasted less than SHORTEST_S
+    s, forecast or flown, are left out. In a flight in progress a stretch has ended only if `flown`
+    has rows for `over_s` s more. `left_at` of the result is the mission item of the first stretch
+    whose end was not reached, None if all were. Without rows in `flown` it is the first item, None
+    if the plan has none.
     """
     if not flown.time_s.size or not flight.course.spans:
         return PlanComparison(

@@ -74,7 +74,8 @@ def is_held(time_s: Floats, body: Floats) -> bool:
     `body` (T, 15): height m, roll, pitch and yaw rad, velocity north, east and down m/s, two
     measures of thrust (mean squared rotor speed and mean output, in any unit), specific force m/s²
     along three body axes, and commanded roll and pitch, rad; then barometric height, m. NaN where
-    unknown.
+    unknown. Unless the accelerometer shows it, the result is False without a height, after a rise
+    of HANDS m, and at a speed of RUN m/s or more.
     """
     height, attitude, velocity_ned, thrusts = body[:, 0], body[:, 1:4], body[:, 4:7], body[:, 7:9].T
     if feels_nothing(time_s, body):
@@ -103,7 +104,9 @@ def is_held(time_s: Floats, body: Floats) -> bool:
 def feels_nothing(time_s: Floats, body: Floats) -> bool:
     """Return True if the accelerometer, over T rows, shows that thrust does not carry the aircraft.
 
-    `body` (T, 15) as of `is_held`. False with fewer than FEWEST_SECONDS of accelerometer data.
+    It does if the felt force is constant while thrust changes or tilt is commanded, or if force and
+    pressure deny the attitude in half of the rows. `body` (T, 15) has the motion columns that
+    `is_held` lists. False with fewer than FEWEST_SECONDS of accelerometer data.
     """
     if time_s.size == 0:
         return False
@@ -195,8 +198,9 @@ def drop_held(
     """Return a copy of `flying` (T,) with False in runs in which the aircraft is held.
 
     `flying` flags flight by all other tests. `runs` are its (first, end) rows, end excluded; only
-    those that start on the ground are tested. `body` (T, 15) is as in `is_held`. All rows become
-    False if the accelerometer shows that thrust carried the aircraft in none of them.
+    those that start on the ground are tested. `body` (T, 15) has the motion columns that `is_held`
+    lists. All rows become False if the accelerometer shows that thrust carried the aircraft in none
+    of them.
     """
     result = flying.copy()
     if feels_nothing(time_s[flying], body[flying]):  # all runs together, as each may be too short
@@ -224,7 +228,8 @@ def may_hover(squares: Floats, rotors: int, airframe: Airframe | None) -> Floats
 def _stands_still(attitude: Floats, low: bool) -> bool:
     """Return True if roll and pitch of (n, 3) change less than in any flight, but are not frozen.
 
-    `low`: the aircraft did not rise, so that the larger limit applies.
+    `low`: the aircraft did not rise, so that the larger limit applies. False with fewer than
+    FEWEST_ROWS known rows.
     """
     known = attitude[np.isfinite(attitude).all(axis=1), :2]
     if len(known) < FEWEST_ROWS or np.all(np.ptp(known, axis=0) == 0.0):

@@ -101,8 +101,8 @@ def voltage_without_sag(track: FlightTrack) -> bool:
 def lifted_masses(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> list[Floats]:
-    """Return two masses (T,), kg: those that the thrust by rotor speeds and by motor outputs
-    carries.
+    """Return two masses (T,), kg: the mass that the thrust by rotor speeds carries, and the one by
+    motor outputs.
 
     NaN where thrust is unknown. Empty if the airframe has another number of rotors. `parameters`
     are the autopilot's, by name.
@@ -505,12 +505,13 @@ def with_air_temperature(track: FlightTrack, thermometer: Thermometer | None) ->
 
 
 def learnt_thermometer(tracks: Sequence[FlightTrack], airframe: Airframe) -> Thermometer | None:
-    """Estimate the thermometer's offset, K, from fault-free flights.
+    """Estimate the thermometer's offset, K, and its error from fault-free flights.
 
-    The offset is how much warmer the thermometer reads than the air. Return it only if it makes
-    flights agree better in ln N² than the standard atmosphere does (each against the mean of the
-    others; Student's t test of the squared differences); else None. Also None with fewer than
-    FEWEST_FLIGHTS flights, or if a flight needs no correction.
+    The offset is how much warmer the thermometer reads than the standard atmosphere, in the mean.
+    Return it only if it makes flights agree better in ln N² than the standard atmosphere does (each
+    against the mean of the others; Student's t test of the squared differences); else None. Also
+    None with fewer than FEWEST_FLIGHTS usable flights, if a flight needs no correction, or if one
+    is over FARTHEST_FROM_STANDARD K from the mean.
     """
     used = [track for track in tracks if training_rows(track, ("tank_kg",)).any()]
     if len(used) < FEWEST_FLIGHTS or not all(map(needs_thermometer, used)):

@@ -112,8 +112,9 @@ def recovered_signs(track: FlightTrack) -> tuple[LossOfControl, ...]:
 def _signs(track: FlightTrack) -> tuple[list[LossOfControl], list[LossOfControl]]:
     """Return the signs of lost control that lasted long enough, in two lists.
 
-    The first has those before the last calm flight, from which the aircraft recovered; the second
-    those after it: a loss of control. A hard jolt alone is a hard landing and counts in the first.
+    The first has the signs before the last calm flight, from which the aircraft recovered; the
+    second the signs after it: a loss of control. A hard jolt alone is a hard landing and counts in
+    the first.
     """
     watched, driven = _in_or_after_flight(track), _motors_above_idle(track)
     if not (watched | driven).any():
@@ -143,11 +144,12 @@ def _first_of_each_kind(found: list[LossOfControl]) -> tuple[LossOfControl, ...]
 
 
 def movements(track: FlightTrack) -> Movements:
-    """Flag the rows of calm flight (T,), and for each sign of lost control the rows (T,) that show
-    it.
+    """Flag the rows (T,) of calm flight, and map each kind of lost control to its rows (T,) and its
+    size (T,).
 
-    A row is flagged however briefly a sign lasts. With each sign comes its size (T,), in SI.
-    Unknown channels show no sign and do not prevent calm.
+    A row is flagged however briefly a sign lasts. Sizes are angles, rad, or rad/s, m/s and m/s² by
+    the kind. SATURATED is not among the kinds. An unknown channel, or an attitude that specific
+    force and pressure deny, shows no sign and does not prevent calm.
     """
     down = down_axis(track.attitude)
     tilt = np.arccos(np.clip(down[:, 2], -1.0, 1.0))
@@ -314,8 +316,8 @@ class StoppedRotor:
 def stopped_rotors(track: FlightTrack) -> tuple[StoppedRotor, ...]:
     """List the rotors that stopped in flight, in order of time; at most one stop for each rotor.
 
-    A rotor has stopped if it has no speed above 0 for more than LOOK seconds while the others take
-    over its thrust, and its output is not that of a rotor that turns. After a rotor's last reading
+    A rotor has stopped if it has no speed above 0 for more than LOOK seconds while the other rotors
+    take over its thrust, and its output is not as for a turning rotor. After a rotor's last reading
     the silence need not last LOOK, for live use. Inferred speeds are not used.
     """
     turning = track.measured("rotor_speed_rpm")
@@ -382,10 +384,11 @@ def _taken_over(track: FlightTrack, own: Floats, others: Floats, time_s: float) 
 
 
 def _asked_as_turning(track: FlightTrack, rotor: int, time_s: float) -> bool:
-    """Return True if `rotor`'s motor output, relative to the others', hardly changes at `time_s`.
+    """Return True if `rotor`'s motor output, relative to the other motors' output, hardly changes
+    at `time_s`.
 
     The autopilot then still controls the rotor as one that turns. False where outputs are unknown,
-    or the others' did not rise.
+    or the other outputs did not rise.
     """
     asked = track.throttle
     own, others = asked[:, rotor], np.mean(np.delete(asked, rotor, axis=1), axis=1)

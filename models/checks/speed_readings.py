@@ -83,11 +83,12 @@ def checked_readings(
     """Classify n speed readings of one rotor; also return its last reading, for the next call.
 
     MEASURED is valid; ZERO: reported as stopped though driven; HELD: an old value repeated; LONE: a
-    jump too large for a rotor. Of the readings, `time_s` (n,) is their time, `rpm` (n,) the speed,
-    finite, `output` (n,) the motor output, NaN where unknown; `asked` (n,) flags outputs above
-    idle, and `others` (n,) is the median speed, rpm, of the other rotors. `before` is the reading
-    before the first. `look_ahead`: the readings are those of the whole flight, so later ones are
-    used too.
+    jump too large for a rotor, or a speed above the channel's range. `time_s` (n,) is the time of
+    the readings, s, `rpm` (n,) the speed, finite, of either sign, `output` (n,) the motor output,
+    NaN where unknown; `asked` (n,) flags outputs above idle, and `others` (n,) is the median speed,
+    rpm, of the other rotors. `before` is the reading before the first. `look_ahead`: the readings
+    are those of the whole flight, so later ones are used too, and all are ZERO if none turns
+    although driven or without a known output.
     """
     verdict = np.full(time_s.size, MEASURED, dtype=np.uint8)
     if time_s.size == 0:
@@ -126,10 +127,13 @@ def _mark_repeats(
     *,
     look_ahead: bool,
 ) -> LastReading:
-    """Mark in `verdict` (n,), as HELD, readings that repeat while the motor output changed.
+    """Mark in `verdict` (n,), in place, as HELD, readings that repeat for HELD_S s or more while
+    the motor output changed.
 
-    Where the output is unknown, the speed of the others must have changed instead. Parameters are
-    as in `checked_readings`. Return the last run of equal readings.
+    Where the output is unknown, the other rotors' speed must have changed instead. `time_s` (n,) s,
+    `rpm` (n,), `output` (n,), NaN where unknown, and `others` (n,), rpm, are of the readings;
+    `before` is the last run of equal readings before them. With `look_ahead` all repeats of such a
+    run are marked, else only those from when it is certain. Return the last run of equal readings.
     """
     drive = np.where(np.isfinite(output), np.fmax(output, FLOOR), np.fmax(others, SLOW))
     earlier = np.concatenate([[before.value], rpm[:-1]])
@@ -259,8 +263,8 @@ _NORMAL = 1.4826  # standard deviation of a normal distribution over its median 
 
 
 def speed_resolution(track: FlightTrack) -> Statement | None:
-    """Report that rotor speeds in flight are coarse, scattered or slowly updated; None if they
-    are not."""
+    """Report the first of: rotor speeds in flight are coarse, scattered, or slowly updated; None if
+    they are not, or with fewer than LEAST_ROWS rows."""
     rows = track.flying & np.isfinite(track.rotor_speed_rpm).all(axis=1)
     rpm = track.rotor_speed_rpm[rows]
     if rpm.shape[0] < LEAST_ROWS or not rpm.shape[1]:

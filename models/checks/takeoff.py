@@ -216,8 +216,10 @@ class TakeoffWatch:
         """Add new rows, in order of time; return the check of the last run-up, None before the
         first.
 
-        Other arguments are as in `takeoff_checks`. Rows that do not follow the last ones begin
-        another flight. Of a run-up of more than MOST_ROWS rows the middle is dropped.
+        `airframe` is None where it is not known: then only the rotors are compared. `arms` are
+        figures of the aircraft's earlier flights, None where none are known. Rows that do not
+        follow the last ones begin another flight. Of a run-up of more than MOST_ROWS rows the
+        middle is dropped.
         """
         if not track.time_s.size:
             return self.now
@@ -534,8 +536,9 @@ def _unlike(
 def exchanged_with(motor: int, speeds: Floats, outputs: Floats) -> int | None:
     """Return the rotor whose speed signal seems swapped with that of `motor`; None if none does.
 
-    `speeds` and `outputs` are (R,), rotors from 0. Swapping both speeds must make the speeds of all
-    rotors fit their outputs much better.
+    `speeds`, rpm, and `outputs` are (R,), rotors from 0; values not above 0 are unknown. Swapping
+    both speeds must reduce the misfit of the speeds of all rotors with their outputs to less than
+    EXCHANGE_EXPLAINS of it. None also with fewer than FEWEST_TO_EXCHANGE known rotors.
     """
     known = np.flatnonzero(np.isfinite(speeds * outputs) & (speeds > 0.0) & (outputs > 0.0))
     if known.size < FEWEST_TO_EXCHANGE or motor not in known:
@@ -614,8 +617,9 @@ def _first_lasting(time_s: Floats, wrong: Bools, seconds: float, readings: int =
 def _reversed(track: FlightTrack, airframe: Airframe, begin: int) -> list[TakeoffFinding]:
     """Return a finding if yaw accelerates against the yaw moment that the rotors should produce.
 
-    Then rotors of one spin in `airframe` turn the other way; the finding names those that would
-    produce the moment seen. Only rows from `begin` on count. Empty if no row shows it.
+    Then rotors of one spin in `airframe` turn the other way; the finding names the motors whose
+    reversed spin would produce the observed moment. Only rows from `begin` on count. Empty if no
+    row shows it.
     """
     time_s, rate = track.time_s, track.angular_rate_frd[:, 2]
     square = track.measured("rotor_speed_rpm") ** 2
@@ -715,12 +719,12 @@ def _yaw(
 
 
 def _voltages(track: FlightTrack, begin: int, lift: int) -> tuple[float, float, float, float]:
-    """Return the battery's voltage at rest, with motors idling, and the lowest, V, and its
-    resistance, ohm.
+    """Return the battery's median voltage at rest, its median with motors idling, the lowest of all
+    rows, V, and its resistance, ohm.
 
     NaN where unknown. At rest is before row `begin`, idling from there to row `lift`. The
     resistance is the voltage drop from rest to the row of the largest current, over the rise of the
-    current; NaN if that is small.
+    current; NaN if that is below LEAD_CURRENT.
     """
     volts, amperes = track.voltage, track.current
     with np.errstate(invalid="ignore"):
@@ -788,7 +792,7 @@ def bad_leads(
     `battery` (T,) is the battery's voltage, V; `volts` and `amperes` (T, R) are those of the ESCs.
     The voltage drop at small current is an offset of the voltmeters and is subtracted. ESCs report
     one after the other, so only means over LEAD_S s of a steady current are compared: in most
-    take-offs those of the first seconds of hover.
+    take-offs the first seconds of hover.
     """
     drop = battery[:, None] - volts
     with np.errstate(invalid="ignore"):

@@ -40,9 +40,11 @@ def broken_voltage(
 ) -> tuple[Bools, VoltageSoFar]:
     """Flag the rows (T,) in which the voltage reading fell without the battery's voltage falling.
 
-    A reading is wrong if it falls below the share FALL of recent ones while speeds and outputs of
-    the motors do not respond to it. Rows next to a wrong one are flagged too. Also return the state
-    after the rows, to pass as `so_far` with the flight's next rows.
+    A reading is wrong if it is below FALL times an earlier sound reading, at most LOOK s old, while
+    motor speeds and outputs do not respond. A fall that lasts LOOK s or more is wrong even if they
+    do. The five rows on either side of a wrong one are flagged too. Voltages of 0 V, and outputs on
+    the ground, count as unknown; an unknown voltage is not wrong. Also return the state after the
+    rows, to pass as `so_far` with the flight's next rows; None starts a flight.
     """
     so_far = VoltageSoFar() if so_far is None else so_far
     volts = np.where(track.voltage > 0.0, track.voltage, np.nan)

@@ -120,7 +120,7 @@ class Channels:
 
 
 def concatenate(parts: list[Channels]) -> Channels:
-    """Concatenate the channels of several flights; scalars are those of the first."""
+    """Concatenate the channels of several flights; scalars are taken from the first flight."""
     joined: dict[str, Any] = {}
     for f in fields(Channels):
         values = [getattr(p, f.name) for p in parts]

@@ -322,9 +322,10 @@ class EffectRecord:
 
     @property
     def loss(self) -> Identified | None:
-        """Return the share of thrust that one rotor loses (of a loss curve, the largest).
+        """Return the share of thrust that one rotor loses, negative for a gain; of a loss curve,
+        its largest knot.
 
-        None for an effect that is not of one rotor.
+        None for an effect that is not of one rotor, or has no loss.
         """
         of_curve = [v for name, v in self.parameters.items() if name.startswith("at_")]
         losses = [self.parameters["loss"]] if "loss" in self.parameters else of_curve
@@ -355,7 +356,12 @@ def placed_from(records: Sequence[EffectRecord], rotor_count: int) -> tuple[Plac
 
 
 def _place_effect(record: EffectRecord, rotor_count: int) -> Placed:
-    """Return the effect of one record. Raises ModelError as `placed_from`."""
+    """Return the effect of one record with its values, rotor from 0 (None if not of one).
+
+    A detail that an older file lacks has no influence. Raise ModelError for an unknown effect, a
+    rotor that the effect or the aircraft does not have, and a parameter that is missing, not finite
+    or in another unit.
+    """
     key = f"{record.name}:{record.variant}" if record.variant else record.name
     effect = BY_KEY.get(key)
     if effect is None:

@@ -306,11 +306,11 @@ def _with_slung_load(p, x: Channels, thrust):
 
 
 def _cable_bracket(number: int) -> Effect:
-    """Return the slung load effect for cable lengths in part `number`, from 0, of BRACKETS of the
-    range.
+    """Return the effect of a slung load whose cable length, m, is limited to part `number` of the
+    range, from 0.
 
-    The range is divided, because the fit can follow a swing's phase only from a length near the
-    true one.
+    The range of lengths is divided into BRACKETS parts of equal ratio, which overlap, because the
+    fit can follow a swing's phase only from a length near the true one.
     """
     width = RATIO ** ((LENGTHS - 1) / BRACKETS)
     low, longest = SHORTEST * width**number, SHORTEST * RATIO ** (LENGTHS - 1)

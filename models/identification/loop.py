@@ -95,9 +95,12 @@ def identify_checked(
     catalogue: Sequence[Effect] = CATALOGUE,
     progress: Progress | None = None,
 ) -> Identification:
-    """Identify like `identify`, from tracks that have passed `require_airframe` already.
+    """Identify the effects that explain the flights `fit`, from tracks that have passed
+    `require_airframe` already.
 
-    Tracks are read one at a time, so a sequence may load each from disk.
+    `held_out` are flights to test the result on, which are not fitted; without any, errors are by
+    cross-validation. `catalogue` are the effects to consider. `progress` is called with a sentence
+    and the share done. Tracks are read one at a time, so a sequence may load each from disk.
     """
     catalogue = effects_for(model.airframe, catalogue)
     problem, means = rows_and_means(model, fit)

@@ -540,8 +540,12 @@ def with_load_beyond_gauge(analysis: FlightAnalysis, beyond_kg: float) -> Flight
 
 
 def with_density_error(analysis: FlightAnalysis, share: float) -> FlightAnalysis:
-    """Set the density's standard error to `share` of the density, which widens the redundancy's
-    interval."""
+    """Return a copy of the analysis in which the density's standard error is `share` of the density
+    in every row.
+
+    It replaces the earlier error; `share` 0.02 is 2 %. The standard error of the redundancy is
+    computed again from it; densities and redundancy remain.
+    """
     shares = np.full(analysis.density.shape, share)
     airframe = identified_airframe(analysis.model)
     return replace(

@@ -220,10 +220,11 @@ class FaultTest:
         """Return a fault of one of several rotors, where the block does not show which; else None.
 
         `share` (R, 1 + J) is the posterior by rotor and size, the first column of no fault;
-        `rotor`, from 0, is the most probable one. The possible rotors are those that `share` does
-        not exclude, `before` (the most probable one in the block before; -1: none) and those of
-        `suspected`, the ambiguous fault of that block. None if only one is possible, if one of them
-        already has a fault, or if sound rotors are more probable.
+        `rotor`, from 0, is the most probable one. The possible rotors are those with a share above
+        EXCLUDED, `before` (the most probable one in the block before; -1: none) and those of
+        `suspected`, the ambiguous fault of that block. The upper end of the size is MOST, because
+        the rotor is unknown. None if only one rotor is possible, if one of them already has a
+        fault, or if sound rotors are more probable.
         """
         rotors = set(np.flatnonzero(share.sum(axis=1) > EXCLUDED).tolist())
         rotors |= set(suspected.rotors if suspected else ()) | ({before} - {-1})

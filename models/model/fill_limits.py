@@ -220,7 +220,12 @@ class NextFill:
 
     @property
     def level(self) -> FillLevel:
-        """Return the verdict on this fill: FILL, or why nothing or no amount can be stated."""
+        """Return the verdict on this fill: FILL if an amount can be filled, else why not.
+
+        In this order: UNSOUND for a bad part, UNPREDICTED or UNKNOWN for an unknown amount; where
+        nothing fits at all WEIGH, TOO_HEAVY, NO_TANK or NO_SPARE_MASS; for 0 kg or less UNSURE if
+        the expected limit is above 0, NO_FILL if not.
+        """
         if self.reason == "unsound":
             return FillLevel.UNSOUND
         if not np.isfinite(self.kg):
@@ -278,10 +283,12 @@ def next_fill(
 ) -> tuple[NextFill, Floats, Floats]:
     """Return the fill for another flight like this one, and two fill limits (T,), kg, for each row.
 
+    The fill holds for the row in flight with the lowest thrust ceiling; it is reduced by mass that
+    the gauge does not show, and to the least fill of this flight that certainly exceeded the limit.
     In a row, the first limit is the fill at which utilisation reaches `limit` (the share of a
     rotor's largest thrust that may last), the second that at which the loss of a rotor is no longer
     survivable. `heard` is the source of measured values, log or link. All are NaN if the aircraft
-    is unknown (`no_verdict`) or no row is in flight.
+    (`no_verdict`) or its empty mass is unknown, or no row in flight has a known ceiling.
     """
     track, craft = analysis.track, identified_airframe(analysis.model)
     nothing = np.full(track.time_s.size, np.nan)

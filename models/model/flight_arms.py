@@ -95,7 +95,7 @@ def flight_arm_answer(
     in earlier flights.
 
     `faults` and `misread` are what the search for weak rotors by speeds found; they limit the
-    causes of those arms.
+    causes of the arms that they name.
     """
     model = analysis.model
     return arm_answer(

@@ -263,7 +263,9 @@ def state_before(
     time, s).
 
     `rotors` is the number of modes, `longitude_deg` the place of the flight, which sets its local
-    day. Only flights that started earlier count. The other arguments are as in `walk`.
+    day. Only `flights` that started earlier count. `steps` are the sizes of the random walk,
+    `last_training` the last training flight (None: unknown) and `repairs` the Unix times of
+    repairs, as in `walk`.
     """
     earlier = [one for one in flights if one.start_unix_s < start_unix_s]
     coming = FlightOffsets(

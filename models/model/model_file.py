@@ -159,8 +159,11 @@ def _tensors(network: RotorNetwork | None) -> dict[str, np.ndarray]:
 
 
 def _network(tensors: dict[str, np.ndarray]) -> RotorNetwork | None:
-    """Build a network from its tensors; None without tensors. Raises ModelError for a wrong name
-    or type."""
+    """Build a network from its tensors, by name; None without tensors.
+
+    Raise ModelError if a tensor is missing, superfluous or of another type: float64 for the
+    standardisation, float32 for the layers.
+    """
     if not tensors:
         return None
     depth = sum(name.endswith(".weight") for name in tensors)

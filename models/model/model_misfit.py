@@ -94,9 +94,9 @@ def caveats(
     `beyond_gauge_kg`: load by hover thrust less the reported one. `model_fails`: the model
     contradicts the measured speeds. `misread`: one ESC reports too high or too low a speed.
     `unsought_s`: seconds in flight in which a weak rotor could not be found for lack of data;
-    `by_outputs_s`: those in which only motor outputs would have shown a sudden one. `trim_known`:
-    earlier flights show how the sound rotors differ; without them a rotor weak from the start is
-    not found. `complete`: the log contains the whole flight.
+    `by_outputs_s`: seconds in which only motor outputs would have shown a suddenly weak rotor.
+    `trim_known`: earlier flights show how the sound rotors differ; without them a rotor weak from
+    the start is not found. `complete`: the log contains the whole flight.
     """
     found = {
         caveat

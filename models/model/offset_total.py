@@ -58,12 +58,13 @@ def rotor_total(
     since_unix_s: float = -math.inf,
     jump_unix_s: float = -math.inf,
 ) -> RotorTotal | None:
-    """Return the weak rotor that the mode offsets of an aircraft's flights, taken together, show.
+    """Return the weak rotor that the mode offsets of an aircraft's flights, taken together, show,
+    with the 90 % interval of its loss.
 
     None if its posterior probability is below NAMED, or without a flight. Only `flights` after the
-    last repair at `since_unix_s` (Unix time, s) count. At `jump_unix_s` the offsets moved more than
-    the random walk allows: the flights from then on must show the loss by themselves, because the
-    jump may be an unreported repair.
+    last repair at `since_unix_s` (Unix time, s) count, and of these the last MOST_DAYS days with
+    flights. At `jump_unix_s` the offsets moved more than the random walk allows: the flights from
+    then on must show the loss by themselves, because the jump may be an unreported repair.
     """
     rows = sorted((one for one in flights if one.start_unix_s > since_unix_s), key=_start)
     if not rows:
@@ -196,9 +197,10 @@ class _LogDensity:
 
 
 def _scatter(model: RotorModel, rotors: int) -> Floats:
-    """Return the standard deviation (R,) of each mode between the flights a model was trained on.
+    """Return the standard deviation (R,) of each mode between the flights a model was trained on,
+    over the mean rotor speed.
 
-    Relative to mean rotor speed; 0 where the model does not contain it.
+    0 where the model does not contain it.
     """
     good = model.good_flights
     if good is None or len(good.mode_scatter_rpm) != rotors:

@@ -334,9 +334,10 @@ def output_test(steps: Floats, widths: Floats, inputs: Floats) -> FaultTest:
 
 
 def of_outputs(fault: RotorFault) -> RotorFault:
-    """Widen the interval of a fault found by motor outputs by the error of the thrust curve.
+    """Return a copy of a fault found by motor outputs, whose interval is widened by the error of
+    the thrust curve and whose evidence is "outputs".
 
-    The upper end stays MOST while the fault grows.
+    The lower end is at least 0; the upper end stays MOST while the fault grows.
     """
     lower, upper = (
         math.hypot(end - fault.size, 1.96 * CURVE_ERROR * fault.size)

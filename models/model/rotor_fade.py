@@ -133,10 +133,11 @@ class RotorFade:
         return np.asarray(np.logaddexp(still, drifts).sum(axis=-1))
 
     def _fault(self, rotor: int, sizes: Floats) -> RotorFault:
-        """Return the fault of a rotor, from 0, by the posterior (J,) over its sizes.
+        """Return the fault of a rotor, from 0, by the posterior (J,) over its sizes: mean size and
+        95 % interval, shares of thrust lost.
 
-        The loss within the reference and after the middle of the last windows is not observed: at
-        the present rate of fading it is added to the upper end.
+        The loss within the reference windows and after the middle of the last ones is not observed:
+        at the present rate of fading it is added to the upper end, which stays below MOST.
         """
         lower, upper = np.interp([0.025, 0.975], np.cumsum(sizes) - 0.5 * sizes, FAULT_SIZES)
         size = float(sizes @ FAULT_SIZES)

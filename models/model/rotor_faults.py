@@ -174,9 +174,12 @@ class RotorFaults:
             self._landed_s, self._rows = time_s, []
 
     def add(self, time_s: float, row: Floats) -> bool:
-        """Add a row of `fault_signals`, in flight and in order of time.
+        """Add a row of `fault_signals`, in flight and in order of time, s.
 
-        Return True if it completed a block, after which `current` may have changed.
+        Return True if the rows before it completed a block, after which `current` may have changed.
+        A row without the squared speeds of all rotors only counts for time. After a time on the
+        ground a new block begins, and after more than CHANGED s there earlier faults may have been
+        repaired.
         """
         begins = math.isnan(self._begun_s) or not math.isnan(self._landed_s)
         if not math.isnan(self._landed_s):
@@ -212,10 +215,13 @@ class RotorFaults:
             self.history.append((time_s, current))
 
     def _close_block(self, of_block: Sequence[Floats] | Floats) -> None:
-        """Pass the mean and slope of a completed block to the fault tests.
+        """Pass the mean and slope of a completed block to the fault tests, and set `tested` to
+        their results.
 
-        `of_block` (N, 7 + 3 R) are rows of `fault_signals`. A block with too few rows is skipped;
-        rows by outputs alone are not mixed with measured ones.
+        `of_block` (N, 7 + 3 R) are rows of `fault_signals`. If some rows have measured speeds,
+        those by outputs alone are dropped. With fewer than FEWEST_ROWS rows, or all at one time,
+        nothing is tested and `tested` is empty. Rotor speed is tested only under load. If the
+        `RowLimit` of a row forbids new faults, the tests keep their earlier results.
         """
         rotors, self.tested = len(self._modes), {}
         if not len(of_block) or not self._tests:
@@ -543,10 +549,12 @@ def propeller_test(model: RotorModel, modes: Floats) -> FaultTest:
 
 
 def _turn_inputs(model: RotorModel) -> Floats:
-    """Return the prior standard deviations (R, 7) of each mode's response to seven inputs.
+    """Return the prior standard deviations (R, 7) of the response of R modes to seven inputs.
 
-    The inputs are load factor, three body rates and the slopes of the rates; R modes in the order
-    of `mode_directions`.
+    Columns: load factor, three body rates (rad/s), the three slopes of the rates (rad/s²). Values
+    are shares of hover thrust per unit of the input. Rows are in the order of `mode_directions`; a
+    mode responds to the input of its own axis in full, and to any other input by the share LEAK,
+    never zero. A rate has the same value as its slope.
     """
     airframe = model.airframe
     rotors, size = airframe.rotor_count, math.sqrt(airframe.rotor_count)

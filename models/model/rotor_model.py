@@ -152,7 +152,9 @@ class RotorModel:
 
     @property
     def _base_words(self) -> str:
-        """Describe the model without its effects, in words."""
+        """Describe the model without its effects, in words: the number of members of its network,
+        or weight and thrust curve; flights and date of the training, and the kind of rotor speeds
+        if not measured."""
         if self.training_domain is None:
             return f"weight and thrust curve of {self.airframe.title}, no network"
         trained = f", trained {self.training.date}" if self.training else ""

@@ -127,9 +127,10 @@ def train(
     """Fit the rotor speed model of one aircraft to its flights, with a prediction interval.
 
     Rotor speeds are all measured or all from motor outputs; the model's record states which, with
-    `date` and `version`. `progress` is called after each epoch of each network. Raise DataError
-    when speeds are of both kinds, when there are no usable rows or fewer than 3 flights, and
-    AirframeError when the flights have another number of rotors than the airframe.
+    `date` and `version`. Rows in yaw turns are not trained on. `progress` is called after each
+    epoch of each network, with the network's name first. Raise DataError when speeds are of both
+    kinds, when there are no usable rows, no row outside yaw turns in a flight, or fewer than 3
+    flights, and AirframeError when the flights have another number of rotors than the airframe.
     """
     samples = gather(tracks)
     places = [i for i, track in enumerate(tracks) if training_rows(track).any()]

@@ -168,8 +168,9 @@ def _fit(
     """Fit one network with torch, whose random generator the caller has seeded.
 
     `inputs` (T, k) and `rotor_speed_rpm` (T, R) are standardised by the training rows; `training`
-    and `validation` are row indices. `on_epoch` is called with the epoch's number and validation
-    loss. The weights are those of the epoch with the least validation loss.
+    and `validation` are row indices. `on_epoch`, if not None, is called with the epoch's number,
+    from 1, and validation loss. Training stops early by the patience of `config`. The weights are
+    those of the epoch with the least validation loss.
     """
     import torch
 

@@ -106,7 +106,13 @@ def track_air(track: FlightTrack, temperature_offset: float = 0.0) -> Air:
 
 
 def _compute_air(track: FlightTrack, temperature_offset: float) -> Air:
-    """Compute the air, as `track_air` without its cache."""
+    """Compute density, kg/m³, its standard error, temperature, K, and the basis of the air of each
+    row.
+
+    Density is by pressure where it is plausible, else by altitude. Rows with neither have the
+    median of the other rows; without any the density is that at sea level, stated as assumed.
+    `temperature_offset`, K, is added to the temperature.
+    """
     low, high = PLAUSIBLE_PRESSURE
     reported = np.isfinite(track.pressure)
     by_pressure = reported & (track.pressure >= low) & (track.pressure <= high)

@@ -40,8 +40,8 @@ def known_battery(
 
     `rest_voltages` has the voltage of each flight, `resistances` the resistance of each and its
     standard error; NaN is unknown. The voltage is the mean, the resistance the geometric mean of
-    those with a relative error below UNSURE; each has the error of predicting one more flight,
-    since a battery is not always full.
+    the resistances with a relative error below UNSURE; each has the error of predicting one more
+    flight, since a battery is not always full.
     """
     volts = [value for value in rest_voltages if value > 0.0]
     known = [math.log(ohm) for ohm, error in resistances if ohm > 0.0 and error < UNSURE * ohm]

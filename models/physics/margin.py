@@ -218,8 +218,12 @@ def ceiling(airframe: Airframe, density: ArrayLike, voltage: ArrayLike | None = 
 
 
 def nameplate_ceiling(airframe: Airframe) -> Ceiling:
-    """Return the ceiling, one row, by the maker's printed maximum thrust, whatever the air and
-    battery."""
+    """Return the ceiling, one row, by the maker's printed maximum thrust, N, whatever the air and
+    battery.
+
+    The free thrust (1,) is that of a sound rotor, `max_thrust` (1, R) that of each rotor with its
+    effectiveness.
+    """
     free = np.array([airframe.nameplate_max_thrust])
     return Ceiling(
         max_rotor_speed_rpm=speed_from_thrust(free, coefficient=airframe.thrust_coefficient),

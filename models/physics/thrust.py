@@ -121,9 +121,11 @@ def blade_coefficient(
 def thrust_coefficient_range(
     *, pitch: float, diameter: float, blades: float
 ) -> tuple[float, float]:
-    """Return the smallest and largest C_T of Eq. 3 over the parameter ranges that the paper prints.
+    """Return the smallest and largest C_T of Eq. 3, without unit, over the parameter ranges that
+    the paper prints.
 
-    Eq. 3 is monotone in each parameter alone, so both are at corners of the ranges.
+    `pitch` and `diameter` are in one unit, `blades` is their number. Eq. 3 is monotone in each
+    parameter alone, so both are at corners of the ranges.
     """
     corners = np.array(list(product(*COEFFICIENT_RANGES.values())))
     values = blade_coefficient(

@@ -96,8 +96,9 @@ class AirframeNew:
     def made(self, console: Console) -> MadeAirframe:
         """Write the airframe file that the options describe, and return the airframe with notes.
 
-        Values that neither options nor log contain are asked for in a terminal. Raises UsageError
-        for options that are missing or impossible, DataError if the file cannot be written.
+        The only log in the folder is used if no option names a source. Values that neither options
+        nor log contain are asked for in a terminal. Raise UsageError for options that are missing
+        or impossible, DataError if the file cannot be written.
         """
         from thrustmargin.gcs_plugin.commands.airframe.fitted import Fitted, bench_quantities
         from thrustmargin.gcs_plugin.commands.airframe.questions import (

@@ -358,10 +358,10 @@ def _answered(name: str, answers: Answers, reported: ReportedAirframe) -> Answer
 
 
 def _with(name: str, answer: str, answers: Answers, reported: ReportedAirframe) -> Answers:
-    """Return the answers with the text `answer` set as the answer to the question `name`.
+    """Return a copy of the answers with the text `answer` set as the answer to the question `name`.
 
-    `name` is a key of QUESTIONS. Raises ValueError or UsageError if the text is empty or no
-    possible answer.
+    `name` is a key of QUESTIONS. A number may have its unit and a decimal comma. Raise ValueError
+    or UsageError if the text is empty or no possible answer.
     """
     from thrustmargin.models.physics.motor_layouts import motor_layouts
 

@@ -128,9 +128,9 @@ def replay_view(
 
     `given`: the user chose `model`; else it is used only for a flight recognised as one of its
     airframe. Of several sorties the view shows number `sortie` (from 1), or the one with the worst
-    verdict if None, and the terminal names the others. `limit` is the largest share of a rotor's
-    thrust that may be in use; `options` are passed to ReplayView. Raises DataError for a sortie
-    that is not there.
+    verdict if None; a list of all is printed on stderr, after the notes on the log. `limit` is the
+    largest share of a rotor's thrust that may be in use; `options` are passed to ReplayView. Raise
+    DataError for a sortie that is not there.
     """
     from thrustmargin.gcs_plugin.commands.shared.log_flights import log_lines
     from thrustmargin.gcs_plugin.logs.findings import names_wrong, report_findings

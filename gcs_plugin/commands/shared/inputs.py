@@ -83,10 +83,12 @@ Reading = Annotated[ReadingOptions, tyro.conf.OmitArgPrefixes]
 
 
 def reading_keywords(reading: ReadingOptions) -> dict[str, Any]:
-    """Check the options for reading logs, and return them as keyword arguments of `read_log`.
+    """Check the options for reading logs, and return them as keyword arguments of `read_log`:
+    `vehicle`, `tank`, `tank_start_kg`, `load`, `load_end` and `air_temperature`.
 
-    `WatchSettings` takes them too. The air temperature becomes K. Raises UsageError if an option is
-    out of range, or two exclude each other.
+    Loads are kg; the air temperature is converted to K; None where not stated. `WatchSettings`
+    takes the same keywords. Raise UsageError if an option is out of range, or two exclude each
+    other.
     """
     # Imported here: the MAVProxy module loads this file at once and must stay light.
     from thrustmargin.gcs_plugin.telemetry.battery_and_tank import check_source
@@ -300,9 +302,10 @@ class Inputs:
         return " ".join(f"{name} {value}" for name, value in named.items() if value is not None)
 
     def as_table(self) -> dict[str, Any]:
-        """Return the options as a dict, to be stored in the options.json of a recording.
+        """Return the options as a dict, to be stored in the options.json of a recording: `model`,
+        `airframe`, `max_utilisation` and `reading`.
 
-        Paths of files become absolute.
+        Paths of files become absolute; an airframe's name stays. None where not stated.
         """
         airframe = self.airframe
         if airframe is not None and airframe.endswith(".toml"):

@@ -286,8 +286,9 @@ def known_flights(
     it.
 
     The flights of an aircraft are processed by time, and each updates the state for the next,
-    unless an option forbids it. Logs of unknown aircraft are left out; one that fits several
-    aircraft is reported on the console. Logs that turn out unusable are appended to `unread`.
+    unless an option forbids it. Logs of unknown aircraft and unreadable ones are left out, without
+    a note; one that fits several aircraft is reported on the console. Logs of known aircraft that
+    turn out unusable are appended to `unread`. Empty if no aircraft is known.
     """
     from thrustmargin.gcs_plugin.wording.aircraft_words import open_words
 

@@ -65,7 +65,11 @@ class StoredAnswer:
 def no_verdict_reasons(
     advice: Advice, airframe_match: AirframeMatch, track: FlightTrack
 ) -> tuple[NoVerdict, ...]:
-    """Return the kinds of reasons why a flight has no verdict; empty if it has one."""
+    """Return the kinds of reasons why a flight has no verdict; empty if it has one.
+
+    There is one, the first of: the airframe is contradicted or not known, too short, contradicted
+    model, prediction alone; else the missing ones of rotor speed and tank level.
+    """
     if advice.level is not FlightLevel.UNKNOWN:
         return ()
     if airframe_match.no_verdict:

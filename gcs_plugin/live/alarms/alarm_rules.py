@@ -223,8 +223,8 @@ def _low(
 
     The limit is `s`'s. `ends` are the low and high ends (N, R) of the 90 % interval of `use`; with
     the limit in it the alarm is a notice. Rows with `clears` (N,) clear above the limit, rows with
-    `off` (N,) at any margin. `what` names the margin; `rotors`: name the worst rotor; `bad` are
-    rotors, from 1, with an alarm.
+    `off` (N,) at any margin. `what` names the margin; `rotors`: name the worst rotor, if it is
+    clearly worse than the others; `bad` are rotors, from 1, with an alarm.
     """
     limit, at = 1.0 - s.max_utilisation, range(len(use))
     rotor = np.argmax(np.where(np.isfinite(use), use, -np.inf), axis=1)

@@ -105,16 +105,17 @@ class Alarms:
         unheard_s: Floats | None = None,
         from_outputs: bool = False,
     ) -> list[AlarmEvent]:
-        """Check the rows from `first` on, in order of time; return the changes of alarms.
+        """Check the rows from `first` on; return the changes of alarms, in order of time.
 
-        Arrays (T,) are on the rows of `analysis`; `clock_s` is the vehicle's clock, s. Checks that
-        use the prediction cover the rows `settled`, and those for faults of rotors and motors the
-        rows `sought`, where these become final later. `pumped_kg` is the liquid pumped so far,
-        `virtual_kg` the virtual gauge, `margin_ahead` the least predicted margin on the rest of the
-        route; NaN where unknown. `esc_failures` (T, R) are ESC_FAILURE_FLAGS, NaN where an ESC does
-        not report on itself. `unheard_s` (T, R) are the s for which messages came without a rotor's
-        speed, NaN where none was ever reported; `from_outputs`: all speeds are inferred from motor
-        outputs.
+        Arrays (T,) are on the rows of `analysis`; `clock_s` is the vehicle's clock, s. `settled`
+        are the rows with a final prediction, `sought` those in which rotor faults have been
+        searched for; only these are checked for what needs the one or the other. None: the rows
+        from `first` on, for `sought` the settled ones. `pumped_kg` is the liquid pumped so far,
+        `virtual_kg` the virtual gauge, `margin_ahead` the least predicted margin (a share) on the
+        rest of the route; NaN where unknown. `esc_failures` (T, R) are ESC_FAILURE_FLAGS, NaN where
+        an ESC does not report on itself. `unheard_s` (T, R) is the time, s, for which messages came
+        without a rotor's speed, NaN where none was ever reported. `from_outputs`: all speeds are
+        inferred from motor outputs. Checks that need the airframe are unknown without a verdict.
         """
         new, final = slice(first, None), slice(first, None) if settled is None else settled
         known = final if sought is None else sought
@@ -198,8 +199,8 @@ class Alarms:
     ) -> list[TankBalance | None]:
         """Return, for each row of the slice `rows`, the tank by gauge, pump and thrust.
 
-        None except once a second, and in all rows without a verdict. `clock_s`, s, `pumped_kg` and
-        `virtual_kg` (mass by thrust) are (T,).
+        None except once a second in flight, and in all rows without a verdict. On the ground the
+        balance begins anew. `clock_s`, s, `pumped_kg` and `virtual_kg` (mass by thrust) are (T,).
         """
         track, at = analysis.track, range(analysis.track.time_s.size)[rows]
         balances: list[TankBalance | None] = [None for _ in at]
@@ -266,7 +267,8 @@ class Alarms:
         return events
 
     def restate(self, faults: Sequence[RotorFault], places: Sequence[str]) -> None:
-        """Replace the texts of listed rotor and motor alarms by those of the ended flight's report.
+        """Replace the texts of listed rotor and motor alarms by the texts of the ended flight's
+        report.
 
         `faults` are the report's; an alarm without an equal fault among them is unchanged. `places`
         are the rotors' names.
@@ -291,7 +293,8 @@ class Alarms:
         """Apply one rule's checks of N rows, and append the changes of its alarms to `events`.
 
         `times` (N,), s, is the vehicle's clock, for a rule of the link the ground's; `flying` (N,)
-        flags rows in flight; `missing` is the reason given where the checks are unknown.
+        flags rows in flight. On the ground a rule is checked, or clears its alarms, or is not
+        looked at, by its `on_ground`. `missing` is the reason given where the checks are unknown.
         """
         keys: list[Key] = [
             (rule.name, k + 1 if k < found.rotor else None) for k in range(found.on.shape[1])
@@ -366,10 +369,11 @@ class Alarms:
         at: tuple[int, int],
         time_s: float,
     ) -> None:
-        """Raise the alarm `key` at `time_s`, s, with the text of `found` at (row, column).
+        """Raise the alarm `key` at `time_s`, s, with the text of `found` at (row, column); append
+        the change to `events`.
 
         If it is listed, or was cleared within AGAIN s, it is the same alarm, and its count
-        increases.
+        increases; else a new one begins.
         """
         cleared, cleared_s = self._cleared.pop(key, (None, float("-inf")))
         before = self.listed.get(key) or (cleared if time_s - cleared_s <= AGAIN else None)

@@ -404,7 +404,9 @@ class _Parts:
     def write(self, new: list[pa.RecordBatch], later: list[pa.RecordBatch]) -> None:
         """Add final rows `new`, and provisional rows `later` that the next call replaces.
 
-        If the disk refuses, `trouble` says why and the rows wait for the next call.
+        If the disk refuses, `trouble` says why and the rows wait for the next call; the newest are
+        dropped, and counted in `rows_lost`, once more wait than two parts hold. After PART_ROWS
+        rows or PART_SECONDS s a new part begins.
         """
         import pyarrow as pa
 

@@ -45,7 +45,9 @@ class DeliveryMeter:
     def add(self, gauge: float, pumped: float) -> None:
         """Add the next sample: kg by the gauge, and kg pumped so far; ignored if NaN.
 
-        A refill, or a count that begins anew, begins the comparison anew.
+        After LEARN_KG pumped, `now` becomes the fall of the gauge over the kg pumped of late, and
+        `first` the earliest such factor, limited to 0.4 to 1.6. A refill, or a count that begins
+        anew, begins the comparison anew; an almost empty gauge changes neither.
         """
         if not np.isfinite(gauge + pumped):
             return

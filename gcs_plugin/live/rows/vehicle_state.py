@@ -95,10 +95,11 @@ class VehicleState:
 
 
 def fold(state: VehicleState, frame: Frame) -> VehicleState:
-    """Return the state after one more frame of this vehicle.
+    """Return the state after one more frame of this vehicle: its heartbeat, parameters and mission.
 
-    It is the same object if the frame changes nothing, such as one of another autopilot with its
-    id.
+    It is the same object if the frame changes nothing, such as a frame of a component that is no
+    autopilot. The first autopilot heard sets `component`; another one with the same system id is
+    only added to `other_autopilots`, and its later frames are ignored.
     """
     if frame.component in state.other_autopilots:
         return state

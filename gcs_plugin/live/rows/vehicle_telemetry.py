@@ -179,7 +179,11 @@ class VehicleTelemetry:
         return self.state.facts if self._motors is None else self._motors.facts
 
     def take(self, frame: Frame) -> None:
-        """Store a frame of this vehicle, in the order of arrival."""
+        """Store a frame of this vehicle, in the order of arrival, and fold it into `state`.
+
+        Frames of a second autopilot with this system id are counted, but their data are dropped; an
+        event says so. Changes of the state become events.
+        """
         self.stamp_us = frame.stamp_us
         self.counts[frame.id] += 1
         changed = False
@@ -270,11 +274,13 @@ class VehicleTelemetry:
     def _part(
         self, boot: int, piece: _Piece, streams: dict[str, Stream], until_s: float
     ) -> LiveRows | None:
-        """Make the rows of start number `boot` up to `until_s`, s of the vehicle's clock.
+        """Make the rows of start number `boot` up to `until_s`, s of the vehicle's clock, and keep
+        the state for the next call.
 
         `streams` are the messages by name, during which the vehicle's state was `piece.state`.
-        `rows` sets the stamps of the result. None if no row is complete yet, or the vehicle's
-        motors are unknown.
+        `rows` sets the stamps of the result, which are 0 here. None if no row is complete yet, or
+        the vehicle's motors are unknown. A load source that the user named and that is not heard is
+        noted, and the load is unknown.
         """
         state, row_state = piece.state, self._row_state
         if self._rested and state.armed:

@@ -35,9 +35,11 @@ NOT_YET = state("not yet")  # why no margin is claimed before the first seconds 
 
 
 def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, words.WhyUnknown]:
-    """Return each figure that is unknown in the newest row, by its name, with the reason.
+    """Return each figure that is unknown in the newest row, by its name, with the reason; empty if
+    all are known.
 
-    Where no airframe is recognised, only a missing rotor speed in flight is listed.
+    Figures by rotor speed are unknown only in flight. Where no airframe is recognised, only a
+    missing rotor speed in flight is listed.
     """
     row = -1
     track = analysis.track

@@ -92,11 +92,12 @@ class LookAhead:
     def rows(
         self, analysis: FlightAnalysis, first: int, new: LiveRows, state: VehicleState
     ) -> tuple[Floats, Floats]:
-        """Process the rows `new`, in order, which are those of the analysis from `first` on.
+        """Process the rows `new`, in order, which are those of the analysis from `first` on, and
+        renew the forecast `now` every FORECAST_EVERY s.
 
         Return two arrays (N,), one value for each new row: kg delivered since the pump was first
-        heard, by the delivery factor then known; and the least predicted margin on the rest of the
-        route, NaN without a mission.
+        heard, by the delivery factor then known; and the least predicted margin, a share, on the
+        rest of the route, NaN without a mission or a verdict.
         """
         gauge = analysis.track.measured("tank_kg")
         delivered, margin_ahead = np.full((2, new.clock_s.size), np.nan)
@@ -122,10 +123,11 @@ class LookAhead:
         mission_item: int,
         state: VehicleState,
     ) -> None:
-        """Set `now` to the forecast from one row, at the vehicle's clock `clock_s`, s.
+        """Set `now` to the forecast from one row, at the vehicle's clock `clock_s`, s: time until
+        the tank is empty, margin with a full tank, and the remaining route.
 
         `pump_share` is the pump's output, 0 to 1, NaN if unknown; `mission_item` the number of the
-        item flown to, -1 if unknown.
+        item flown to, -1 if unknown. An unknown wind counts as none.
         """
         track, airframe = analysis.track, self._model.airframe
         tank = float(track.tank_kg[row])

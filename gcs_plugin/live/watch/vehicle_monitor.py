@@ -175,7 +175,8 @@ class VehicleMonitor:
     def _update(self, new: LiveRows | None) -> Update:
         """Return the next Update, with the `new` rows; None makes the last predictions final.
 
-        It is stored as `last`.
+        It is stored as `last`. Rows that do not continue the last ones (a restart, a gap) begin a
+        new analysis. New rows are prepared, checked for alarms, and added to the sortie.
         """
         last = self.last
         if last is None or (new is not None and not _continues(last, new)):
@@ -339,9 +340,11 @@ class VehicleMonitor:
         return max(self.telemetry.read_us - int(self.last.stamp_us[-1]), 0) * 1e-6
 
     def stale(self, now_us: int) -> str:
-        """Return the sentence on fields no longer reported at `now_us`, the ground's clock, µs.
+        """Return the sentence on fields no longer reported for more than LASTING s at `now_us`, the
+        ground's clock, µs.
 
-        Empty if all are, or while the vehicle as a whole is silent.
+        Empty without such a field, while the vehicle as a whole is silent, and if several vehicles
+        share its system id.
         """
         if self.link.shared or self.link.silent(now_us) > self.alarms.settings.silence:
             return ""

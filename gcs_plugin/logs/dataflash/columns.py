@@ -132,8 +132,9 @@ class Units:
     def describe(self, form: Format, *, text: bool) -> tuple[dict[str, float], dict[str, str]]:
         """Return the factor and the unit label of each column of `form`, by column name.
 
-        A letter with a factor of its own (centi, 1e-7) takes no MULT. `text`: the log is a text
-        log, whose letters scale nothing.
+        A letter with a factor of its own (centi, 1e-7) takes no MULT, and a multiplier of 0 is
+        none. `text`: the log is a text log, whose letters scale nothing. Some integer columns are
+        hundredths whatever the log states. A column without a unit has the label "" or none.
         """
         scale: dict[str, float] = {}
         ids, multipliers = self.of_type.get(form.type, ("", ""))

@@ -231,10 +231,13 @@ class _Way:
 def _plan(
     way: _Way, places: Floats, home: tuple[float, float, float], order: CoverageOrder
 ) -> MissionPlan:
-    """Return the mission that flies to `places` (N, 2), latitude and longitude, degrees, in order.
+    """Return the mission that takes off, flies to `places` (N, 2), latitude and longitude, degrees,
+    in order, and returns to launch.
 
-    `way` states for each place if the pump is on after it. `home` is latitude, longitude, degrees,
-    and m AMSL or NaN. Raises PlanError for more items than a mission can have.
+    Items are numbered from 1: takeoff, speed, then a waypoint per place and a pump switch wherever
+    the pump's state changes after it, and the return. `way` states for each place if the pump is on
+    after it. `home` is latitude, longitude, degrees, and m AMSL or NaN. Raise PlanError for more
+    than MOST_ITEMS items.
     """
     frame = FRAME_ABOVE_GROUND if order.above_ground else FRAME_ABOVE_HOME
     yaw = math.nan if order.px4 else 0.0  # PX4 turns the nose to it, north for 0

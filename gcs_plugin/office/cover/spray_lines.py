@@ -122,8 +122,8 @@ def _pieces(
     """Return the pieces inside `level` of equally spaced horizontal lines, and the spacing, m.
 
     The lines cover the heights `low` to `high`, m, about `swath` m apart. For each line, from the
-    lowest, there is a list of pieces (2, 2), left to right. Raise PlanError for more than
-    MOST_LINES lines or pieces.
+    lowest, there is a list of pieces (2, 2), m, left to right; pieces shorter than SHORTEST m are
+    left out. Raise PlanError for more than MOST_LINES lines or pieces.
     """
     count = _count(high - low, swath)
     if count > MOST_LINES:
@@ -194,7 +194,7 @@ def _overlap(a: Floats, b: Floats) -> bool:
 
 
 def _tour(cells: Sequence[Sequence[Floats]], start: Floats) -> Floats:
-    """Order the lines of all cells into one route (L, 2, 2): L lines, each from its start to its
+    """Order the lines of all cells into one route (L, 2, 2), m: L lines, each from its start to its
     end.
 
     From `start` (2,) go to the nearest corner of an unvisited cell, then back and forth along its

@@ -59,8 +59,9 @@ def _same_flight(one: FlightLog, other: FlightLog) -> bool:
     """Return True if two logs record the same flight.
 
     Their times must overlap by more than half of the shorter one, and positions, rotor speeds and
-    tank levels agree. Without positions they must have the same autopilot serial number instead. If
-    one log has no date, they must be identical.
+    tank levels agree; clocks may differ by CLOCK_DIFFERENCE s. Without positions they must have the
+    same autopilot serial number instead. If one log has no date, times, positions, rotor speeds and
+    tank levels must be identical.
     """
     first, second = one.track, other.track
     if first.start_unix_s is None or second.start_unix_s is None:
@@ -336,10 +337,11 @@ def thrust_estimate(track: FlightTrack, airframe: Airframe) -> Liquid | None:
 
 
 def _level_fall(track: FlightTrack) -> tuple[float, float]:
-    """Return the fall of the tank level in the air, kg, and an upper bound of its standard error,
-    kg.
+    """Return the fall of the tank level in the air, kg, positive if it falls, and an upper bound of
+    its standard error, kg.
 
-    Both are NaN with fewer than 2 * END_ROWS known levels.
+    The levels are medians of the first and the last END_ROWS known ones in flight. Both results are
+    NaN with fewer than 2 * END_ROWS. The error is 0 if the track states none.
     """
     known = np.flatnonzero(track.flying & np.isfinite(track.tank_kg))
     if known.size < 2 * END_ROWS:
@@ -363,10 +365,12 @@ def job_estimate(parts: Sequence[Liquid | None]) -> Liquid | None:
 
 
 def differences(estimates: Sequence[Liquid]) -> list[dict[str, object]]:
-    """Return a dict for each pair of estimates: `between`, `difference_kg`, `allowed_kg`, `agree`.
+    """Return a dict for each pair of estimates of the liquid, each estimate paired with every later
+    one.
 
-    The difference is the second minus the first. The allowed one is both half widths in quadrature,
-    plus AGREE_SHARE of the larger estimate.
+    `between` lists the names of both, `difference_kg` is the later minus the earlier. `allowed_kg`
+    is the root of the sum of both squared half widths, plus AGREE_SHARE of the larger estimate.
+    `agree` is True if the absolute difference is at most that. Empty for fewer than two estimates.
     """
     differing: list[dict[str, object]] = []
     for k, one in enumerate(estimates):

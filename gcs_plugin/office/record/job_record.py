@@ -130,8 +130,9 @@ class JobRecord:
     def as_json(self) -> dict[str, Any]:
         """Return the record as a dict for JSON, schema "thrustmargin.record/1".
 
-        For each rule it states when the record is due, if it is late, and the items that lack
-        fields.
+        Keys: `made_utc`, `version`, `logs`, `left_out` (unused logs), `fields` (name to entry),
+        `liquid` (`estimates`, `differences`) and `rules`. Each rule states when the record is due
+        (None if unknown), if it is `late`, and the items that lack fields as `missing`.
         """
         return {
             "schema": SCHEMA,
@@ -308,10 +309,11 @@ def product_entries(rate: str, area_ha: float | None) -> dict[str, Entry]:
 def liquid_entries(
     estimates: Sequence[Liquid], density: float | None, area_ha: float | None
 ) -> dict[str, Entry]:
-    """Return entries of the sprayed quantity, and of the spray volume, L/ha, if `area_ha` is known.
+    """Return entries of the sprayed liquid: `quantity_kg`, `quantity`, L, and `spray_volume`, L/ha,
+    if `area_ha` is known.
 
     They are by the first of `estimates`, which are sorted with the most direct first. `density` is
-    kg/L; if None, the quantity is in kg and the volume is missing. Empty without an estimate.
+    kg/L; if None, `quantity` is in kg and `spray_volume` is missing. Empty without an estimate.
     """
     if not estimates:
         return {}

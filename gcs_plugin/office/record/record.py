@@ -340,10 +340,13 @@ def _with_pump_level(
 def _stated_fields(
     stated: JobStatement, air_temperature_c: float | None, weather: str
 ) -> dict[str, Entry]:
-    """Return the record's fields that the user stated in options, by name.
+    """Return the record's entries that the user stated in options, by field name.
 
-    `weather` is "stated", "station" or "forecast": where the stated weather is from. Empty texts
-    are left out. Raises UsageError for a text of more than LONGEST letters.
+    The names are the fields of `stated`, "temperature" for the air temperature, °C, and "aircraft":
+    the registration, else the serial number of the aircraft, if one is stated. None and empty texts
+    are left out. The source of wind, temperature, humidity and inversion is `weather`: "stated",
+    "station" or "forecast"; that of other fields is always the option. Raise UsageError for a text
+    of more than LONGEST letters.
     """
     from thrustmargin.gcs_plugin.office.record.job_record import Entry, EntrySource
 

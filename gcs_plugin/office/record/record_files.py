@@ -122,9 +122,10 @@ def _value_text(value: Any) -> str:
 
 
 def _pass_properties(number: int, one: Pass) -> dict[str, Any]:
-    """Return number (from 1), flight, times, length, m, and speed, m/s, of a pass, by name.
+    """Return the properties of a pass for GeoJSON and shapefile.
 
-    They are for GeoJSON and shapefile; None where unknown.
+    Keys: `pass` (its number, from 1), `flight`, `start_utc` and `end_utc` (texts), `length_m` and
+    `speed_m_s`. The speed is None if unknown.
     """
     return {
         "pass": number,
@@ -139,7 +140,9 @@ def _pass_properties(number: int, one: Pass) -> dict[str, Any]:
 def geojson(done: Applied) -> dict[str, Any]:
     """Return the treated area and the strip of each pass as a GeoJSON FeatureCollection (RFC 7946).
 
-    Coordinates are WGS 84. Shapes that are unknown or empty are left out.
+    Properties: `part` is "area" or "pass"; an area has `area_ha`, `whole` (complete) and `swath_m`,
+    a pass those of `_pass_properties`. Coordinates are WGS 84. Shapes that are unknown or empty are
+    left out.
     """
     area = {
         "part": "area",

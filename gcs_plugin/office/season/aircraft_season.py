@@ -422,7 +422,13 @@ def reported_then(season: AircraftSeason, at: int) -> str:
 
 
 def _shared_findings(season: AircraftSeason) -> Iterable[SeasonFinding]:
-    """Yield a finding for each value by which all flights differ from the model in the same way."""
+    """Yield a finding for each value in `season.changes.shared`: a deviation from the model that
+    all flights have with one sign and size.
+
+    The weight of a finding is the size of the deviation over the value's usual size, 0 where that
+    is unknown; its level follows from it. The action also lists up to three other values that
+    explain the flights about as well. Nothing is yielded without `season.changes`.
+    """
     for one in season.changes.shared if season.changes else ():
         trend = season.changes.trend(one.name) if season.changes else None
         ratio = abs(one.value) / trend.usual if trend else 0.0

@@ -241,7 +241,12 @@ def as_json(fleet: FleetSeason) -> str:
 
 
 def _json(one: seasons.AircraftSeason) -> dict[str, Any]:
-    """Return one aircraft's season as a dict for JSON; NaN where unknown."""
+    """Return one aircraft's season as a dict for JSON; NaN where unknown.
+
+    It has counts (flights, flights above the limit or without a verdict), sums (hours, area,
+    litres), `worst_margin` (None if unknown), `findings`, `trends` (also those of the parts'
+    batteries) and `parts`; parts without a name are left out.
+    """
     trends = [] if one.changes is None else list(one.changes.trends)
     return {
         "aircraft": one.name,

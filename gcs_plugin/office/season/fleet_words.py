@@ -259,7 +259,8 @@ def battery_prefix(name: str, elsewhere: str) -> str:
 def no_verdict(flight: Mapping[str, Any]) -> tuple[str, str]:
     """Return why a stored flight has no verdict, and what to do to get one, both in words.
 
-    `flight` is its row of the store.
+    `flight` is its row of the store. The step is on the airframe if it is unknown or contradicted,
+    else on missing rotor speeds, else on the load, else to inspect the log.
     """
     reason = flight_reason(flight)
     if flight["airframe_basis"] == "not known":

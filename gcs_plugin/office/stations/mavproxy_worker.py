@@ -235,8 +235,10 @@ def _heard_s(update: Update) -> float:
 def reading(update: Update, stamp: float) -> NewestFigures:
     """Return the figures of an update's newest row for the station's console.
 
-    `stamp` is its arrival by time.monotonic(), s. On the ground the margin is the predicted one,
-    since a rotor at rest has all its thrust left. Rotors count from 1; 0 is none.
+    `stamp` is its arrival by time.monotonic(), s. Margins are shares, of the worst rotor. On the
+    ground the margin is the predicted one, without an interval, since a rotor at rest has all its
+    thrust left. Unknown numbers are NaN. Rotors count from 1; 0 is none. `basis` is empty for
+    measured speeds.
     """
     import numpy as np
 

@@ -141,10 +141,11 @@ def _gauge(
 
 
 def _age_metrics(watches: Mapping[str, VehicleMonitor], now_us: int) -> Iterator[Metric]:
-    """Yield, by vehicle, ages in s: of its last message, its newest row and each stale field.
+    """Yield one metric for each kind of age, s: of a vehicle's last message, of its newest row
+    (left out before the first), and of each stale field.
 
-    Also yield its counts of missing, doubled and late frames, by component. `watches` are by system
-    id, `now_us` is the monitor's time, µs.
+    Then yield one each for the counts of missing, doubled and late frames, by vehicle and
+    component. `watches` are by system id, `now_us` is the monitor's time, µs.
     """
     silent = [((n,), w.link.silent(now_us)) for n, w in watches.items()]
     yield _gauge("silence_seconds", "Since anything was heard of it", silent, ("vehicle",))
@@ -192,7 +193,12 @@ def _figure_metrics(
 
 
 def _vehicle_figures(update: Update) -> dict[str, float]:
-    """Return the values of a vehicle's newest row by metric name; NaN where unknown."""
+    """Return the values of a vehicle's newest row by metric name, the unit in the name; NaN where
+    unknown.
+
+    The outputs' median and largest use are only of an aircraft without an airframe whose motor
+    outputs are known.
+    """
     analysis, outlook, answer = update.analysis, update.outlook, update.answer
     predicted = analysis.margin_predicted[-1]
     flying = bool(analysis.track.flying[-1])

@@ -172,7 +172,8 @@ def temperatures(table: FillTable) -> list[str]:
 def conditions(table: FillTable) -> list[str]:
     """Return sentences on what the recommended fill assumes: day, airspeed, limits, model.
 
-    Conditions and steps from earlier flights come first.
+    Conditions and steps from earlier flights come first. Where drag is unknown, a sentence says so
+    in place of the airspeed; missing limits of the maker and guessed values come last.
     """
     airframe = table.model.airframe
     sure = how_sure(table.fill)

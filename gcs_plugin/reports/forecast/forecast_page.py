@@ -200,8 +200,10 @@ def fill_card(made: PlanForecast) -> FillCard:
     """Compute the largest tank fill, kg, over air temperature and the battery's voltage at rest.
 
     It is the smaller one of hover and of flight at the plan's highest airspeed, in the plan's air
-    pressure, and at most the plan's own largest fill. Raises DataError if that fill, the battery's
-    resistance or its number of cells is unknown.
+    pressure, and at most the plan's own largest fill; rounded down to 0.1 kg, and never more in
+    hotter air or at a lower voltage. An unknown resistance of the battery is estimated from its
+    capacity. Raise DataError if the plan's largest fill, the number of cells, or both capacity and
+    resistance are unknown, or if the model predicts nothing in some of the air.
     """
     model, limit = made.advised.analysis.model, made.advised.advice.limit
     craft = identified_airframe(model)

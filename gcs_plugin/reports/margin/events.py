@@ -97,10 +97,12 @@ def yaw_rows(analysis: FlightAnalysis) -> JsonObject:
 
 
 def alarm_row(episode: FaultEpisode, names: Sequence[str]) -> JsonObject:
-    """Return a fault of a rotor or motor as a dict for JSON, with the text of its alarm.
+    """Return a fault of a rotor or motor as a dict for JSON, with the text of its alarm as `words`.
 
     `names` are the places of all rotors. Rotors count from 1; if several could be the faulty one,
-    `rotor` is None and `rotors` lists them.
+    `rotor` is None and `rotors` lists them. `from_s` and `until_s` are s from the flight's start,
+    `until_s` None for a fault that lasted; `size`, `size_low` and `size_high` are shares of thrust
+    lost. A flag says if motor outputs show the fault too.
     """
     fault = episode.fault
     return {
@@ -118,11 +120,10 @@ def alarm_row(episode: FaultEpisode, names: Sequence[str]) -> JsonObject:
 
 
 def misread_row(misread: MisreadSpeed | None) -> JsonObject | None:
-    """Return, as a dict for JSON, the rotor (from 1) whose ESC reports `factor` times its true
+    """Return, as a dict for JSON, the `rotor` (from 1) whose ESC reports `factor` times its true
     speed.
 
-    `witnessed_by_outputs` is True if the motor outputs contradict the reported speed. None without
-    such a rotor.
+    A flag states if the motor outputs contradict the reported speed. None without such a rotor.
     """
     if misread is None:
         return None
@@ -140,8 +141,9 @@ VEHICLE, NOTES, PROGRAM = "vehicle", "notes", "program"
 def said_rows(statements: Sequence[VehicleStatement], advice: Advice) -> tuple[JsonObject, ...]:
     """Return the faults that the vehicle itself reported, one dict for JSON each.
 
-    Each has the motors that the vehicle named and those that the log shows as faulty, from 1, the
-    degree of agreement as `corroboration`, and a sentence on it as `words`.
+    Keys: `kind`, `subject`, `text`, `times_s`, `motors` (named by the vehicle) and `found_motors`
+    (faulty by the log), both from 1, `corroboration` (the degree of agreement), `value` (the
+    compared number) and a sentence on the agreement as `words`.
     """
     return tuple(
         {

@@ -24,9 +24,11 @@ Rows = Mapping[str, Floats]
 
 
 def figures(report: ReportedFlight) -> Mapping[str, style.Figure]:
-    """Return the figures of a flight by name: use, rotors, residual, redundancy, and maps.
+    """Return the figures of a flight by name: "use", "rotors", "residual", "redundancy", "map_use",
+    "map_redundancy", and for a flight without a verdict "map_speed".
 
-    A figure is missing if the flight lacks its data; all are missing if it has no row in flight.
+    A figure is missing if the flight lacks its data; all are missing if it has no row in flight. A
+    map needs positions.
     """
     rows, limit, worst = airborne(report.rows), report.advice.limit, report.worst
     if not rows["time_s"].size:

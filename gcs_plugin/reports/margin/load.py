@@ -109,10 +109,12 @@ def redundancy_rows(
 ) -> JsonObject:
     """Return the redundancy with one rotor lost, and the largest fills, as a dict for JSON.
 
-    Redundancy is the largest thrust then possible in level flight, divided by the weight. The
-    fills, kg, are from `rows`: those at which hover meets the utilisation limit, and at which
-    redundancy with yaw uncontrolled is 1; each at the flight's start and its least value. `seconds`
-    (T,) is the duration of each row.
+    Redundancy is the largest thrust then possible in level flight, divided by the weight: its least
+    value and median in flight, `yaw_free_...` with yaw uncontrolled and `yaw_kept_...` with yaw
+    controlled. Medians are NaN with a bad rotor. `below_one_share` is the share of the time with
+    less than 1. The fills, kg, are from `rows`: the fill at which hover meets the utilisation
+    limit, and the fill at which redundancy with yaw uncontrolled is 1; each at the flight's start
+    and its least value. `seconds` (T,) is the duration of each row.
     """
     track = analysis.track
     flying, (first, _) = track.flying, end_rows(track)

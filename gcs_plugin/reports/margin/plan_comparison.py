@@ -36,8 +36,9 @@ def plan_comparison(
     """Return, as a dict for JSON, how the flight differed from the forecast of `plan`, leg by leg.
 
     The forecast is under `assumed`; if None, under the conditions before take-off. It uses the
-    power that this flight measured. `off` lists the wrong assumptions. Raises PlanError if the plan
-    flies nowhere.
+    power that this flight measured, if it did. Keys: `words`, `left_at` (the mission item at which
+    the plan was left, or None), `off` (the wrong assumptions), `assumed` (fill, kg, density, wind,
+    limits) and `stretches`. Raise PlanError if the plan flies nowhere.
     """
     measured = flight_power(analysis, log.name)
     model = analysis.model

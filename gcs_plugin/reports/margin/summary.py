@@ -174,7 +174,10 @@ def report_flight(
 def peak_row(peak: UtilisationPeak, start_unix_s: float | None) -> data.JsonObject:
     """Return a peak of thrust utilisation as a dict for JSON; rotors count from 1.
 
-    `start_unix_s` is the Unix time of the flight's first row, None if unknown.
+    `capacity_use` is the utilisation, `capacity_use_low` and `_high` its interval, `margin` 1 less
+    it: shares. It has the time, s and UTC text, the rotor, what the aircraft was doing, its place,
+    speeds and load, and the redundancy with yaw uncontrolled. `start_unix_s` is the Unix time of
+    the flight's first row; if None, `clock_utc` is None.
     """
     row = {
         "time_s": peak.time_s,
@@ -247,9 +250,10 @@ def advice_values(advice: Advice) -> dict[str, Any]:
 
 
 def change_row(change: AircraftChange) -> data.JsonObject:
-    """Return how a flight differs from earlier ones of its aircraft as a dict for JSON.
+    """Return how a flight differs from earlier ones of its aircraft as a dict for JSON, with the
+    fields of `AircraftChange` as keys.
 
-    Rotors count from 1.
+    Rotors count from 1 (0-based in `change`).
     """
     row = to_json_values(change)
     for mode in row["modes"]:
@@ -335,11 +339,12 @@ def _lost_s(speed: Floats, seconds: Floats, rows: Bools) -> float:
 
 
 def _rotors(analysis: FlightAnalysis, seconds: Floats, limit: float) -> tuple[data.JsonObject, ...]:
-    """Return a dict for each rotor: largest and median utilisation in flight, measured and
-    predicted.
+    """Return a dict for each rotor: `rotor` (from 1), `name`, and its thrust utilisation in flight,
+    a share.
 
-    `over_limit_share` is the share of the known time with utilisation above `limit`. `seconds` (T,)
-    is the duration of each row.
+    `measured_max`, `measured_median`, `predicted_max` and `predicted_median` are over the rows in
+    flight. `over_limit_share` is the share of the time with known utilisation in which that is
+    above `limit`, also a share. `seconds` (T,) is the duration of each row. Unknown values are NaN.
     """
     flying, use = analysis.track.flying, airborne_use(analysis)
     measured, predicted = analysis.utilisation[flying], analysis.utilisation_predicted[flying]
@@ -362,8 +367,10 @@ def _rotors(analysis: FlightAnalysis, seconds: Floats, limit: float) -> tuple[da
 def model_use(analysis: FlightAnalysis) -> data.JsonObject:
     """Return airframe, model and its effects as a dict for JSON.
 
-    It has the shares of rows in flight predicted by network, by physics, and not at all.
-    `inside_envelope` is True if the network predicted all; None without a network.
+    `network_share`, `physics_share` and `none_share` are the shares of rows in flight predicted by
+    network, by physics, and not at all; NaN without such rows. `inside_envelope` is True if the
+    network predicted all; None without a network. `model` is "none" without a verdict. `empty_mass`
+    is kg.
     """
     model, airframe = analysis.model, analysis.model.airframe
     basis = analysis.prediction.basis[analysis.track.flying]
@@ -415,9 +422,11 @@ def _effect(effect: EffectRecord) -> str:
 
 
 def error_row(analysis: FlightAnalysis) -> data.JsonObject:
-    """Return the error of predicted rotor speeds in a flight as a dict for JSON.
+    """Return the error of predicted rotor speeds in a flight as a dict for JSON: the fields of
+    `PredictionError` (`overall`, `rotors`, ...) and `words`.
 
-    `words` explains the intervals, or says why there are none, or why there is no error.
+    `words` explains the intervals, or says why there are none, or why there is no error (`overall`
+    None); it begins with a note if the model was trained on the flight.
     """
     found = prediction_error(analysis, analysis.places)
     if found.overall is None:
@@ -432,7 +441,11 @@ def error_row(analysis: FlightAnalysis) -> data.JsonObject:
 
 
 def _without_error(analysis: FlightAnalysis) -> str:
-    """Return why the predicted rotor speeds of a flight cannot be compared with measured ones."""
+    """Return why the predicted rotor speeds of a flight cannot be compared with measured ones.
+
+    The first of: speeds by motor outputs only, no speeds, no prediction, a load inferred from the
+    speeds; else that no row has both.
+    """
     known = np.isfinite(analysis.track.rotor_speed_rpm)
     measured = known & ~analysis.from_outputs
     predicted = np.isfinite(analysis.prediction.rotor_speed_rpm)
@@ -450,7 +463,9 @@ def _without_error(analysis: FlightAnalysis) -> str:
 def _quality(log: FlightLog) -> data.JsonObject:
     """Return format, damage, gaps, channels and messages of a log as a dict for JSON.
 
-    A silence is a gap of all messages longer than 1 s. `notes` are assumptions made in reading.
+    Damage is counted in frames or places, but `bytes` and `bytes_skipped`. A silence is a gap of
+    all messages longer than 1 s; `longest_silence_s` is 0 without one. `missing` are texts on
+    missing channels, `notes` are assumptions made in reading.
     """
     track, whole = log.track, log.quality
     counted = ("bytes", "frames", "bytes_skipped", "damaged_places", "bad_checksum")
@@ -481,8 +496,8 @@ def build_report(
 
     `max_utilisation` is the largest share of a rotor's maximum thrust that may be in use. Each
     flight is compared with the forecast of `plan`, if given, under the conditions `assumed`, or if
-    None under those before take-off. `unread` are logs that could not be read, to be listed. Raises
-    DataError if the share is not between 0 and 1, or there is no flight.
+    None under the conditions before take-off. `unread` are logs that could not be read, to be
+    listed. Raises DataError if the share is not between 0 and 1, or there is no flight.
     """
     if not 0.0 < max_utilisation < 1.0:
         raise DataError(f"max_utilisation {max_utilisation:g} is no share; give one such as 0.5")

@@ -82,8 +82,8 @@ def axis_over(
     """Return the axis from pixel `begin` to pixel `end` on which all `values` have room.
 
     `values` are arrays of any shape; NaN is ignored. `properties` are those of plotly: `type`, and
-    `range`, which replaces the limits by `values`. Without values and range it spans 0 to 1 with
-    room at the ends.
+    `range`, which replaces the limits by `values`. On a "log" axis limits are log10 and values not
+    above 0 are ignored. Without values and range it spans 0 to 1 with room at the ends.
     """
     kind = properties.get("type", "linear")
     known = np.concatenate([np.ravel(np.asarray(v, dtype=np.float64)) for v in (*values, [])])

@@ -92,7 +92,8 @@ class _Paper:
     def block(self, node: HtmlElement) -> None:
         """Write one HTML element, with its children, to the PDF.
 
-        Elements that are for screens only are skipped.
+        Elements that are for screens only are skipped, in the brief form also details. A further
+        flight begins on a new page; in the brief form only if it does not fit.
         """
         classes = node.classes
         hidden = {"aside", "bar", "strip", "screen", *(("more",) if self._brief else ())}

@@ -208,8 +208,8 @@ def grid(
 ) -> Table:
     """Return a table for a terminal of 80 columns.
 
-    The columns with indices in `left` contain words, are left-aligned and wrap; the others contain
-    numbers. Texts are displayed without interpreting markup.
+    The columns with indices in `left` contain words, are left-aligned and wrap; the other columns
+    contain numbers. Texts are displayed without interpreting markup.
     """
     from rich.box import SIMPLE_HEAD
     from rich.table import Table

@@ -83,12 +83,14 @@ def reported_airframe(
     texts: Iterable[str] = (),
     layout: str | None = None,
 ) -> ReportedAirframe:
-    """Return the airframe that a vehicle's `parameters` describe.
+    """Return the airframe that a vehicle's `parameters` describe: layout (None if unreported),
+    quantities, rotor count, notes.
 
     `highest_voltage`, V, is the battery's in a flight, NaN if unknown; `facts` is what is known of
     the vehicle (None: derived from parameters and `texts`, its status texts); a stated `layout`
-    replaces the vehicle's own. Raise AirframeError if the vehicle is no multirotor, or its frame is
-    unknown.
+    replaces the vehicle's own. PX4's geometry, if it is set, replaces a layout by name. Another
+    number of motors than the layout's is only noted. Raise AirframeError if the vehicle is no
+    multirotor, or its frame is unknown.
     """
     facts = vehicle_facts(parameters, texts=texts) if facts is None else facts
     if refusal := facts.refusal("the vehicle"):

@@ -112,7 +112,9 @@ def _kind(
 ) -> tuple[VehicleKind, Evidence]:
     """Return the kind of vehicle and its evidence, from parameters, MAV_TYPE and status texts.
 
-    "unknown" and no evidence if these do not show it.
+    By `_program`; a multirotor with a helicopter's type or frame is "helicopter", a rover with a
+    boat's frame "boat", a plane with Q_ENABLE or three motor outputs or more "quadplane". "unknown"
+    and no evidence if these do not show it.
     """
     kind, evidence = _program(parameters, mav_type, texts)
     frame = whole_number(parameters, "FRAME_CLASS")
@@ -133,10 +135,12 @@ def _kind(
 def _program(
     parameters: Mapping[str, float], mav_type: int | None, texts: tuple[str, ...]
 ) -> tuple[VehicleKind, Evidence]:
-    """Return the kind and its evidence by the first that shows it; "unknown" and "" if none does.
+    """Return the kind of a vehicle, and its evidence in words; "unknown" and "" if nothing shows
+    it.
 
-    In order: boot text, MAV_TYPE, CA_AIRFRAME, SYS_AUTOSTART, parameters of one kind of vehicle
-    only.
+    The first of these decides: boot text, MAV_TYPE, CA_AIRFRAME (only with CA_ROTOR_COUNT),
+    SYS_AUTOSTART, parameters that only one kind of vehicle has. `mav_type` None is unreported;
+    `texts` are the vehicle's messages.
     """
     for text in texts:
         boot = _BOOT.match(text)
@@ -161,8 +165,9 @@ def _rotors(
 ) -> tuple[int, Evidence, Evidence]:
     """Return the number of lifting rotors, its evidence, and contrary evidence ("" without any).
 
-    0 if unknown. `winged`: a quadplane. `mav_type` is the MAV_TYPE of its heartbeat, `texts` its
-    status texts.
+    By ArduPilot's frame, unless fewer motor outputs are set than it has; else by these outputs, by
+    PX4's CA_ROTOR_COUNT (upward rotors only), by MAV_TYPE; 0 if unknown. `winged`: a quadplane.
+    `mav_type` is the MAV_TYPE of its heartbeat, `texts` its status texts.
     """
     on_output = motor_outputs(parameters)
     by_function = len(on_output) if set(on_output) == set(range(len(on_output))) else 0

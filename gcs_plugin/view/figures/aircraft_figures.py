@@ -35,11 +35,14 @@ def aircraft_figures(
     seconds_to_empty: float,
     faulty: Collection[int] = (),
 ) -> dict[str, Any]:
-    """Return the figures of one row for the page, as JSON values; None for what is unknown.
+    """Return the figures of one row for the page, as JSON: the aircraft's, and in `rotors` a list
+    of each rotor's; None for an unknown number.
 
-    `faulty` are the numbers, from 1, of the rotors that have an alarm; `seconds_to_empty` is NaN if
-    unknown. A rotor is `unsure` if its colour is that of too little thrust left but its number is
-    not: by the lower end of its interval, or by the hysteresis.
+    Margins (`left`) and outputs are shares, `empty_s` is s, places and `radius` are m. `faulty` are
+    the numbers, from 1, of the rotors that have an alarm; `seconds_to_empty` is NaN if unknown.
+    `worst` is the index, from 0, of the worst rotor, on the ground by the predicted margin. A rotor
+    is `unsure` if its colour is that of too little thrust left but its number is not: by the lower
+    end of its interval, or by the hysteresis.
     """
     airframe, airframe_match = row.analysis.model.airframe, row.analysis.airframe_match
     worst = row.worst[1]
@@ -109,8 +112,8 @@ def shown_margin(left: float, low: float, high: float) -> dict[str, int | None]:
 def rotor_places(airframe: Airframe) -> tuple[Floats, float]:
     """Return the drawn places of the rotors (R, 2), right and back, and the radius of their discs.
 
-    Both are in arm lengths. Rotors at one place (coaxial pairs) are drawn side by side or one
-    behind the other, whichever leaves more room.
+    Both are in arm lengths; the radius is at most LARGEST. Rotors at one place (coaxial pairs) are
+    drawn side by side or one behind the other, whichever leaves more room.
     """
     if not airframe.rotor_count:
         return np.empty((0, 2)), LARGEST
@@ -166,10 +169,12 @@ def _tank(row: ShownRow, airframe: Airframe) -> dict[str, Any]:
 
 
 def _lost(row: ShownRow) -> dict[str, Any]:
-    """Return the code of what happens if a rotor is lost, with redundancy, interval and colour.
+    """Return as a JSON object what happens if a rotor is lost: `code`, redundancy `ratio`, `low`
+    and `high` end of its interval, and colour by the low end.
 
-    "bad_part" or "no_data" if unknown; "sinks"; "cannot_tell" if the aircraft would stay up, but
-    not by more than the error of redundancy; "spins" if yaw is lost; "holds".
+    `code`, in this order: "bad_part" or "no_data" if the redundancy is unknown; "sinks" below 1;
+    "cannot_tell" if only the low end is below 1; "holds" if the low end with yaw kept is 1 or more;
+    else "spins". Unknown numbers are None.
     """
     free, low, high = row.redundancy
     kept = float(row.analysis.redundancy_yaw_kept[row.row])

@@ -52,7 +52,8 @@ class Speeds(NamedTuple):
 def chart_images(
     places: Sequence[str], speeds: Speeds, now_s: float, *, window_s: float, future_share: float
 ) -> list[dict[str, Any]]:
-    """Return a chart for each rotor of `places`, their names: number from 1, name, and SVG.
+    """Return a chart for each rotor of `places`, their names, as a dict of `number` (from 1),
+    `place` and `svg`.
 
     The window is `window_s` s long; the share `future_share` of it is after `now_s`, on the clock
     of `speeds`. The page sets the line colours.

@@ -208,10 +208,12 @@ class PageState:
                         self._acknowledged(one.number, alarm)
 
     def answer(self, target: str) -> tuple[int, bytes] | None:
-        """Return HTTP status and JSON for the `target` (path and query) of a request.
+        """Return HTTP status and JSON for the `target` (path and query) of a request: the page's
+        state, a chart, or an action.
 
-        None for any path that is viser's. An action without the page's token gets 403, a malformed
-        request 400.
+        A state that names a client connects it to the tab. An action that is done gets 200 and an
+        empty object, without the page's token 403, a malformed or refused one 400. None for any
+        other path, which is viser's.
         """
         parts = urlsplit(target)
         asked = {name: given[0] for name, given in parse_qs(parts.query).items()}
@@ -244,8 +246,10 @@ class PageState:
     def state(self, tab: str = "") -> dict[str, Any]:
         """Return the whole state of a tab as JSON values.
 
-        It has vehicles, alarms (gravest first) and history (newest first). A vehicle that has left
-        stays until the answer of its last flight was seen.
+        Keys: `first` (the vehicle with the gravest first line, or None), `vehicles`, `alarms`
+        (gravest first), `history` (newest first), `left`, and further keys of the live or the
+        replayed page. A vehicle that has left stays in `vehicles` until the answer of its last
+        flight was seen; then it is in `left`.
         """
         heard = self._summaries(tab)
         fleet = [one for one in heard if not one.gone or one.finding]
@@ -296,7 +300,8 @@ class PageState:
         return {"number": one.number, "at": _at(self._clock() - round(one.silent * 1e6))}
 
     def _landed(self, one: VehicleSummary) -> dict[str, Any] | None:
-        """Return the last flight's end (time of day), s since, and if its answer is unseen.
+        """Return for the last flight `at` (its end, time of day), `ago_s` (s since then) and
+        `unseen` (its answer is not yet confirmed).
 
         None in the air, and without an answer.
         """
@@ -306,9 +311,12 @@ class PageState:
         return {"at": _at(one.landed_us), "ago_s": round(ago_s), "unseen": one.finding}
 
     def _vehicle(self, one: VehicleSummary) -> dict[str, Any]:
-        """Return the state of an aircraft as JSON; `figures` is None before the first row.
+        """Return the state of an aircraft as JSON: number, age, s, texts for the page, `level`, the
+        last flight's answer as `flight`, and `figures`.
 
-        The age is None for a recorded flight.
+        `figures` is None before the first row; with an outlook it also has the least margin on the
+        remaining route and the margin with a full tank, shares. The age is None, and `flight` too,
+        for a recorded flight. `fill` is empty if the first line says it already.
         """
         answer = None if one.whole is not None else one.answer
         entry = {
@@ -354,8 +362,8 @@ class PageState:
 def field_state(names: Sequence[str], shown: Overlay, camera: Camera) -> dict[str, Any]:
     """Return the state of the 3D view's controls as JSON.
 
-    It has the `names` of the route's overlays, the overlay `shown` with its legend, and the
-    cameras.
+    Keys: `colours` (the `names` of the route's overlays), `colour` (name of the overlay `shown`),
+    `legend` (of that), `cameras` (all) and `camera` (the chosen one).
     """
     return {
         "colours": list(names),

@@ -106,12 +106,14 @@ class VehicleSummary:
     def first_line(self) -> tuple[str, str, Level]:
         """Return headline, reason and level of the most important statement on the aircraft.
 
-        In the air it is the gravest alarm, with the action for now. After landing it is the finding
-        of the flight, with the action before the next one: an alarm of the link or of the past
-        flight does not replace it. For an unknown aircraft it is the result that needs no airframe;
-        a notice does not replace it. Before the flight it is the fill on board against the largest.
-        Without any the headline is empty: no alarm. That is green only in the air, with enough
-        thrust left on all rotors and no known risk from the loss of one.
+        For a recorded flight it is as `_recorded` says. In the air it is the gravest alarm, with
+        the action for now; with a red or amber finding of the flight, or the result of an unknown
+        aircraft, only an alarm of WARNING or graver, else the finding or the result (grey). On the
+        ground it is the finding, with the action before the next flight. There an alarm of WARNING
+        or graver leads, unless it is of a bad rotor or motor (OF_PARTS), or the aircraft was
+        damaged or lost. Before a flight it is the fill on board against the largest. With no
+        statement the headline is empty and the level grey, but green in the air with enough thrust
+        left on all rotors and no known risk from the loss of one.
         """
         if self.whole is not None:
             return self._recorded(self.whole)
@@ -211,8 +213,9 @@ def verdict_level(answer: FlightAnswer) -> Level:
 def _found(answer: FlightAnswer, level: Level, rest: Sequence[str]) -> tuple[str, str, Level]:
     """Return headline, reason and level for a flight's finding.
 
-    The headline is the short action; the reason has the finding, the full action and `rest`.
-    `level` is returned unchanged.
+    The headline is the short action, or the finding if there is none; the reason has the finding
+    (unless it is the headline), the full action or else why, and `rest`. `level` is returned
+    unchanged.
     """
     headline = answer.glance or answer.headline
     finding = _sentence(sentence(answer.headline)) if answer.glance else ""

@@ -159,7 +159,11 @@ def page_headers(host: str) -> dict[str, str]:
 
 
 def open_port(host: str, port: int) -> socket.socket:
-    """Open a listening socket on exactly this host and port (0: any free one). Raises LinkError."""
+    """Open a listening TCP socket on exactly this host and port (0: any free one).
+
+    Raise LinkError, with the remedy, for an unknown host, an address of another computer, a port
+    that is in use, not allowed or out of range.
+    """
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         return socket.create_server((host, port), family=family, backlog=64)
@@ -265,7 +269,8 @@ def stop_server(server: viser.ViserServer) -> None:
 def _handed_to_viser(
     listening: socket.socket, loopback_only: bool, addition: PageAddition | None, door: Door | None
 ) -> Iterator[None]:
-    """Make viser, while the block runs, start its WebSocket server on the socket `listening`.
+    """Make viser, while the block runs, start its WebSocket server on the socket `listening`; then
+    restore the library's own server.
 
     Its requests pass the checks of this file; with `loopback_only` they must name a loopback
     address. `addition` answers some of them; `door` may end them with its own response.

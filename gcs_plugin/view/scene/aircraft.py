@@ -141,11 +141,8 @@ class VehicleNode:
     def show(
         self, row: ShownRow, faulty: frozenset[int] = frozenset(), *, old: bool = False
     ) -> None:
-        """Place the aircraft as in `row`, with its colours. It is hidden without a position.
-
-        `faulty` are the numbers, from 1, of the rotors with an alarm. Rotors of an `old` row have
-        the colour of no data, and so have those with unknown places, without number and ring.
-        """
+        """Place the aircraft where `row` has it, with its attitude and colours. It is hidden
+        without a position."""
         known = row.analysis.placed
         faulty = faulty if known else frozenset()
         if faulty != self._faulty:

@@ -40,10 +40,11 @@ class Overlay:
     extreme: str = "worst"  # what its worst value is called
 
     def at(self, row: int, time_s: float, rotor_names: Sequence[str]) -> dict[str, Any]:
-        """Return the value of row `row` as JSON, with its rotor and `time_s`, s, as a clock.
+        """Return the value of row `row` as a JSON object for the page, with its rotor and time.
 
-        `number` is the rotor's, from 1, and `place` its name; None and "" where the value is not a
-        rotor's.
+        Keys: `extreme` (what the worst value is called), `value` (text with unit, "no data" if
+        unknown), `number` (of the rotor, from 1), `place` (the rotor's name) and `time` (`time_s`,
+        s, as clock text). `number` is None and `place` "" where the value is not a rotor's.
         """
         whose = np.nan if self.rotor is None else self.rotor[row]
         rotor = int(whose) if np.isfinite(whose) else None

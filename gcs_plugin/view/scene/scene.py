@@ -175,7 +175,8 @@ class Scene:
         return max(float(np.max(self._high - self._low)) / 2, 5.0)
 
     def set_field(self, field: Field | None) -> None:
-        """Draw the sprayed ground, its outline and the swath lines; None draws nothing."""
+        """Draw the sprayed ground, its outline and the swath lines; None, or a field without
+        swaths, draws nothing."""
         if field is None or not field.swaths_ned:
             return
         if not field.ground.is_empty:

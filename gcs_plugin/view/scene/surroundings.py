@@ -105,11 +105,12 @@ class SprayedGround:
         self.changed = False
 
     def add(self, positions_enu: Floats, spraying: Floats, ground: float) -> None:
-        """Add rows in order of time: positions (T, 3), m, and `spraying` (T,), 1 pump on, 0 off,
-        NaN unknown.
+        """Add rows in order of time: positions (T, 3), m east, north and up, and `spraying` (T,), 1
+        pump on, 0 off, NaN unknown.
 
-        A stretch joins two rows at least STEP m apart, between which the pump was on in every row.
-        It is drawn at the height `ground`, m.
+        A stretch joins two rows at least STEP m apart, between which the pump was on, with a known
+        position, in every row. It is drawn at the height `ground`, m. Only the newest MOST
+        stretches are kept.
         """
         for position, on in zip(positions_enu, spraying, strict=True):
             if on != 1.0 or not np.all(np.isfinite(position[:2])):

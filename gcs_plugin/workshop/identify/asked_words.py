@@ -69,10 +69,11 @@ def _request(action: Action, rotor: int | None, probability: float) -> Requested
 
 
 def unexplained_words(found: Identification) -> str:
-    """Return the sentence on the residual that no effect explains: RMS, mode, channels, and what to
-    do.
+    """Return the sentence on the residual that no effect explains: RMS, rpm, mode or rotor,
+    channels, and what to do.
 
-    Empty if there is none, or a minor one.
+    One that comes and goes within flights has no channel. The effects that resemble it are named,
+    if there are some. Empty if there is no such residual, or a minor one.
     """
     left = found.unexplained()
     if left["mode"] is None or left["minor"]:
@@ -141,9 +142,11 @@ def minor_words(found: Identification) -> str:
 
 
 def unnamed_causes_words(found: Identification) -> str:
-    """Return the sentence on the unnamed causes added to the model: mode, channel, its range, RMS.
+    """Return the sentence on the unnamed causes added to the model: mode or rotor, channel, its
+    range, RMS, rpm.
 
-    Needs at least one unnamed cause.
+    An effect of the catalogue among them is stated with its amount and probability. A cause on a
+    rotor is an alarm until repaired. Needs at least one unnamed cause.
     """
     each, names, curves = [], found.model.airframe.rotor_names, False
     for one in found.open_causes:

@@ -140,11 +140,13 @@ def one_of_words(
 
 
 def mentioned_words(one: Mentioned, names: tuple[str, ...], flights: int) -> str:
-    """Return the sentence on a rotor that may be weak: not reported, but the flights do not exclude
-    it.
+    """Return the sentence on a rotor that may be weak: its weakness is not reported, but not
+    excluded either.
 
-    It has the rotor's probability, its loss of thrust and what to do. `names` are the places of all
-    rotors, `flights` is the number of flights.
+    It has the rotor's place, the probability with the number of `flights` it rests on, the loss of
+    thrust, %, and an inspection as the action. A negative loss is worded as more thrust. If the 95
+    % interval includes zero, only its two ends are given, as upper limits of less and of more
+    thrust. `names` are the places of all rotors.
     """
     sign, words = 1.0, "it may make {amount} less thrust {interval}"
     if one.loss < 0.0:
@@ -251,8 +253,9 @@ def damage_in_model_words(fault: RotorFault, names: tuple[str, ...]) -> str:
 def nothing_missing_words(found: Identification) -> str:
     """Return the sentence for flights without a reported effect.
 
-    It states the loss of a rotor that the flights exclude, or an error larger than that of
-    fault-free flights. Motor outputs alone exclude nothing.
+    It states an error larger than that of fault-free flights, if there is one; else that nothing is
+    missing, with the loss of a rotor that the flights exclude, if any. For motor outputs it says
+    only that they exclude nothing.
     """
     if found.problem.of_outputs:
         return say("Motor outputs show nothing that is missing, but they cannot clear a rotor")
@@ -342,7 +345,7 @@ def excess_error_words(found: Identification) -> str:
 
     Empty if it is not larger. Compared are this RMSE less the unavoidable part (floor), in squares,
     and the model's 95 % limit for fault-free flights. A rotor is named if its error alone exceeds
-    that of the others by the limit.
+    the error of the other rotors by the limit.
     """
     known, error = found.model.good_flights, found.after
     most = known.most_rmse_rpm() if known else math.nan
@@ -420,7 +423,7 @@ def next_flight_words(
     """Return the sentence on the flight that distinguishes two explanations.
 
     `names` are the rotors' places, `mission` is the file with the flight's mission, empty if none
-    is written. Rotors in `suspects`, from 1, are to be inspected before it; those in `gaining`,
+    is written. Rotors in `suspects`, from 1, are to be inspected before it; rotors in `gaining`,
     from 0, are called strong instead of weak.
     """
     ours, theirs = following.separates
@@ -551,10 +554,11 @@ def _change_words(before: float, after: float) -> str:
 
 
 def open_questions(found: Identification) -> list[str]:
-    """Return the sentences on what could not be tried for lack of data.
+    """Return the sentences on what could not be tried for lack of data; empty if all was tried.
 
-    With motor outputs alone no rotor can be cleared; without an airspeed drag, lift and wind are
-    not tried.
+    For motor outputs: that only shares of thrust were looked at, and that no rotor is named if the
+    model has no fault-free flights. Else, without an airspeed: that drag, lift and wind were not
+    tried.
     """
     lines = []
     if found.problem.of_outputs:

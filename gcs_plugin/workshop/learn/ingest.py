@@ -322,10 +322,10 @@ def _cores(client: Any) -> int:
 
 
 def _print(outcome: IngestOutcome, store: str, *, quiet: bool) -> None:
-    """Print the number of flights stored in `store`, and each rejected log with its reason on
-    stderr.
+    """Print the number of flights stored in `store`, and those of logs there already and of
+    rejected logs, if any; then each rejected log with its reason on stderr.
 
-    `quiet`: the number is not printed.
+    `quiet`: the numbers are not printed.
     """
     words = [f"flights taken into {store}: {len(outcome.flights)}"]
     words += [f"logs there already: {outcome.already}"] if outcome.already else []

@@ -202,11 +202,11 @@ def _groups(inputs: Inputs, hangar: Hangar, unread: list[UnusedLog]) -> list[_Gr
 
 
 def _chosen(logs: Sequence[str], open_ones: Sequence[tuple[str, MarksMatch]]) -> str | None:
-    """Ask in the terminal which of the candidate aircraft flew the logs; one answer is for all
-    logs.
+    """Ask in the terminal for one candidate aircraft after the other if it flew the logs; return
+    the first that is answered with yes.
 
-    `open_ones` are the candidates' names and how their marks match. None without a terminal, at the
-    end of the input, or if it is none of them.
+    One answer is for all `logs` (names). `open_ones` are the candidates' names and how their marks
+    match. None without a terminal, at the end of the input, or if every answer is no.
     """
     if not sys.stdin.isatty():
         return None
@@ -292,8 +292,8 @@ def _with_marks(
     flights: Sequence[tuple[LearntFlight, FlightLog]],
     hangar: Hangar,
 ) -> KnownAircraft:
-    """Store the marks of a group's logs as further marks of an aircraft; return the aircraft
-    unchanged.
+    """Store the marks of a group's logs in the aircraft's folder of the hangar, after its earlier
+    marks; return `aircraft` itself, unchanged.
 
     Only logs whose flights have a verdict count: another log, named by the user as one of the
     aircraft, may be of another aircraft, whose logs would then be recognised wrongly.

@@ -131,8 +131,8 @@ def _sortie_flights(
 ) -> tuple[list[SeasonFlight], FlightLog]:
     """Return the flights of one vehicle's sorties, and the log of the first sortie.
 
-    The first flight is named `content`, the others `content` with the sortie's number appended.
-    `name` is the log's name in the store, left out in an anonymous store.
+    The first flight is named `content`, the other flights `content` with the sortie's number
+    appended. `name` is the log's name in the store, left out in an anonymous store.
     """
     model, _ = season_model(settings.model, settings.airframe)
     given = settings.model is not None or settings.airframe is not None
@@ -258,8 +258,9 @@ def _sums(analysis: FlightAnalysis) -> tuple[dict[str, np.ndarray] | None, str |
 def _summary(analysis: FlightAnalysis, log: FlightLog, report: ReportedFlight) -> dict[str, Any]:
     """Return the flight's values for the columns `schema.FLIGHTS`, by name.
 
-    Units are in the names; unknown numbers are NaN. `analysis` uses the load of the whole flight,
-    `report` the load that the verdict is based on.
+    Units are in the names; unknown numbers are NaN, or None for texts and counts. `analysis` uses
+    the load of the whole flight, `report` the load that the verdict is based on. A good margin that
+    rests on a prediction alone is unknown; a bad one is kept.
     """
     track, verdict, flight = log.track, report.json["verdict"], report.json["flight"]
     advice = report.advice

@@ -210,10 +210,12 @@ class _Blocks:
         return means
 
     def jitter(self, speed: Floats) -> Floats:
-        """Return the scatter (B, R) of speeds (T, R) between samples, as a share of the speed.
+        """Return the scatter (B, R) between samples of speeds (T, R), in each of the B blocks, as a
+        share of the block's mean speed.
 
-        Computed from second differences, which a steady change does not affect; those of white
-        noise of standard deviation s have sqrt(6) s.
+        Computed from second differences, which a steady change does not affect; second differences
+        of white noise of standard deviation s have sqrt(6) s. NaN for a block with an unknown speed
+        of the rotor.
         """
         scatter = np.full((len(self._rows), speed.shape[1]), np.nan)
         for share, rows in zip(scatter, self._rows, strict=True):
@@ -261,11 +263,12 @@ def _mean_of(quantity: ArmQuantity, blocks: Floats) -> ArmFigure | None:
 
 
 def _falls(one: ArmReadings, blocks: int) -> list[ArmFigure | None]:
-    """Return two figures: falls of each arm's speed per block that the controller answered, and
-    others.
+    """Return two figures, each a number (R,) per block: falls of each arm's speed that the
+    controller answered, and falls that it did not.
 
-    `blocks` is the number of blocks. Their errors are 0, because a sound arm has next to no falls.
-    Empty with too few blocks or without motor outputs.
+    `blocks` is the number of blocks. NaN for an arm whose output is unknown. Their errors are 0,
+    because a sound arm has next to no falls. Empty with fewer than FEWEST_BLOCKS or without motor
+    outputs.
     """
     if blocks < FEWEST_BLOCKS or not one.outputs_known.any():
         return []

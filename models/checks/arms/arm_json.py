@@ -10,8 +10,9 @@ from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer, ArmFinding
 def answer_json(answer: ArmAnswer | None) -> dict[str, Any] | None:
     """Return an answer as a dict of JSON values; None without one.
 
-    `aircraft` is a finding that is of no single arm. Sizes are shares, as `arm_causes` has them;
-    `ci95` are the ends of their 95 % intervals.
+    Keys: `compared` (quantities), `earlier_flights` and `days` (their numbers), `findings` (each as
+    in `_finding_json`, with its `arm` from 1) and `aircraft` (a finding that is of no single arm,
+    or None).
     """
     if answer is None:
         return None
@@ -25,7 +26,12 @@ def answer_json(answer: ArmAnswer | None) -> dict[str, Any] | None:
 
 
 def _finding_json(one: ArmFinding) -> dict[str, Any]:
-    """Return the causes of a finding and the figures that show them as a dict of JSON values."""
+    """Return a finding as a dict of JSON values: `probability`, `causes` and `shown`.
+
+    Each of `causes` has `cause`, `sensor` (True if only a sensor is wrong), `probability`, `size`
+    and the ends `ci95` of its 95 % interval, as shares. Each of `shown` has `quantity`, the arm's
+    `departure` as a share, and in `standard_deviations`.
+    """
     return {
         "probability": one.probability,
         "causes": [

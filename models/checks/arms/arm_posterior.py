@@ -97,7 +97,9 @@ def arm_answer(
 
     `modes` (R, R) are the layout's mode directions, one a column; None: unknown. `given` maps arms,
     from 0, that the search for weak rotors found faulty to their possible causes, one of which is
-    taken as true; only which one is then found.
+    taken as true: with several it is searched for which, with one nothing is added. Then up to
+    MOST_FINDINGS in all are found, each without what the ones before explain. Without `law` no
+    earlier flight is counted.
     """
     left = list(departures(flights, law, modes))
     own_voltage = all(one.own_voltage for one in flights)

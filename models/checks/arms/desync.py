@@ -49,7 +49,7 @@ class SpeedFalls:
 def speed_falls(track: FlightTrack) -> SpeedFalls:
     """Find short falls of measured rotor speed in flight that no motor output explains.
 
-    The result flags (T, R) the lowest row of each fall, and those of them that the controller
+    The result flags (T, R) the lowest row of each fall, and of these the falls that the controller
     answered. A fall must return within RETURN_S: one that has not yet is not flagged. Nothing is
     found with fewer than FEWEST_ROTORS rotors, or for rotors without outputs.
     """

@@ -44,7 +44,8 @@ def spool_up_figure(ratios: Sequence[tuple[float, float]]) -> ArmFigure | None:
     known.
 
     v is ln of relative speed minus POWER times ln of relative output. `ratios` has a pair for each
-    motor: its speed and its output over those of the other motors; NaN where unknown.
+    motor: its speed over the other motors' speed and its output over their output; NaN where
+    unknown.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         speed, output = np.log(np.array(ratios, dtype=np.float64)).reshape(-1, 2).T
@@ -90,8 +91,8 @@ def unlike_before(
     """Return how far a motor's v is from its usual one, and the limit for a sound motor, both (T,).
 
     Row t takes the mean of v over rows 0..t. `motor` is from 0; `speed` and `output` (T,) are the
-    motor's over those of the other motors, NaN where not comparable. Both results are NaN in rows
-    without a reading and before FEWEST readings.
+    motor's, each over that of the other motors, NaN where not comparable. Both results are NaN in
+    rows without a reading and before FEWEST readings.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         ln_speed, ln_output = np.log(speed), np.log(output)

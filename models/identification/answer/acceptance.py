@@ -226,8 +226,8 @@ def cross_validated_posterior(
 def drop_unconfirmed_sets(
     answer: Posterior, fold_squares: Callable[[EffectSet], Floats]
 ) -> Posterior:
-    """Drop sets by rules 1 and 2 (`drop_larger_sets`, `drop_worse_sets`), and return the others'
-    posterior.
+    """Drop sets by rules 1 and 2 (`drop_larger_sets`, `drop_worse_sets`), and return the posterior
+    of the remaining sets.
 
     `fold_squares` returns a set's held-out mean squares (folds,), rpm²; it is called once a set.
     """
@@ -288,7 +288,7 @@ MAIN_SHARE = 2 / 3  # of an effect's squared change: two of the modes of a rotor
 def find_unexplained(space: SearchSpace, answer: Posterior) -> Unexplained | None:
     """Describe the unexplained residual; None where none is probable and large enough.
 
-    It is the largest unnamed cause beyond the limits of `exceeds_limits`, with those of a rotor
+    It is the largest unnamed cause beyond the limits of `exceeds_limits`, with causes on a rotor
     first; without one it is a mode with too much slow noise.
     """
     search, best = answer.search, answer.best
@@ -447,7 +447,9 @@ def effects_resembling(
         read = {needed for channel in unexplained.channels for needed in ALONG[channel].needs}
 
     def resembles(c: int) -> bool:
-        """Return True if candidate `c` resembles the unexplained residual."""
+        """Return True if candidate `c` resembles the unexplained residual, by the criteria of
+        `effects_resembling`: uneven loss of a rotor, its own instrument's channel, the same rotor
+        or channel, or mostly the same modes."""
         if uneven and terms[c].degraded_rotor not in uneven:
             own = float(mean_square_change(search, trials[c]).sum()) if c in trials else 0.0
             if sum(uneven.values()) > MOST_UNEXPLAINED * own:
@@ -666,8 +668,12 @@ def wind_in_airspeed(
 
 
 def block_winds(track: FlightTrack, problem: Problem, flight: ForwardFlight) -> Floats:
-    """Return winds (B, 2, 2), m/s, by block of time: reported and from drag, each north and
-    east."""
+    """Return mean winds (B, 2, 2), m/s, by block of BLOCK_SECONDS: reported and from drag, each
+    north and east.
+
+    Only rows of straight flight in which both are known count; B is the number of blocks with such
+    rows, 0 without any.
+    """
     by_drag = wind_by_drag(track, problem.model.airframe, flight)
     both = np.stack([track.wind_ned[:, :2], by_drag], axis=1)
     rows = straight_rows(track) & np.isfinite(both).all(axis=(1, 2))

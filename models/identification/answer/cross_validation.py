@@ -161,11 +161,12 @@ class CrossValidation:
         return np.array([square[fold.rows].mean() for fold in self.folds])
 
     def with_persistent_effects(self, members: Collection[int]) -> Floats:
-        """Return the residual (T, R), rpm, predicted only with effects that also apply to later
-        flights.
+        """Return the residual (T, R), rpm, measured minus predicted, by those of the effects
+        `members` that also apply to later flights.
 
-        All `members` (candidate indices) are fitted, without each row's fold; those that apply to
-        the fitted flights alone (a wind, a step) are then left out of the prediction.
+        `members` are candidate indices. For each row all of them are fitted to the other folds,
+        without the row's own. Effects of the fitted flights alone (a wind, a step) are then left
+        out of the prediction.
         """
         lasting = {c for c in members if not self._term(c).effect.of_its_flights}
         values = [fold.values(self.search, members) for fold in self.folds]
@@ -241,8 +242,8 @@ def _folds_of_one_flight(
 def held_out_residual(unused: Problem, estimates: Sequence[EffectEstimate]) -> Floats:
     """Return the residual (T, R), rpm, of the flights in `unused`, predicted with reported effects.
 
-    Shared values are the median over the fitted flights, and so are the start values of those that
-    a flight has for itself; the latter are refitted on every other block
+    Shared values are the median over the fitted flights, and so are the start values of values that
+    each flight has for itself; these are refitted on every other block
     (`residual_on_other_flights`). An effect has no influence where its channels are NaN.
     """
     trials = []

@@ -166,11 +166,12 @@ def _omission_note(reported: ReportedEffect, names: tuple[str, ...]) -> str:
 
 
 def updated_background(model: RotorModel, identified: Identification) -> tuple[float, ...]:
-    """Return the between-flight standard deviation of each mode's mean residual, rpm.
+    """Return the between-flight standard deviation of each mode's mean residual, rpm, after the
+    identified effects.
 
-    The residual is that after the identified effects. Return the old model's values with too few
-    flights; also for motor outputs if the model was not trained on fault-free flights, since these
-    flights may not be sound either.
+    Return the old model's values with too few flights; also for motor outputs if the model was not
+    trained on fault-free flights, since these flights may not be sound either. For motor outputs of
+    FEWEST_FLIGHTS or more the value is that of `learnt_spread`.
     """
     problem = identified.problem
     if problem.of_outputs and lacks_sound_flights(model):
@@ -244,10 +245,10 @@ class MarginChange:
 def margin_changes(identified: Identification) -> tuple[tuple[MarginChange, ...], MarginChange]:
     """Compute how the thrust margin changes by each reported effect, and by all effects together.
 
-    The first result has a change for each effect in order, each on top of those before, for its
-    rotor (the worst one without). The second is for the worst rotor and includes unnamed causes.
-    Margins are predicted for the held-out flights; for the fitted flights if there are none, or if
-    an effect has per-flight values.
+    The first result has a change for each effect in order, each on top of the effects before it,
+    for its rotor (the worst rotor for an effect without one). The second is for the worst rotor and
+    includes unnamed causes. Margins are predicted for the held-out flights; for the fitted flights
+    if there are none, or if an effect has per-flight values.
     """
     own = any(p.per_flight for f in identified.found for p in f.term.effect.parameters)
     fitted = own or identified.held_out is None

@@ -94,11 +94,12 @@ class Posterior:
         return min(1.0, float(sum(trials)))
 
     def named_candidates(self) -> list[int]:
-        """List the candidates to report: inclusion probability at least SURE, interval excluding
-        zero.
+        """List the candidates to report, ascending: inclusion probability at least SURE and an
+        interval that excludes zero.
 
-        For a rotor that is certainly degraded, whether since the start or since a step, the most
-        probable of these variants is listed.
+        Several candidates can be variants of one degradation (since the start, since a step). If
+        only their joint probability reaches SURE, the most probable named variant is listed. A
+        variant without a rotor is listed only with a probability above OPEN_PROBABILITY.
         """
         seen = sorted({c for s in self.sets for c in s.key if not self._unnamed(c)})
         likely = [c for c in seen if self.probability([c]) >= SURE]
@@ -117,8 +118,9 @@ class Posterior:
         """List the candidates that may enter a model as unnamed causes.
 
         They are `Search.unnamed_members` of the most probable set together with candidates of other
-        sets: those with a probability above OPEN_PROBABILITY, if it exceeds CHOICE jointly with the
-        unnamed causes in the same mode and on the same rotor, which can replace each other.
+        sets: candidates with a probability above OPEN_PROBABILITY, if it exceeds CHOICE jointly
+        with the unnamed causes in the same mode and on the same rotor, which can replace each
+        other.
         """
         likely = set(self.best.key)
         for c in {c for one in self.sets for c in one.key}:
@@ -277,9 +279,12 @@ class Posterior:
         return tuple(groups)
 
     def mentioned(self, named: Sequence[int]) -> tuple[tuple[Mentioned, int], ...]:
-        """List rotors that are neither reported nor cleared, each with its most probable candidate.
+        """List rotors that are neither reported nor cleared, each with its most probable candidate,
+        by rotor.
 
-        A rotor is listed if any effect or unnamed cause on it has more than OPEN_PROBABILITY.
+        A rotor is listed if all effects and unnamed causes on it jointly have more than
+        OPEN_PROBABILITY, and one of them is named: the candidate is then the most probable named
+        one. `named` are the reported candidates.
         """
         candidates = self.search.candidates
         safe = {candidates[c].term.degraded_rotor for c in named}
@@ -309,8 +314,8 @@ class Posterior:
     def gaining_rotors(self) -> frozenset[int]:
         """Return the rotors (0-based) whose most probable degradation has a negative loss.
 
-        Such rotors have more thrust than expected. Those with a probability of at most
-        OPEN_PROBABILITY are not reported, so they are left out.
+        Such rotors have more thrust than expected. Rotors whose degradation has a probability of at
+        most OPEN_PROBABILITY are left out.
         """
         of_rotors: dict[int, list[int]] = {}
         for c in {c for one in self.sets for c in one.key if not self._unnamed(c)}:
@@ -369,11 +374,12 @@ class Posterior:
 
 
 def _interpolate_unknown_knots(one: Candidate, value: Floats, error: Floats) -> Floats:
-    """Return the values (F, K) of a curve, with poorly determined knots interpolated from the
-    others.
+    """Return a copy of the values (F, K) of a curve, with poorly determined knots interpolated
+    linearly from the other knots.
 
     A knot is poorly determined if its error is at least 1 / sqrt(2) of its prior scale, e.g. beyond
-    the flights' range.
+    the flights' range; a fixed knot is known. All flights share a curve: knots and errors of the
+    first flight are used for all. Values after the KNOTS knots stay.
     """
     free = {k for k, _ in one.free}
     known = [

@@ -127,10 +127,11 @@ class ReportedEffect:
         return out
 
     def to_json(self, names: tuple[str, ...], *, followed: bool = False) -> dict[str, Any]:
-        """Return the effect as JSON.
+        """Return the effect as JSON: `name`, `variant`, `rotor` (from 1, or None), `probability`,
+        `parameters`, `rmse_before_rpm`, `rmse_after_rpm`, `source`, `already_followed`.
 
-        `followed`: the airspeed channel already contains the effect, so it is not added to the
-        model.
+        `names` are the flights'. `followed`: the airspeed channel already contains the effect, so
+        it is not added to the model.
         """
         return {
             "name": self.term.effect.name,
@@ -170,7 +171,11 @@ class OpenCause:
         return float(low), float(high)
 
     def to_json(self, names: tuple[str, ...]) -> dict[str, Any]:
-        """Return the cause as JSON: an effect's fields, then mode, channel and range of a curve."""
+        """Return the cause as JSON: an effect's keys, `rms_rpm`, and of a curve `mode`, `channel`,
+        `alike` and `range`.
+
+        `names` are the flights'. Mode, channel and range are None for an effect that is no curve.
+        """
         mode, channel = self.place or (None, None)
         of_curve = {"mode": mode, "channel": channel, "alike": list(self.alike)}
         of_curve["range"] = self.range and list(self.range)
@@ -277,9 +282,13 @@ class Identification:
         return (*self.found, *self.followed)
 
     def to_json(self, *, model_in: str = "", model_out: str = "") -> dict[str, Any]:
-        """Return the content of the identify command's JSON; NaN becomes None.
+        """Return the content of the identify command's JSON, schema "thrustmargin.identify/1"; NaN
+        becomes None.
 
-        `model_in` and `model_out` are the paths of the model files read and written.
+        It has the flights with their role, the errors before and after, and the effects: reported,
+        alternative, excluded, mentioned, contradicted and unnamed ones. `errors_from` is "held_out"
+        with held-out flights, else "cross_validation". `model_in` and `model_out` are the paths of
+        the model files read and written.
         """
         rows = np.bincount(self.problem.flight)
         flights = [

@@ -55,8 +55,9 @@ def good_flights(left_out: Sequence[HeldOutFlights]) -> GoodFlights:
     """Measure the variation between fault-free flights.
 
     Each element of `left_out` holds flights and a model that was fitted without them; each flight
-    occurs in exactly one element. Results: scatter of effect values, of mode means, of slopes, of
-    slow variation and of curves, rpm.
+    occurs in exactly one element. Results: the between-flight scatter of effect values (in their
+    units), of mode means and slopes, rpm, and the RMS of slow variation and of curves along
+    channels that are always known, rpm. A scatter that cannot be estimated is 0 or left out.
     """
     estimates: dict[tuple[str, int | None], list[Floats]] = {}
     of_slopes: dict[tuple[str, int | None], list[Floats]] = {}
@@ -237,10 +238,10 @@ def confirmed_curve_rms(
     """Return the RMS of the part of `values` (T,) that a smooth curve over `channel` (T,) explains.
 
     The curve is fitted without the flight that it predicts; `flight` (T,) numbers the rows'
-    flights. Return 0 unless it predicts held-out flights better than the others' mean does, by more
-    than the standard error over flights. Penalised B-splines with a second-difference penalty
-    (Eilers and Marx, Stat. Sci. 11, 89 (1996)); harmonics for a `periodic` angle in rad. SMOOTHNESS
-    is selected on the held-out flights.
+    flights. Return 0 unless it predicts held-out flights better than the mean of the other flights
+    does, by more than the standard error over flights. Penalised B-splines with a second-difference
+    penalty (Eilers and Marx, Stat. Sci. 11, 89 (1996)); harmonics for a `periodic` angle in rad.
+    SMOOTHNESS is selected on the held-out flights.
     """
     if not periodic and np.ptp(channel) <= 0.0:
         return 0.0

@@ -73,7 +73,8 @@ def mode_curves(problem: Problem) -> list[Candidate]:
 
 
 def curve_sums(problem: Problem, curves: Sequence[Candidate]) -> list[RowSums]:
-    """Return for each mode the products of its curve columns and its residual, summed by flight.
+    """Return for each mode the products of its curve columns and its residual, whitened, summed by
+    flight, of rows thinned by the problem's stride.
 
     A column is the derivative of rotor speed by one value of a curve; the residual is last. A curve
     also acts a little in other modes (a share of thrust of unequal rotors); that is neglected here,

@@ -184,7 +184,8 @@ def _needed_effects(fit: RowFit) -> tuple[TrialEffect, ...]:
 def sums_without_effects(fit: RowFit, kept: Sequence[TrialEffect]) -> RowSums:
     """Return a fit's sums with effects outside `kept` fixed at the values without influence.
 
-    The values of effects in `kept` stay free. `kept` must contain objects of `fit.trials`.
+    A value that has no such value is fixed where it is. The values of effects in `kept` stay free.
+    `kept` must contain objects of `fit.trials`.
     """
     free, move = [], []
     for trial in fit.trials:

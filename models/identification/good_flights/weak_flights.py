@@ -35,11 +35,12 @@ class WeakFlight:
 
 
 def weak_flights(left_out: Sequence[HeldOutFlights]) -> tuple[WeakFlight, ...]:
-    """Return the flights that show a weak rotor, each with its largest fault.
+    """Return the flights that show a weak rotor, each with its fault of the largest thrust loss.
 
     Each element of `left_out` is a group of flights with a model fitted without them; a flight
-    occurs in one group only. Groups with fewer than FEWEST_OTHERS flights outside of them are not
-    tested.
+    occurs in one group only. Each flight is analysed with its group's model, whose between-flight
+    scatter is computed from the flights of all other groups. Groups for which these are fewer than
+    FEWEST_OTHERS are not tested.
     """
     means = [_mode_means(one) for one in left_out]
     found = []

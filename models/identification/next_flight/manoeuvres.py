@@ -56,7 +56,12 @@ class FlownLimits:
 
     @classmethod
     def from_tracks(cls, tracks: Sequence[FlightTrack]) -> Self:
-        """Measure the limits on rows in flight. Raises DataError if there are none."""
+        """Measure the limits of manoeuvres on the rows in flight of all tracks: place, height,
+        speeds, turn rate, fills, wind, voltage.
+
+        Most are quantiles, in SI; NaN where unknown, but 0 for place, reach and wind. `minutes` is
+        the longest flight. Raise DataError without a row in flight.
+        """
         origins, durations = [], []
         flown: dict[str, list[Floats]] = {name: [] for name in FLOWN}
         for track in tracks:  # one at a time: the tracks of a season need not fit in memory
@@ -246,7 +251,12 @@ def corners_ned(manoeuvre: Manoeuvre, limits: FlownLimits) -> Floats:
 def flown_track(
     manoeuvre: Manoeuvre, model: RotorModel, limits: FlownLimits, fill_kg: float
 ) -> FlightTrack:
-    """Simulate the manoeuvre in the flights' usual air, with all channels but rotor speeds."""
+    """Simulate the manoeuvre in the flights' usual air and wind, with all channels but rotor speeds
+    and outputs.
+
+    Rows are STEP_S s apart. `fill_kg` is in the tank throughout, NaN if unknown; the voltage falls
+    as over the longest flight of `limits`.
+    """
     pieces = manoeuvre.pieces
     ends = np.cumsum([p.seconds for p in pieces])
     time_s = np.arange(0.0, ends[-1], STEP_S)

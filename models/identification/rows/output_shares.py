@@ -36,10 +36,11 @@ MOST_CONSTANT = 0.3
 
 
 def of_outputs(tracks: Sequence[FlightTrack]) -> bool:
-    """Return True if all flights have rotor speeds inferred from motor outputs, False if measured.
+    """Return True if all flights have rotor speeds inferred from motor outputs, False if all have
+    measured ones.
 
-    Raise DataError when flights are of both kinds, or when a flight has only some rotors' speeds.
-    False without a flight.
+    Raise DataError when flights are of both kinds, or when in a flight the speeds of some rotors
+    are measured and those of others inferred. False without a flight.
     """
     kinds = set()
     for track in tracks:
@@ -88,10 +89,11 @@ def lacks_sound_flights(model: RotorModel) -> bool:
 
 def is_constant_share(change: Floats, flight: NDArray[np.intp]) -> bool:
     """Return True if the changes (T, R, P), modal, rpm, of all P values are mostly constant in each
-    flight.
+    flight: the RMS about the flights' means is at most MOST_CONSTANT of the RMS.
 
-    Outputs alone cannot distinguish such an effect from any other shift of the balance: the mixer
-    responds to all of them with the same constant roll, pitch and yaw.
+    `flight` (T,) is each row's flight. Outputs alone cannot distinguish such an effect from any
+    other shift of the balance: the mixer responds to all of them with the same constant roll, pitch
+    and yaw.
     """
     rest = change.copy()
     for f in np.unique(flight):

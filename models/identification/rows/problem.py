@@ -171,7 +171,9 @@ def usable_seconds(model: RotorModel, track: FlightTrack) -> float:
 def assemble_flight(model: RotorModel, track: FlightTrack) -> Problem:
     """Assemble all rows of one flight that can be fitted, not thinned.
 
-    Raise AirframeError for a wrong rotor count, DataError with too few rows.
+    Rows without an input that the model needs are dropped; so are rows without an optional channel,
+    if there are few of them. Raise AirframeError for a wrong rotor count, DataError with fewer than
+    LEAST_ROWS rows.
     """
     airframe = model.airframe
     if track.rotor_count != airframe.rotor_count:

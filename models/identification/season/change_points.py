@@ -192,7 +192,8 @@ def changes(values: Floats, errors: Floats, penalty: float) -> tuple[list[Season
     """Return the changes of a value (F,) with standard errors (F,), and the fitted curve (F,).
 
     `penalty` is the gain in squares that a change must exceed. A single outlier is no change.
-    Slopes are per flight. No change for fewer than 2 LEAST_FLIGHTS flights.
+    Slopes are per flight. For fewer than 2 LEAST_FLIGHTS flights there is no change, and the curve
+    is the mean.
     """
     if values.size < 2 * LEAST_FLIGHTS:
         return [], np.full(values.size, float(np.mean(values)) if values.size else np.nan)

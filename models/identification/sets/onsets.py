@@ -188,8 +188,10 @@ class LossSums:
         """Yield the best loss over whole consecutive flights that lasts to the last flight, and the
         best that ends before.
 
-        Each is ("since" or "until", gain of log likelihood, -1, Unix times): a first time, and an
-        end for "until". Nothing with fewer than 3 flights or a flight without a clock.
+        Each is ("since" or "until", gain of log likelihood, -1, Unix times, s): a first time, and
+        an end for "until"; -1 is in the place of a flight's index. A time between two flights is
+        midway. A kind without a gain is left out. Nothing with fewer than 3 flights or a flight
+        without a clock.
         """
         x, flight, flights = self.search.reduced.channels, self.search.reduced.flight, len(self.own)
         ends = np.array([x.clock_s[flight == f][[0, -1]] for f in range(flights)])

@@ -337,7 +337,7 @@ def _flight_slopes(reduced: Reduced) -> tuple[Floats, Floats]:
     flights.
 
     Also return the columns (N, R, K) of a slope that all flights share. Both are at the standard
-    deviation of the slope between the n training flights; the mean of those is in the model and
+    deviation of the slope between the n training flights; the mean slope is in the model and
     uncertain by 1/n of the variance. K is 0 without training flights or for motor outputs.
     """
     good, x = reduced.model.good_flights, reduced.channels

@@ -95,10 +95,12 @@ class Search:
         return np.full_like(one.start, np.median(self.reduced.delay_s[:, 0]))
 
     def run(self, progress: Progress | None = None) -> None:
-        """Search until the best set no longer changes, at most ROUNDS times.
+        """Search for the most probable set of effects, until a round finds none more probable, in
+        at most ROUNDS rounds.
 
-        If a much better set is found within a round, the round ends and the search restarts about
-        that set.
+        The result is in `best`, the best of all sets in `fitted`. If a fit raises the log evidence
+        by more than FAR, the round ends and the next one starts from that set. `progress` is called
+        at the begin of each round with its name and the share of ROUNDS done.
         """
         if not self.fitted:
             self.fit(frozenset(), ())

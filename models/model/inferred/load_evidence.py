@@ -227,9 +227,10 @@ def whole_flight_evidence(
 ) -> tuple[LoadEvidence, Floats, Floats]:
     """Collect the evidence of load in a whole flight.
 
-    A leg is a part with one load at its start. It begins after each stay on the ground, or only
-    after long ones, whichever the Bayesian information criterion prefers. Return the evidence, each
-    row's leg (T,), and the seconds sprayed and flown by then (T, 2).
+    A leg is a part of the flight with one load at its start. It begins after each stay on the
+    ground, or only after long ones: after each if the Bayesian information criterion prefers it and
+    both can be fitted. Return the evidence, the number of each row's leg (T,), and the seconds
+    sprayed and flown since the leg began (T, 2).
     """
     long = collect_evidence(track, airframe, LoadEvidence())
     each = collect_evidence(track, airframe, LoadEvidence(), BRIEFLY)

@@ -65,7 +65,8 @@ def fill_channels(
     airframe: Airframe | None,
     parameters: Mapping[str, float],
 ) -> FlightTrack:
-    """Fill in the rotor speeds and the load that other channels of a whole flight imply.
+    """Return the track of a whole flight with the rotor speeds and the load that other channels
+    imply, where they are not reported.
 
     Return the track unchanged if `airframe` is None. `parameters` are the autopilot's, by name.
     """
@@ -214,7 +215,11 @@ def with_load_for_verdict(
 def _shown_load(
     track: FlightTrack, airframe: Airframe, outputs: OutputEvidence | None = None
 ) -> ShownLoad | None:
-    """Infer the load from hover thrust; None without level flight with every rotor's speed."""
+    """Infer the load, kg, and its error from hover thrust; None without level flight with every
+    rotor's speed.
+
+    With `outputs` the error includes the thrust that motor outputs show beyond the rotor speeds.
+    """
     shown, legs, seconds = whole_flight_evidence(track, airframe)
     fit = load_fit(shown, airframe)
     if fit is None:

@@ -268,8 +268,9 @@ def _speed_source(
 ) -> Provenance:
     """Return the provenance of rotor speeds inferred from motor outputs, flagged in `put` (T, R).
 
-    Its remarks say how they are calibrated. `lost_s` (n,) are the times, s, without a measured
-    speed of any rotor.
+    Its remarks say how they are calibrated (by measured rotors, else by weight, else by full
+    thrust), and for which rotors and times all speeds are inferred. `lost_s` (n,) are the times, s,
+    without a measured speed of any rotor.
     """
     outputs = track.source("throttle")
     by_weight, by_rotors = calibration.seconds(_WEIGHT), calibration.seconds(_ROTORS)
@@ -310,11 +311,12 @@ def full_output_speed(
     """Estimate the rotor speed at full output, rpm, with its 95 % interval; also return its
     voltage, V.
 
-    The voltage is the median over the flights, in flight. Each flight comes with its autopilot's
-    parameters. The estimate is by measured speeds if there are any, else by weight; the curve
-    extrapolates from the outputs flown, which widens the interval. The airframe's own ceiling is
-    the prior. Raise DataError when no flight has evidence, or hover rows need very different
-    thrust.
+    The voltage is the median over the flights, in flight; the airframe's nominal one where none is
+    reported. Each flight comes with its autopilot's parameters; flights without outputs or with
+    another number of rotors are left out. The estimate is by measured speeds if there are SPAN s of
+    them, else by weight; the curve extrapolates from the outputs flown, which widens the interval.
+    The airframe's own ceiling is the prior. Raise DataError with less evidence than SPAN s, or if
+    hover rows need very different thrust.
     """
     curve, bins, volts = None, {}, []
     for number, (track, parameters) in enumerate(flights):

@@ -69,10 +69,12 @@ def guessed_variance(airframe: Airframe, *names: str) -> float:
 
 
 def from_data_sheet(airframe: Airframe) -> bool:
-    """Return True if the largest thrust, coefficient times N_max², is that of the data sheet.
+    """Return True if the largest thrust, coefficient times N_max², is that of the data sheet,
+    within DERIVED.
 
-    The airframe file then guesses the thrust coefficient, and the largest rotor speed was computed
-    from it: both errors cancel in the largest thrust, and only the data sheet's remains.
+    The airframe file then guesses thrust coefficient and largest rotor speed, but not the maker's
+    thrust, from which the speed was computed: both errors cancel in the largest thrust, and only
+    the data sheet's remains.
     """
     quantities = airframe.quantities
     reached = airframe.thrust_coefficient * airframe.max_rotor_speed_rpm**2
