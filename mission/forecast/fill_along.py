@@ -22,7 +22,7 @@ from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.model.rotor_model import identified_airframe
 
 #: Standard error of a stretch's largest utilisation, as a share of it, by how it is flown: 4 to 5 %
-#: at 3,000 m and 2 % elsewhere, by the command of docs/forecast.md.
+#: at 3,000 m and 2 % elsewhere, by the command of docs/measured.md.
 FLOWN_ERROR = 0.05
 
 
