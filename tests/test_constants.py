@@ -1,6 +1,6 @@
 """docs/constants.md has every number of the residual loop, with the value that the code has.
 
-What a number is for stands there, or in a comment at its line.
+What a number is for stands in a comment at its line.
 """
 
 import ast
@@ -16,15 +16,15 @@ ROOT = Path(__file__).resolve().parents[1]
 LOOP = ROOT / "models" / "identification"
 TEXT = (ROOT / "docs/constants.md").read_text(encoding="utf-8")
 ROW = re.compile(r"^\| `([\w.]+)\.(\w+)` \| ([^|]+) \| ([^|]+) \|", re.M)
-EXPLAINED = {(module, name): value for module, name, value, _ in ROW.findall(TEXT)}
-#: module -> its numbers that decide how long it takes: `NAME` 1.0, `NAME` 1.0; 2.0
-WORK = re.findall(r"^\| `([\w.]+)` \| (`[A-Z].*) \|$", TEXT, re.M)
-COMMENTED = {
+REASONED = {(module, name): value for module, name, value, _ in ROW.findall(TEXT)}
+#: module and its numbers that are listed without a reason: `NAME` 1.0, `NAME` 1.0; 2.0
+MODULES = re.findall(r"^\| `([\w.]+)` \| (`[A-Z].*) \|$", TEXT, re.M)
+ALONE = {
     (module, name): value.replace(";", ",")
-    for module, numbers in WORK
+    for module, numbers in MODULES
     for name, value in re.findall(r"`(\w+)` ([^,]+)", numbers)
 }
-LISTED = EXPLAINED | COMMENTED
+LISTED = REASONED | ALONE
 #: not numbers that decide anything: places, names, and grids that flights left out choose from
 OTHERS = {"ALL_FLIGHTS", "ALL_MODES", "RIDGES", "SMOOTHNESS"}
 
@@ -54,11 +54,11 @@ def is_number(value: Any) -> bool:
 
 def test_every_number_of_the_loop_is_listed_once():
     assert set(LISTED) == numbers()
-    assert not EXPLAINED.keys() & COMMENTED.keys()
+    assert not REASONED.keys() & ALONE.keys()
 
 
-@pytest.mark.parametrize(("module", "name"), sorted(COMMENTED))
-def test_a_number_that_is_listed_alone_has_a_comment_at_its_line(module: str, name: str):
+@pytest.mark.parametrize(("module", "name"), sorted(LISTED))
+def test_a_comment_at_its_line_says_what_a_number_is_for(module: str, name: str):
     lines = (LOOP / f"{module.replace('.', '/')}.py").read_text("utf-8").splitlines()
     (at,) = (n for n, one in enumerate(lines) if re.match(rf"(\w+, )*{name}(, \w+)* = ", one))
     assert "  # " in lines[at] or lines[at - 1].startswith("#: ")
