@@ -19,10 +19,9 @@ from importlib import import_module
 from typing import Any
 
 from thrustmargin.gcs_plugin.commands import HERE, extras
-from thrustmargin.gcs_plugin.commands.shared.options import QUIET, UsageError, refuse_renamed
+from thrustmargin.gcs_plugin.commands.shared.options import QUIET, UsageError
 from thrustmargin.gcs_plugin.commands.shared.typed import as_read, hide_none, plain_optionals
-from thrustmargin.gcs_plugin.mavlink.text import clean_lines
-from thrustmargin.gcs_plugin.wording.language import LANGUAGES
+from thrustmargin.gcs_plugin.wording.language import LANGUAGES, clean_lines
 from thrustmargin.gcs_plugin.wording.language import VARIABLE as LANGUAGE
 from thrustmargin.models.errors import ThrustMarginError
 
@@ -231,7 +230,6 @@ def _answer(argv: Sequence[str]) -> Any:
     if first not in COMMANDS and not first.startswith("--tyro"):
         _complain(not_a_command(first))
         raise SystemExit(2)
-    refuse_renamed(argv)
     chosen = [first] if first in COMMANDS else [*COMMANDS]
     functions = {name: command_function(name) for name in chosen}
     import tyro  # takes half of the time of a help that needs nothing of it

@@ -288,8 +288,10 @@ def _of_shapefile(data: bytes, path: Path) -> list[Named]:
 
 
 def _in_degrees(polygons: Sequence[Named], system: str, name: str) -> list[Named]:
-    """Convert polygons from the coordinate system of this name or text to longitude and
-    latitude.
+    """Convert named polygons from a coordinate system to longitude and latitude, degrees.
+
+    `system` is the name or text of the system, as pyproj reads it; `name` is the file's. Raise
+    PlanError if the system is not known, InstallError without pyproj.
     """
     try:
         import pyproj

@@ -109,8 +109,11 @@ def field_outline(
 
 
 def _plane_of(degrees: Floats) -> LocalPlane:
-    """Return the plane at the middle of the corners (N, 2), longitude and latitude in degrees;
-    longitudes may cross the date line."""
+    """Return the local plane about the middle of the corners (N, 2), longitude and latitude,
+    degrees.
+
+    The longitudes may cross the date line.
+    """
     first = degrees[0, 0]
     longitude = first + (degrees[:, 0] - first + 180.0) % 360.0 - 180.0
     middle = (longitude.min() + longitude.max()) / 2

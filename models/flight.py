@@ -270,10 +270,10 @@ class FlightTrack:
 
     @property
     def row_seconds(self) -> Floats:
-        """Return the s (T,) that each row represents: the step to the next, without the log's
-        pauses.
+        """Return the seconds (T,) that each row represents: the step to the next row.
 
-        The last one is 0, so that the parts of a log add up to the whole.
+        Steps are limited to LONGEST_STEP usual ones, so that pauses of the log do not count. The
+        last one is 0, so that the parts of a log add up to the whole.
         """
         if self.time_s.size < 2:
             return np.zeros(self.time_s.size)

@@ -36,12 +36,12 @@ def play(
     loop: bool = False,
     progress: Callable[[Played], None] | None = None,
 ) -> Played:
-    """Send every frame of the log `speed` times as fast as it was recorded.
+    """Send every frame of the log `path` over `transport`, `speed` times as fast as recorded.
 
-    Each frame has its time from the start, so that delays do not add up. With `loop` it starts
-    again at the end, without end. `progress` is called about four times a second. Waits first until
-    the transport has a receiver; its answers are received and ignored. Raises LogError when the log
-    contains no frame.
+    Each frame has its time from the start, so that delays do not add up; pauses are cut to
+    LONGEST_PAUSE s. With `loop` it starts again at the end, without end. `progress` is called about
+    four times a second; return the final counts. Wait first until the transport has a receiver,
+    whose answers are ignored. Raise LogError if the log contains no frame.
     """
     stop = threading.Event()
 

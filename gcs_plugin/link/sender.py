@@ -29,8 +29,11 @@ class Sender:
         self._packers: dict[int, Any] = {}
 
     def send(self, vehicle: int, message: Any, *, forwards: bool = False) -> None:
-        """Send `message` from the plugin, over the link where the vehicle was last received; with
-        `forwards` to the ground stations too."""
+        """Send a pymavlink `message` from the plugin, over the link with the vehicle.
+
+        `vehicle` is its system id; if it was never heard, every link is used. With `forwards` send
+        it to the ground stations too.
+        """
         packer = self._packers.get(vehicle)
         if packer is None:
             packer = self.dialect.MAVLink(None, srcSystem=vehicle, srcComponent=COMPONENT)

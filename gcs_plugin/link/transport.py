@@ -66,7 +66,10 @@ class Endpoint:
 
 
 def parse_url(url: str) -> Endpoint:
-    """Parse a URL into its parts; raise LinkError for an unknown form."""
+    """Parse a URL into its parts; raise LinkError for an unknown form.
+
+    A recording, and a serial port under /dev, must exist.
+    """
     kind, _, rest = url.partition(":")
     if kind in ("udpin", "udpout", "udp", "tcp", "tcpin"):
         host, _, port = rest.rpartition(":")

@@ -40,7 +40,7 @@ class BenchTable:
 
 
 def read_bench(path: Path) -> BenchTable:
-    """Read a thrust bench table (CSV) and fit its curve.
+    """Read a thrust bench table (CSV) and fit its curve; a column's name states thrust's unit.
 
     Raise DataError, with the column or value to correct, for a file that cannot be fitted.
     """

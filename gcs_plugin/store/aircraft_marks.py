@@ -43,13 +43,6 @@ class Marks:
     accelerometer: Mapping[str, float] = field(default_factory=dict)  # calibration
     compass: Mapping[str, float] = field(default_factory=dict)
 
-    @property
-    def any(self) -> bool:
-        """Return True if the marks identify an aircraft by more than a system id and a motor
-        layout.
-        """
-        return bool(self.board or self.sensors or self.accelerometer or self.compass)
-
 
 class MarksMatch(StrEnum):
     """Result of comparing the marks of a log with those of a known aircraft."""

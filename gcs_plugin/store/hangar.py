@@ -36,11 +36,9 @@ from thrustmargin.models.model.mode_walk import (
     FlightOffsets,
     ModeState,
     WalkSizes,
-    WalkStep,
     fit_steps,
     local_day,
     state_before,
-    walk,
 )
 from thrustmargin.models.model.model_file import load_model
 from thrustmargin.models.model.model_misfit import Caveat
@@ -286,10 +284,10 @@ class KnownAircraft:
         rows = (row for row in self.flights if row.started_unix_s >= since)
         return tuple(row.arms for row in rows if row.arms is not None)
 
-    def experience_before(self, start_unix_s: float = math.inf) -> Experience | None:
-        """Return how missions before a Unix time differed from their forecasts; None if too few
-        were flown."""
-        rows = self.flights_before(start_unix_s)
+    @property
+    def experience(self) -> Experience | None:
+        """Return how missions differed from their forecasts; None if too few were flown."""
+        rows = self.flights_before(math.inf)
         return experience([row.mission for row in rows if row.mission is not None])
 
     def battery_before(self, start_unix_s: float = math.inf) -> KnownBattery:
@@ -352,14 +350,6 @@ class KnownAircraft:
             longitude_deg = self.flights[-1].longitude_deg
         rotors = model.airframe.rotor_count
         return replace(model, state=self.state_before(start_unix_s, rotors, longitude_deg))
-
-    def walk(self) -> tuple[WalkStep, ...]:
-        """Return the steps of the random walk of rotor speed offsets, one for each flight of the
-        state.
-        """
-        return walk(
-            self.lessons, self.steps(), last_training=self.last_training, repairs=self.repairs
-        )
 
 
 @dataclass(frozen=True, slots=True)

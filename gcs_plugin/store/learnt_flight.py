@@ -24,7 +24,7 @@ from thrustmargin.models.model.mode_walk import FlightOffsets, WalkStep, walk
 from thrustmargin.models.model.model_misfit import Caveat
 from thrustmargin.models.model.offset_total import rotor_total
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.physics.resistance import battery_resistance
+from thrustmargin.models.physics.known_battery import battery_resistance
 from thrustmargin.models.physics.smoothing import known_median
 
 NAN = float("nan")

@@ -31,10 +31,12 @@ PAUSE = 4.0
 def lost_frames(
     signals: Signals, motors: MotorMap, speeds: Sequence[Signal | None]
 ) -> list[Signal | None]:
-    """Return one signal a motor: the share of frames lost, 0 to 1.
+    """Return one signal for each motor: the share of telemetry frames lost, 0 to 1.
 
-    Shares by counters and pauses are of windows of WINDOW_S. `speeds` are the reported speeds of
-    the motors' ESCs, at their own times. None for a motor whose ESC reports no speed.
+    `speeds` are the reported speeds of the motors' ESCs, at their own times. Error rates are used
+    if any is above 0, else counters if any is; else pauses. Shares by counters and pauses are of
+    windows of WINDOW_S. None for a motor whose ESC has no report of the kind used, or is reported
+    too briefly.
     """
     rates = list(map(by_index(signals, "esc_error_rate").get, motors.escs))
     # Without bidirectional DShot the rate is logged as well, as 0 throughout.
@@ -49,7 +51,11 @@ def lost_frames(
 
 
 def _by_counter(speed: Signal, errors: Signal | None) -> Signal | None:
-    """Return the errors over errors and reports of each window; a counter that falls restarted."""
+    """Return the signal of the share of lost frames in each window: errors over errors and reports.
+
+    Windows begin with the reports of `speed`. `errors` is a counter, whose fall is a restart and
+    counts as 0. None without one, or with fewer than two windows' edges.
+    """
     edges = _edges(speed.time_s)
     if errors is None or edges.size < 2:
         return None
@@ -62,7 +68,11 @@ def _by_counter(speed: Signal, errors: Signal | None) -> Signal | None:
 
 
 def _by_pauses(speed: Signal) -> Signal | None:
-    """Return the share of each window that is spent in pauses of the ESC's known speeds."""
+    """Return the signal of the share of each window that pauses in the ESC's known speeds take.
+
+    A pause is a step of more than PAUSE times the median step; its first median step is no loss.
+    None with fewer than two windows' edges.
+    """
     time_s = speed.time_s[np.isfinite(speed.values)]
     edges = _edges(time_s)
     steps = np.diff(time_s)
@@ -78,8 +88,10 @@ def _by_pauses(speed: Signal) -> Signal | None:
 
 
 def _edges(time_s: Floats) -> Floats:
-    """Return the edges of the windows from the first to the last of some times; fewer than two
-    edges if there are fewer than two times."""
+    """Return the edges, s, of windows of WINDOW_S from the first to the last of the times (n,).
+
+    Fewer than two edges if the times do not fill a window.
+    """
     return np.arange(time_s[0], time_s[-1], WINDOW_S) if time_s.size > 1 else np.empty(0)
 
 

@@ -134,17 +134,6 @@ TOO_HEAVY = (
 )
 
 
-def outcome(uncontrolled: float, controlled: float) -> str:
-    """Return in words if the aircraft would hold height and heading after losing a rotor.
-
-    The arguments are the redundancies, thrust then possible divided by the weight, without and with
-    yaw control; NaN counts as below 1.
-    """
-    if controlled >= 1.0:
-        return "holds height and heading"
-    return "holds height, but it will spin" if uncontrolled >= 1.0 else "WOULD DESCEND"
-
-
 #: ESC_FAILURE_FLAGS of MAVLink's common.xml, gravest first
 FAILURES = {
     32: "motor stuck",

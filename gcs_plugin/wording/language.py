@@ -6,6 +6,9 @@ The language is chosen by `--language de` with any command, or by the variable
 THRUSTMARGIN_LANGUAGE, as for MAVProxy and services.
 
 Numbers are rounded and carry their unit; NaN and None are "unknown".
+
+Text that others wrote, in a log or on a link, is made printable, so that it cannot control a
+terminal. Every command loads this file, so it imports neither numpy nor pymavlink.
 """
 
 from __future__ import annotations
@@ -25,7 +28,6 @@ from thrustmargin.models.errors import DataError
 #: The first is what a browser of another language is shown.
 LANGUAGES = ("en", "de")
 VARIABLE = "THRUSTMARGIN_LANGUAGE"
-
 
 #: The language that a page asks for, in the thread or task that answers it; empty for none.
 _ASKED: ContextVar[str] = ContextVar("language", default="")
@@ -405,3 +407,34 @@ def chance(probability: float, flights: int = 0) -> str:
         return share
     words = "{share} by {count} flights" if flights > 1 else "{share} by {count} flight"
     return say(words, share=share, count=flights)
+
+
+def printable(raw: bytes) -> str:
+    """Return a field's text up to its first zero byte, trimmed; control characters become
+    spaces.
+    """
+    return piece(raw).strip()
+
+
+def piece(raw: bytes) -> str:
+    """Return a field's text up to its first zero byte, for a text that is sent in several fields.
+
+    Control characters become spaces; nothing is trimmed.
+    """
+    return clean(bytes(raw).split(b"\0", 1)[0].decode("utf-8", "replace"))
+
+
+def clean(text: str) -> str:
+    """Return the text with each control or other unprintable character replaced by a space.
+
+    Bytes of a file name that are not UTF-8 become question marks.
+    """
+    if text.isprintable():
+        return text
+    text = text.encode("utf-8", "replace").decode("utf-8")
+    return "".join(c if c.isprintable() else " " for c in text)
+
+
+def clean_lines(text: str) -> str:
+    """Clean each line of a text and keep the line ends."""
+    return "\n".join(map(clean, text.split("\n")))

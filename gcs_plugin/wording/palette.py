@@ -26,7 +26,6 @@ Colours = NDArray[np.uint8]
 Rgb = tuple[int, int, int]
 
 NO_DATA: Rgb = (165, 165, 165)
-INK: Rgb = (17, 17, 17)
 ALARM: Rgb = (176, 0, 32)  # of what stands out most: a critical alarm and its rotor
 #: On black, the ground by night, the darkest has a contrast of 3 too, as WCAG asks of drawings.
 GOOD = ((150, 195, 222), (72, 146, 212), (20, 88, 178))
@@ -121,7 +120,6 @@ def thrust_left(least: float = 0.5) -> ColourScale:
     )
 
 
-MARGIN = thrust_left()
 REDUNDANCY = ColourScale(
     title="One rotor lost: thrust that can still be held, over weight",
     unit=" x",

@@ -159,7 +159,7 @@ def _motors_line(check: TakeoffCheck) -> str:
     starts = [m.turned_s for m in check.motors if known(m.turned_s)]
     if len(starts) > 1:
         apart = number(max(starts) - min(starts), "s", 1)
-        said = say("{motors}, all within {apart}", motors=said, apart=apart)
+        said = say("{motors}, started within {apart} of each other", motors=said, apart=apart)
     missing = count - check.reporting
     if missing:
         said = say("{motors}, {missing} not known", motors=said, missing=missing)

@@ -110,10 +110,10 @@ def recovered_signs(track: FlightTrack) -> tuple[LossOfControl, ...]:
 
 @lru_cache(maxsize=1)  # five callers need it for one flight
 def _signs(track: FlightTrack) -> tuple[list[LossOfControl], list[LossOfControl]]:
-    """Return the signs that lasted long enough, in two lists: before the last calm flight, and
-    after it.
+    """Return the signs of lost control that lasted long enough, in two lists.
 
-    The second list is a loss of control; a hard jolt alone is none.
+    The first has those before the last calm flight, from which the aircraft recovered; the second
+    those after it: a loss of control. A hard jolt alone is a hard landing and counts in the first.
     """
     watched, driven = _in_or_after_flight(track), _motors_above_idle(track)
     if not (watched | driven).any():
@@ -143,8 +143,12 @@ def _first_of_each_kind(found: list[LossOfControl]) -> tuple[LossOfControl, ...]
 
 
 def movements(track: FlightTrack) -> Movements:
-    """Flag the rows in which each sign of lost control shows, for any time, and rows of calm
-    flight."""
+    """Flag the rows of calm flight (T,), and for each sign of lost control the rows (T,) that show
+    it.
+
+    A row is flagged however briefly a sign lasts. With each sign comes its size (T,), in SI.
+    Unknown channels show no sign and do not prevent calm.
+    """
     down = down_axis(track.attitude)
     tilt = np.arccos(np.clip(down[:, 2], -1.0, 1.0))
     rate = np.linalg.norm(track.angular_rate_frd, axis=1)
@@ -180,11 +184,12 @@ def movements(track: FlightTrack) -> Movements:
 
 
 def _height_contradicts(track: FlightTrack, sink: Floats) -> Bools:
-    """Flag the rows (T,) where the height falls too little for a sink rate `sink` (T,), m/s.
+    """Flag the rows (T,) where the height does not fall as fast as the sink rate `sink` (T,), m/s,
+    states.
 
-    Too little is half of the rate, or FALL_SPEED: an estimated rate drifts if an accelerometer is
-    off. Height is by barometer, else above ground, over HEIGHT_S about the row; False where
-    unknown.
+    Only rates above FALL_SPEED are tested: the height must fall by half of the rate, and by
+    FALL_SPEED, over HEIGHT_S about the row. An estimated rate drifts if an accelerometer is off.
+    Height is by barometer, else above ground; False where unknown.
     """
     heights = (pressure_altitude(track.pressure), track.height_agl)
     known = [h for h in heights if np.isfinite(h).any()]
@@ -203,10 +208,11 @@ def _height_contradicts(track: FlightTrack, sink: Floats) -> Bools:
 
 
 def signs_so_far(track: FlightTrack) -> tuple[Movements, Mapping[LossKind, Bools]]:
-    """Return the movements, and for each sign the rows (T,) at which it has lasted long enough.
+    """Return the movements, and for each sign of lost control the rows (T,) in which it has lasted
+    enough.
 
-    For a flight in progress, in which later calm flight is not yet known. A hard jolt alone is no
-    sign.
+    For a flight in progress, in which it is not yet known whether calm flight follows. A hard jolt
+    alone is no sign, and is left out.
     """
     seen = movements(track)
     lasted: dict[LossKind, Bools] = {}
@@ -306,10 +312,11 @@ class StoppedRotor:
 
 
 def stopped_rotors(track: FlightTrack) -> tuple[StoppedRotor, ...]:
-    """List the rotors that stopped in flight for LOOK seconds or more, in order of time.
+    """List the rotors that stopped in flight, in order of time; at most one stop for each rotor.
 
-    A rotor without readings up to the last row is listed sooner, once the other rotors can be
-    compared, for live use. Inferred speeds are not used.
+    A rotor has stopped if it has no speed above 0 for more than LOOK seconds while the others take
+    over its thrust, and its output is not that of a rotor that turns. After a rotor's last reading
+    the silence need not last LOOK, for live use. Inferred speeds are not used.
     """
     turning = track.measured("rotor_speed_rpm")
     squares = np.where(turning > 0.0, turning, np.nan) ** 2
@@ -342,8 +349,10 @@ class StoppedWatch:
         self._kept: FlightTrack | None = None
 
     def add(self, track: FlightTrack) -> Bools:
-        """Add N new rows, in order of time; return flags (N, R), set in the last row for stopped
-        rotors."""
+        """Add N new rows, in order of time; return flags (N, R) of rotors that have stopped by now.
+
+        Flags are only set in the last row.
+        """
         kept, found = self._kept, np.zeros(track.rotor_speed_rpm.shape, dtype=np.bool_)
         if not track.time_s.size:
             return found

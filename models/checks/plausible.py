@@ -139,9 +139,10 @@ def _compared(
     brief: Statement | None = None,
     **limits: Any,
 ) -> Comparison:
-    """Build the comparison `check` of a value, or of an interval, with its limits in LIMITS.
+    """Build the result of the comparison `check`, with the limits of that name in LIMITS.
 
-    `found` and `brief` describe the result; `limits` replace fields of these limits.
+    `value` is the compared number, or the interval (low, high) in which it is. `found` states the
+    result, `brief` (or None) the same in short; `limits` replace fields of these limits.
     """
     low, high = value if isinstance(value, tuple) else (value, value)
     used = replace(LIMITS[check], **limits)
@@ -293,10 +294,10 @@ def _full_battery(track: FlightTrack, airframe: Airframe) -> Comparison | None:
 def _surplus_thrust(
     track: FlightTrack, airframe: Airframe, outputs: OutputEvidence
 ) -> Comparison | None:
-    """Report surplus thrust: what motor outputs or rotor speeds show beyond rotor speeds or weight.
+    """Report thrust in use that the reported load or speeds do not account for; None without one.
 
-    The verdict is "apart": the intervals of margin and fill reach to the larger surplus. None
-    without one.
+    It is what motor outputs show beyond rotor speeds, or either shows beyond the weight; the larger
+    one counts. The intervals of margin and fill are extended to it, so the verdict is only "apart".
     """
     outputs = replace(outputs, ceiling_high=0.0)
     beyond, kind = outputs.share_beyond_speeds, "outputs beyond speeds"
@@ -356,7 +357,11 @@ def _one_esc(track: FlightTrack) -> Comparison | None:
 
 
 def _speed_limit(track: FlightTrack, airframe: Airframe) -> Comparison | None:
-    """Report rotor speeds in flight above the airframe's largest; None if short, rare or absent."""
+    """Report rotor speeds in flight above the airframe's largest one at the battery's voltage.
+
+    The compared value is the time above it, s. None if that is too short or too rare, or without
+    speeds.
+    """
     volts = track.voltage[track.flying & (track.voltage > 0.0)]
     battery = known_median(volts)  # median: a failing voltmeter must not look like a fast rotor
     limit = ceiling(airframe, airframe.reference_density, battery).max_rotor_speed_rpm

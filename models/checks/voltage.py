@@ -38,9 +38,11 @@ class VoltageSoFar:
 def broken_voltage(
     track: FlightTrack, so_far: VoltageSoFar | None = None
 ) -> tuple[Bools, VoltageSoFar]:
-    """Flag the rows (T,) in which the voltage reading broke down; also return the state after them.
+    """Flag the rows (T,) in which the voltage reading fell without the battery's voltage falling.
 
-    `so_far` is the state after earlier rows.
+    A reading is wrong if it falls below the share FALL of recent ones while speeds and outputs of
+    the motors do not respond to it. Rows next to a wrong one are flagged too. Also return the state
+    after the rows, to pass as `so_far` with the flight's next rows.
     """
     so_far = VoltageSoFar() if so_far is None else so_far
     volts = np.where(track.voltage > 0.0, track.voltage, np.nan)

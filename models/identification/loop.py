@@ -189,9 +189,9 @@ def unnamed_causes_help(unused: Problem, accepted: AcceptedEffects) -> bool:
 
 
 def is_constant_in_flights(reduced: Reduced, step: Candidate) -> bool:
-    """Return True if a rotor's step change `step` is constant within each flight.
+    """Return True if the change by a rotor's step `step` is constant within each flight.
 
-    A load or a trim that was changed between two flights looks the same.
+    Then it cannot be distinguished from a load or a trim that was changed between two flights.
     """
     effect = step.term.effect
     main = [k for k, p in enumerate(effect.parameters) if p.absent is not None and not p.detail]

@@ -22,7 +22,7 @@ from thrustmargin.models.physics.atmosphere import (
     track_air,
 )
 from thrustmargin.models.physics.day import UNKNOWN_DAY, UNKNOWN_VALUE, Day, DaySource, DayValue
-from thrustmargin.models.physics.resistance import battery_resistance
+from thrustmargin.models.physics.known_battery import battery_resistance
 from thrustmargin.models.provenance import Meaning, SourceKind
 
 REST_S = 10.0  # s before take-off in which the battery is looked at

@@ -69,10 +69,10 @@ def airborne_use(analysis: FlightAnalysis) -> Floats:
 
 
 def utilisation_peaks(analysis: FlightAnalysis) -> tuple[UtilisationPeak, ...]:
-    """Return the rows with the highest thrust utilisation, worst first, APART_S or more apart.
+    """Return the up to MOST_PEAKS highest peaks of thrust utilisation, worst first.
 
-    When rotors peak together the peak is listed once, with its worst rotor. Empty where no
-    utilisation is known.
+    They are APART_S s or more apart. When rotors peak together the peak is listed once, with its
+    worst rotor. Left out are values whose interval includes 0. Empty where no utilisation is known.
     """
     use = airborne_use(analysis)
     # One that may as well be none says nothing.

@@ -120,7 +120,9 @@ def table_problems(table: dict[str, Any]) -> list[str]:
 
 
 def _quantity_problems(name: str, unit: str, entry: Any) -> list[str]:
-    """List the problems of one quantity."""
+    """List the problems of the table `entry` of quantity `name`, in words; `unit` is the required
+    one.
+    """
     if not isinstance(entry, dict) or not {"value", "unit", "source"} <= entry.keys():
         return [f"{name} needs value, unit ({unit}) and source"]
     problems = _unknown(entry, _QUANTITY_KEYS, f"key of {name}")
@@ -139,7 +141,7 @@ def _quantity_problems(name: str, unit: str, entry: Any) -> list[str]:
 
 
 def _rotors_problems(table: dict[str, Any]) -> list[str]:
-    """List the problems of layout and rotors."""
+    """List the problems of an airframe table's layout and rotors, in words; empty without one."""
     name = table.get("layout")
     layout = motor_layouts().get(str(name))
     if "rotors" not in table:
@@ -176,7 +178,8 @@ def _rotors_problems(table: dict[str, Any]) -> list[str]:
 
 
 def _rotor_problems(number: int, rotor: Any) -> list[str]:
-    """List the problems of one rotor; `number` counts from 1."""
+    """List the problems of one rotor's table, in words; `number` counts from 1 and names the
+    rotor."""
     where = f"rotor {number}"
     if not isinstance(rotor, dict):
         return [f"{where} must be a table with name, position_frd and spin"]
@@ -201,7 +204,10 @@ def _rotor_problems(number: int, rotor: Any) -> list[str]:
 
 
 def _impossible_together(table: dict[str, Any]) -> list[str]:
-    """List values that are plausible alone but impossible together, mostly due to a wrong unit."""
+    """List values of a table that are plausible alone but impossible together, in words.
+
+    Mostly a unit is wrong. Empty without any.
+    """
     problems = []
     slope, top = _value(table, "thrust_coefficient"), _value(table, "max_rotor_speed_rpm")
     density, diameter = _value(table, "reference_density"), _value(table, "propeller_diameter")

@@ -105,8 +105,12 @@ def blade_coefficient(
     mean_radius_ratio: ArrayLike,
     zero_lift_angle: ArrayLike,
 ) -> Floats:
-    """Return C_T by blade theory, Eq. 3; the parameters A, eps, lambda, zeta, alpha0 [rad]
-    broadcast."""
+    """Return the thrust coefficient C_T by blade theory, Eq. 3; arrays broadcast.
+
+    `pitch` and `diameter` of the propeller are in one unit, `blades` is their number. The next four
+    arguments are A, eps, lambda and zeta of Eq. 3, all dimensionless; `zero_lift_angle` is alpha0,
+    rad.
+    """
     angle = _floats(downwash_correction) * np.arctan(pitch / (np.pi * diameter)) - _floats(
         zero_lift_angle
     )

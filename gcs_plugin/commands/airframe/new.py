@@ -281,13 +281,14 @@ def print_answer(console: Console, log: Path, file: Path, reading: ReadingOption
     An error is printed instead of raised, because the airframe file is complete.
     """
     from thrustmargin.gcs_plugin.commands.flight.report import print_verdicts
-    from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, read_flights
+    from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, reading_keywords
+    from thrustmargin.gcs_plugin.logs.log_answer import matched_flights
     from thrustmargin.gcs_plugin.reports.margin import build_report
     from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
 
     try:
         model = chosen_model(None, str(file))
-        flights = read_flights(log, model, given=True, reading=reading)
+        flights = matched_flights(log, model, given=True, **reading_keywords(reading))
         made = build_report(
             (
                 analysis_for_verdict(analyse(flight.track, model, airframe_match=airframe_match)),

@@ -15,10 +15,10 @@ from rich.live import Live
 from tyro.conf import Positional, UseAppendAction
 
 from thrustmargin.gcs_plugin.commands import extras
-from thrustmargin.gcs_plugin.commands.shared.analysed import OPTIONS
 from thrustmargin.gcs_plugin.commands.shared.inputs import (
     ANY_KNOWN,
     AS_HEARD,
+    OPTIONS,
     Inputs,
     Known,
     Reading,
@@ -155,7 +155,7 @@ def monitor(
     )
     from thrustmargin.gcs_plugin.live.recording.recorder import tabulates
     from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
-    from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
+    from thrustmargin.gcs_plugin.telemetry.battery_and_tank import check_source
     from thrustmargin.gcs_plugin.view.page.guard import page_token
     from thrustmargin.gcs_plugin.wording.live_words import FETCH, NO_SAMPLES, RATES
     from thrustmargin.models.errors import install_line

@@ -184,7 +184,7 @@ def forecast(
         never_switched,
     )
     from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
-    from thrustmargin.gcs_plugin.commands.shared.known import named_aircraft
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import named_aircraft
     from thrustmargin.mission.forecast import plan_forecast
     from thrustmargin.mission.forecast.battery import stated_capacity
     from thrustmargin.models.model.clearance import both
@@ -250,7 +250,7 @@ def forecast(
         limit=inputs.limit,
         faults=before.faults,
         other_order=before.other_order,
-        experience=None if aircraft is None else aircraft.experience_before(),
+        experience=None if aircraft is None else aircraft.experience,
     )
     cleared = before.clearance
     if aircraft is not None:
@@ -397,24 +397,22 @@ def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
 
     if plan.suffix.lower() in PLANS:
         return _FlightBefore(clearance=NO_FLIGHT)
-    from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
-    from thrustmargin.gcs_plugin.commands.shared.known import flight_key
-    from thrustmargin.gcs_plugin.logs.log_answer import answer_log
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import flight_key
+    from thrustmargin.gcs_plugin.logs.log_answer import answer_log, matched_flights
     from thrustmargin.mission.plan_tracking.stretches import yaw_before
     from thrustmargin.models.model.analysis import analyse
     from thrustmargin.models.model.flight_day import day_before_take_off, flight_wind
     from thrustmargin.models.model.flight_lessons import flight_power
 
     try:
-        flown = read_flights(plan, model, given=given)
+        flown = matched_flights(plan, model, given=given)
     except LogError:
         return _FlightBefore(clearance=NOT_SEEN)  # it still holds its mission
     analyses = [
         analyse(log.track, model, airframe_match=airframe_match) for log, airframe_match in flown
     ]
     answers = [
-        answer_log(log, analysis, 0.5).made
-        for (log, _), analysis in zip(flown, analyses, strict=True)
+        answer_log(log, analysis, 0.5) for (log, _), analysis in zip(flown, analyses, strict=True)
     ]
     cleared = clearance([one.advice for one in answers])
     (log, airframe_match), analysis, answer = flown[-1], analyses[-1], answers[-1]

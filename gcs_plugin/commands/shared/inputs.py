@@ -1,30 +1,28 @@
 """The inputs of a command that reads flights: logs, model, airframe, how logs are read, limit.
 
-A command makes one `Inputs` of its parameters and hands that on. Here are also the options by which
-a log or a link is read (`ReadingOptions`) and the functions that read logs by them.
+A command makes one `Inputs` of its parameters and hands that on. `monitor` writes its options into
+options.json beside the .tlog that it records. Commands that read the .tlog take from there the
+aircraft, the reading options and the limit that the user does not give (`with_recorded`).
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator, Sequence
+import json
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 from rich.console import Console
-from rich.markup import escape
-from rich.progress import track
 from tyro.constructors import PrimitiveConstructorSpec
 
 from thrustmargin.gcs_plugin.commands.shared.options import UsageError, check_range
-from thrustmargin.models.errors import DataError, LogError, ThrustMarginError
+from thrustmargin.models.errors import DataError, LogError
+from thrustmargin.models.json_values import from_json_values
+from thrustmargin.models.whole_file import regular
 
 if TYPE_CHECKING:
-    from thrustmargin.gcs_plugin.logs import FlightLog
-    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-    from thrustmargin.models.model.airframe_match import AirframeMatch
     from thrustmargin.models.model.rotor_model import RotorModel
     from thrustmargin.models.physics.airframe import Airframe
 
@@ -91,7 +89,7 @@ def reading_keywords(reading: ReadingOptions) -> dict[str, Any]:
     out of range, or two exclude each other.
     """
     # Imported here: the MAVProxy module loads this file at once and must stay light.
-    from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
+    from thrustmargin.gcs_plugin.telemetry.battery_and_tank import check_source
 
     given = {
         "--tank-start-kg": reading.tank_start_kg,
@@ -155,11 +153,9 @@ ANY_KNOWN = KnownOptions()
 #: As a parameter of a command: its options appear among the command's own.
 Known = Annotated[KnownOptions, tyro.conf.OmitArgPrefixes]
 
-
 #: Airframe of the shipped model: used where none is given, for a flight recognised as one of it.
 SHIPPED_AIRFRAME = "topxgun-f16-sitl"
 LIMIT = 0.5  # share of a rotor's maximum thrust, where nobody names another
-NAMED = 3  # logs that an error names besides the first: a line, whatever their number
 
 
 def chosen_model(model: Path | None, airframe: str | None) -> RotorModel:
@@ -237,29 +233,6 @@ def _model_of(file: Path, airframe: str | None) -> RotorModel:
         )
     pump_on = wanted.pump_on or chosen.airframe.pump_on
     return replace(chosen, airframe=replace(chosen.airframe, pump_on=pump_on))
-
-
-def listed(unused: Sequence[UnusedLog]) -> str:
-    """Return one text that lists the unusable logs with their reasons.
-
-    Logs whose reasons differ only in numbers or in the log's own name are listed together; at most
-    NAMED of them are named.
-    """
-    alike: dict[str, list[UnusedLog]] = {}
-    for log in unused:
-        reason = log.reason.replace(log.name, "").replace(Path(log.name).stem, "")
-        alike.setdefault(re.sub(r"[\d.]+", "", reason), []).append(log)
-    return "; ".join(_of_one_reason(logs) for logs in alike.values())
-
-
-def _of_one_reason(logs: Sequence[UnusedLog]) -> str:
-    first, *others = logs
-    message = f"{first.name}: {first.reason}"
-    if not others:
-        return message
-    names = ", ".join(log.name for log in others[:NAMED])
-    more = f" and {len(others) - NAMED} more" if len(others) > NAMED else ""
-    return f"{message} (likewise {names}{more})"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -342,110 +315,85 @@ class Inputs:
         }
 
 
-def read_logs(
-    inputs: Inputs,
-    unused: list[UnusedLog],
-    console: Console,
-    *,
-    model: RotorModel,
-    skipped: type[ThrustMarginError] = LogError,
-) -> Iterator[tuple[FlightLog, AirframeMatch]]:
-    """Yield each sortie of the logs in `inputs`, with its match to the model's airframe.
+OPTIONS = "options.json"
 
-    Logs keep their order. Meanwhile `console` shows a progress bar, and remarks on a log, such as
-    several sorties in it. A log whose reading raises an error of the class `skipped` is appended to
-    `unused`; other errors are raised.
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Table:
+    """The content of options.json, with value types."""
+
+    model: str | None
+    airframe: str | None
+    max_utilisation: float | None
+    reading: ReadingOptions
+
+
+def with_recorded(user: Inputs, console: Console) -> Inputs:
+    """Return the inputs with the options of the recording where the user gave none; print those
+    used.
+
+    A recording of `monitor` has a file of its options next to it. Raises DataError if that file
+    cannot be read, or if the options of several logs differ.
     """
-    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-
-    logs, reading = inputs.logs, inputs.reading
-    reading_keywords(reading)  # what is wrong on the command line is wrong in no log
-    described = "reading" if len(logs) != 1 else f"reading {escape(logs[0].name)}"
-    quiet = not console.is_terminal
-    for path in track(logs, described, console=console, transient=True, disable=quiet):
-        try:
-            flights = read_flights(path, model, given=inputs.given, reading=reading)
-        except skipped as error:
-            unused.append(UnusedLog(name=path.name, reason=unnamed(error, path)))
-            continue
-        for line in log_lines(flights[0][0], stated=reading.states_load):
-            console.print(escape(f"{path.name}: {line}"), soft_wrap=True)
-        yield from flights
-
-
-def log_lines(log: FlightLog, *, stated: bool) -> tuple[str, ...]:
-    """Return remarks on a sortie's log: further sorties, stretches without a flight, ignored
-    columns.
-
-    `stated`: the user stated the load, which then applies to several sorties.
-    """
-    from thrustmargin.gcs_plugin.wording.check_words import statement_words
-    from thrustmargin.gcs_plugin.wording.flight_words import several_words
-
-    several = () if log.sorties == 1 else (several_words(log.sorties, load_stated=stated),)
-    return (*several, *map(statement_words, (*log.unflown, *log.other_units)))
+    logs = user.logs
+    recorded = [_options_of(log) for log in logs]
+    taken = Inputs()
+    if not user.given:
+        model, airframe = _common(recorded, logs, lambda one: (one.model, one.airframe))
+        taken = replace(taken, model=model, airframe=airframe)
+    if user.max_utilisation is None:
+        taken = replace(taken, max_utilisation=_common(recorded, logs, lambda o: o.max_utilisation))
+    if user.reading == AS_HEARD:
+        taken = replace(taken, reading=_common(recorded, logs, lambda one: one.reading))
+    if taken == Inputs():
+        return user
+    console.print(f"as recorded ({logs[0].parent / OPTIONS}): {taken.words}", soft_wrap=True)
+    return Inputs(
+        logs=logs,
+        model=taken.model or user.model,
+        airframe=taken.airframe or user.airframe,
+        max_utilisation=user.max_utilisation or taken.max_utilisation,
+        reading=taken.reading if user.reading == AS_HEARD else user.reading,
+        known=user.known,
+    )
 
 
-def unnamed(error: Exception, path: Path) -> str:
-    """Return the text of an error without the log's name, which the caller prints before it."""
-    words = str(error)
-    for named in (f"{path}: ", f"{path.name}: ", f"{path} ", f"{path.name} "):
-        words = words.removeprefix(named)
-    return words.replace(str(path), "it")
-
-
-def claimed(
-    read: Iterable[tuple[FlightLog, AirframeMatch]], unused: list[UnusedLog], console: Console
-) -> Iterator[FlightLog]:
-    """Yield the logs of `read` that are flights of the airframe, cut to what a model may learn
-    from.
-
-    The others are appended to `unused` with the reason. Rows after a loss of control are dropped,
-    and rotor speeds inferred from motor outputs where measured ones exist. Print what was dropped,
-    and parts of a flight that its log lacks.
-    """
-    from thrustmargin.gcs_plugin.logs.inspection import left_out_findings
-    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-    from thrustmargin.gcs_plugin.wording.check_words import no_verdict_words, remedy_words
-    from thrustmargin.gcs_plugin.wording.flight_words import lost_rows, not_flown
-    from thrustmargin.gcs_plugin.wording.margin_verdict import unseen_facts
-    from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
-    from thrustmargin.models.model.inferred.speed_basis import measured_only
-
-    for log, airframe_match in read:
-        reason = not_flown(log.track)  # no airframe helps a log without a flight
-        if reason or airframe_match.no_verdict:
-            reason = reason or "; ".join(
-                [*no_verdict_words(airframe_match), remedy_words(airframe_match)]
+def _common(recorded: Sequence[Inputs], logs: Sequence[Path], part: Callable[[Inputs], Any]) -> Any:
+    for one, log in zip(recorded, logs, strict=True):
+        if part(one) != part(recorded[0]):
+            differing = [
+                f"{o.words or 'nothing'} ({p})" for o, p in ((recorded[0], logs[0]), (one, log))
+            ]
+            raise DataError(
+                f"recorded with other options: {' and '.join(differing)}; name the options, or "
+                "give one of these recordings at a time"
             )
-            unused.append(UnusedLog(name=log.name, reason=reason))
-            continue
-        for one in left_out_findings(log.track):
-            console.print(escape(f"{log.name}: {one.check}: {one.words}"), soft_wrap=True)
-        for label, text in unseen_facts(log.track):
-            console.print(escape(f"{log.name}: {label}: {text}"), soft_wrap=True)
-        if losses := loss_of_control(log.track):
-            console.print(escape(f"{log.name}: {lost_rows(losses)}"), soft_wrap=True)
-            log = replace(log, track=before_loss(log.track, losses))
-        yield replace(log, track=measured_only(log.track))
+    return part(recorded[0]) if recorded else part(Inputs())
 
 
-def read_flights(
-    path: Path,
-    model: RotorModel,
-    *,
-    given: bool,
-    reading: ReadingOptions = AS_HEARD,
-    any_vehicle: bool = False,
-) -> list[tuple[FlightLog, AirframeMatch]]:
-    """Read every sortie of a log; return each with its match, which says if it is of `model`'s
-    airframe.
+def _options_of(log: Path) -> Inputs:
+    """Return the options in the options.json next to a .tlog; the defaults if there is none.
 
-    `given`: the user chose the airframe. A sortie of another airframe is read without an airframe.
-    `any_vehicle`: logs of vehicles that are no multirotors are read too. Raises LogError if the log
-    has no flight or cannot be read.
+    Raises DataError if the file is damaged or has an impossible value.
     """
-    from thrustmargin.gcs_plugin.logs.log_answer import claimed_flights
-
-    keywords = reading_keywords(reading)
-    return claimed_flights(path, model, given=given, any_vehicle=any_vehicle, **keywords)
+    path = log.parent / OPTIONS
+    if log.suffix.lower() != ".tlog" or not path.exists():
+        return Inputs()
+    try:
+        content = json.loads(regular(path).read_text("utf-8"))
+        table: _Table = from_json_values(_Table, content, "options")
+        if table.max_utilisation is not None and not 0.0 < table.max_utilisation <= 1.0:
+            raise ValueError(f"a limit of {table.max_utilisation:g}")
+        reading_keywords(table.reading)
+        made = Inputs(
+            model=None if table.model is None else Path(table.model),
+            airframe=table.airframe,
+            max_utilisation=table.max_utilisation,
+            reading=table.reading,
+        )
+    except (OSError, ValueError, RecursionError, UsageError) as error:
+        raise DataError(
+            f"{path} does not hold the options of a recording ({error!s:.80}); rename it, and give "
+            "the options yourself"
+        ) from error
+    return made

@@ -29,30 +29,6 @@ class UsageError(DataError):
     """The command line is wrong: exit code 2."""
 
 
-#: What `--limit` meant in a command before `--max-utilisation` took its place in all of them.
-OLD_LIMIT = {"report": "thrust in use", "monitor": "thrust margin"}
-
-
-def refuse_renamed(argv: Sequence[str]) -> None:
-    """Raise UsageError for the option --limit of older versions, and name the option to use now."""
-    if not argv or argv[0] not in OLD_LIMIT:
-        return
-    for place, word in enumerate(argv):
-        option, _, value = word.partition("=")
-        if option == "--limit":
-            value = value or "".join(argv[place + 1 : place + 2])
-            meant = OLD_LIMIT[argv[0]]
-            try:
-                same = float(value) if meant == "thrust in use" else 1.0 - float(value)
-            except ValueError:
-                value, same = "0.5", 0.5
-            raise UsageError(
-                "--limit is now --max-utilisation, the largest share of a rotor's maximum thrust "
-                f"that may be in use; for the {meant} of --limit {value} write "
-                f"--max-utilisation {same:.6g}"
-            )
-
-
 def require_logs(logs: Sequence[Path]) -> tuple[Path, ...]:
     """Return the logs, with each folder replaced by the logs in it and its subfolders, in natural
     order.

@@ -5,17 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.segment import Segment
 
 from thrustmargin.gcs_plugin.commands.shared.options import QUIET
-from thrustmargin.gcs_plugin.mavlink.text import clean_lines
-
-if TYPE_CHECKING:
-    pass
+from thrustmargin.gcs_plugin.wording.language import clean_lines
 
 
 class Terminal(Console):

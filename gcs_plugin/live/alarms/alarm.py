@@ -192,10 +192,10 @@ class Debounce:
     since: float = float("nan")  # when the opposite of `active` began; NaN: it has not
 
     def after(self, time_s: float, on: bool, off: bool) -> Debounce:
-        """Return the state after `time_s`: `on` requests active, `off` inactive, neither no change.
+        """Return the state after `time_s`, s: `on` requests active, `off` inactive.
 
         The state changes once a request has lasted `hold` s (to active) or `release` s (to
-        inactive).
+        inactive) without a break.
         """
         if not (off if self.active else on):
             return replace(self, since=float("nan")) if self.since == self.since else self
@@ -285,6 +285,9 @@ class AlarmRule:
 
 
 def one_alarm(on: ArrayLike, off: ArrayLike, known: ArrayLike, **more: Any) -> AlarmChecks:
-    """Return the checks of a single alarm from (N,) arrays."""
+    """Return the checks (N, 1) of a single alarm, from (N,) arrays or single values (N = 1).
+
+    `more` are further fields of AlarmChecks.
+    """
     a, b, c = (np.atleast_1d(np.asarray(x, dtype=np.bool_))[:, None] for x in (on, off, known))
     return AlarmChecks(a, b, c, **more)

@@ -35,9 +35,9 @@ NOT_YET = state("not yet")  # why no margin is claimed before the first seconds 
 
 
 def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, words.WhyUnknown]:
-    """Return, by figure, the reason why it is unknown in the newest row; known figures are absent.
+    """Return each figure that is unknown in the newest row, by its name, with the reason.
 
-    Where no airframe is recognised, only the figures that could recognise it are listed.
+    Where no airframe is recognised, only a missing rotor speed in flight is listed.
     """
     row = -1
     track = analysis.track
@@ -77,7 +77,8 @@ def unknown_lines(
 ) -> Iterable[str]:
     """Yield one sentence for each reason, with all figures that are unknown for it.
 
-    `asked` are the options by which the vehicle is already asked for messages.
+    `figures` maps a figure's name to its reason, `asked` are the options by which the vehicle is
+    already asked for messages.
     """
     for reason in dict.fromkeys(figures.values()):
         names = [name for name, why in figures.items() if why == reason]
@@ -93,9 +94,10 @@ LANDED = 5.0  # s on the ground after which a new flight begins
 
 
 class AirframeWatch:
-    """Repeated decision whether one vehicle is of the airframe (`airframe_match`).
+    """Repeated decision whether one vehicle is of the model's airframe (`airframe_match`).
 
-    `source` is the link, for the command suggested to the user.
+    `given`: the user named the airframe, so it is trusted from the start. `source` is the link, for
+    the command suggested to the user.
     """
 
     def __init__(self, model: RotorModel, *, given: bool, source: str) -> None:
@@ -121,11 +123,11 @@ class AirframeWatch:
     def look(
         self, track: FlightTrack, facts: VehicleFacts, parameters: Mapping[str, float]
     ) -> AirframeMatch:
-        """Add new rows, in order, and return the match that is valid from the first
-        of them.
+        """Add new rows, in order of time, and return the match that holds from the first on.
 
-        The match must not depend on how many rows come at once, so rows must be passed split at
-        `due_s`.
+        `facts` and `parameters` are what the vehicle has reported so far. Another rotor count
+        contradicts at once. The match must not depend on how many rows come at once: the caller
+        splits rows at `due_s`.
         """
         if track.rotor_count != self._airframe.rotor_count:  # certain, and at once
             if not self._other_rotors:
@@ -156,7 +158,10 @@ class AirframeWatch:
             self._gather(track)
 
     def _look(self, facts: VehicleFacts, parameters: Mapping[str, float]) -> None:
-        """Decide by the evidence up to the last row added."""
+        """Compare the last minute in flight with the airframe and update the decision.
+
+        Nothing is decided with fewer than FEWEST_ROWS rows.
+        """
         self._looked_s = self._taken_s
         since = self._last_s - REACH
         evidence = join_tracks([(t, rows[t.time_s[rows] > since]) for t, rows in self._parts])

@@ -122,7 +122,11 @@ class LookAhead:
         mission_item: int,
         state: VehicleState,
     ) -> None:
-        """Forecast from one row; `mission_item` is the number of the item flown to, -1 unknown."""
+        """Set `now` to the forecast from one row, at the vehicle's clock `clock_s`, s.
+
+        `pump_share` is the pump's output, 0 to 1, NaN if unknown; `mission_item` the number of the
+        item flown to, -1 if unknown.
+        """
         track, airframe = analysis.track, self._model.airframe
         tank = float(track.tank_kg[row])
         inferred = math.isnan(track.measured("tank_kg")[row])
@@ -145,11 +149,11 @@ class LookAhead:
     def _flow(
         self, clock_s: float, level: float, error: float, pump_share: float, delivery: float
     ) -> float:
-        """Return the flow out of the tank while spraying, kg/s, from the pump, else the gauge; NaN
-        if unknown.
+        """Return the flow out of the tank while spraying, kg/s, by pump, else by gauge.
 
-        `pump_share` is the pump's output, 0 to 1, NaN if unknown; `delivery` the ratio of delivered
-        to pumped liquid; `level` kg, with the standard error `error` if inferred.
+        `pump_share` is the pump's output, 0 to 1, NaN if unknown: off, the last flow is kept.
+        `delivery` is the ratio of delivered to pumped liquid; `level` kg, with the standard error
+        `error` if inferred. NaN if unknown, as before the gauge was read for 80 % of FLOW_WINDOW.
         """
         airframe = self._model.airframe
         if math.isfinite(pump_share):
@@ -200,8 +204,10 @@ class LookAhead:
 
 
 def recorded_seconds_to_empty(track: FlightTrack, row: int) -> float:
-    """Return the s until a recorded flight's tank is empty, at its rate in the window before
-    `row`."""
+    """Return the s until a recorded flight's tank is empty, at its rate in FLOW_WINDOW s to `row`.
+
+    NaN where the level is known for less than 80 % of that window or does not fall significantly.
+    """
     time_s = track.time_s
     first = int(np.searchsorted(time_s, time_s[row] - FLOW_WINDOW))
     levels = np.column_stack([time_s[first : row + 1], track.tank_kg[first : row + 1]])
@@ -214,8 +220,11 @@ def recorded_seconds_to_empty(track: FlightTrack, row: int) -> float:
 
 
 def _fall(levels: Floats, error: float) -> float:
-    """Return the rate, kg/s, by which levels (N, 2), clock s and kg, fall; NaN if not
-    significant."""
+    """Return the rate, kg/s, at which levels (N, 2), clock s and kg, fall; NaN if not significant.
+
+    Significant is a fall over the window of more than SURE_FALL times its standard error, of which
+    `error`, kg, is one part. N must be at least 2.
+    """
     time_s, kg = levels.T - levels.mean(axis=0)[:, None]
     square = float(time_s @ time_s)
     slope = float(time_s @ kg) / square
@@ -226,14 +235,19 @@ def _fall(levels: Floats, error: float) -> float:
 
 
 def _seconds_to_empty(tank: float, flow: float) -> float:
-    """Return the s until the tank is empty; inf without a flow or beyond LONGEST_FLIGHT, NaN if
-    unknown."""
+    """Return the s until a tank of `tank` kg is empty at `flow` kg/s; NaN if either is unknown.
+
+    inf without a flow, or if beyond LONGEST_FLIGHT.
+    """
     seconds = tank / flow if flow > 0.0 else (math.inf if flow == 0.0 else math.nan)
     return math.inf if seconds > LONGEST_FLIGHT else seconds
 
 
 def _plan(waypoints: Iterable[PlanItem], *, home_first: bool) -> MissionPlan | None:
-    """Return the mission whose transfer was received from the link; None unless it is complete."""
+    """Return the mission of the items received from the link; None unless it is complete and valid.
+
+    `home_first`: item 0 is the home position, as in ArduPilot.
+    """
     ordered = sorted(waypoints, key=lambda w: w.number)
     if not ordered or [w.number for w in ordered] != list(range(len(ordered))):
         return None

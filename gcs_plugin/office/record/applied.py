@@ -18,7 +18,8 @@ from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.gcs_plugin.wording.check_words import in_english
 from thrustmargin.mission.field import Field, sprayed_field
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, Origin
-from thrustmargin.models.model.inferred.load_inference import NINETY, with_load
+from thrustmargin.models.model.inferred.load_inference import with_load
+from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.smoothing import known_median
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
@@ -328,7 +329,7 @@ def thrust_estimate(track: FlightTrack, airframe: Airframe) -> Liquid | None:
     if source.meaning is not Meaning.HOVER_THRUST:
         return None
     fall, error = _level_fall(shown)
-    half_width = NINETY * error
+    half_width = INTERVAL * error
     if not fall >= 0.0:
         return None
     return Liquid(by="thrust", kg=fall, within_kg=half_width, source=in_english(source))

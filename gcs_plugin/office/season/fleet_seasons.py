@@ -6,11 +6,14 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import as_completed
 
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal, steps
-from thrustmargin.gcs_plugin.office.season.aircraft_season import AircraftSeason, aircraft_season
+from thrustmargin.gcs_plugin.office.season.aircraft_season import (
+    AircraftSeason,
+    aircraft_season,
+    group_by_frame,
+)
 from thrustmargin.gcs_plugin.office.season.fleet_page import FleetSeason, rank_aircraft
 from thrustmargin.gcs_plugin.office.season.part_history import with_parts
 from thrustmargin.gcs_plugin.office.season.parts import Part
-from thrustmargin.gcs_plugin.office.season.same_aircraft import group_by_frame
 from thrustmargin.gcs_plugin.store.ingest_run import local_processes, own_cores
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, read_flights, read_sums
 from thrustmargin.models.errors import DataError

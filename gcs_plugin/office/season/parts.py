@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from thrustmargin.gcs_plugin.mavlink.text import clean
+from thrustmargin.gcs_plugin.wording.language import clean
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.identification.season.season_changes import Trend
 from thrustmargin.models.whole_file import not_utf8

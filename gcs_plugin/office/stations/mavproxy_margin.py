@@ -97,10 +97,6 @@ USAGE = (
     "margin max-utilisation 50%: warn when more of a rotor's maximum thrust is in use\n"
     f"margin OPTION VALUE, or - for none: {', '.join(OPTIONS)}"
 )
-RENAMED = (
-    "max-utilisation, the largest share of a rotor's maximum thrust that may be in use; "
-    "for a margin of 45 % write 55%"
-)
 PERIOD = 0.5  # s between two looks at what the thread found
 ROW = 4  # of the console, below MAVProxy's own
 
@@ -163,8 +159,6 @@ class MarginModule(mp_module.MPModule):
                 print(f"margin {name} {getattr(self._worker.options, OPTIONS[name])}")
             case [name, *value] if name in OPTIONS:
                 self._set(name, " ".join(value))
-            case ["limit", *_]:
-                print(f"margin limit is now {RENAMED}")
             case _:
                 print(USAGE)
 
@@ -243,8 +237,6 @@ def init(mpstate: Any, **options: Any) -> MarginModule:
 
     Raises ImportError, which MAVProxy prints as one line, for an unknown option or a wrong value.
     """
-    if "limit" in options:
-        raise ImportError(f"limit is now {RENAMED}")
     unknown = sorted(set(options) - {field.name for field in dataclasses.fields(MarginOptions)})
     if unknown:
         raise ImportError(f"no option {', '.join(unknown)}; see docs/live.md")

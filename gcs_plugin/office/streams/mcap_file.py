@@ -179,7 +179,7 @@ def messages_of(report: ReportedFlight, log: FlightLog) -> Iterator[StreamMessag
         of_row = {name: values[k] for name, values in scalars.items()}
         yield StreamMessage("/flight", time_s, {**of_row, "sortie": sortie})
     yield from _position_messages(log, clock)
-    for finding in report.answer.findings:
+    for finding in report.json["findings"]:
         time_s = first if finding.time_s is None else finding.time_s
         content = {**to_json_values(finding), "sortie": sortie}
         yield StreamMessage("/findings", time_s, content)

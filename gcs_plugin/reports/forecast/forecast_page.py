@@ -25,7 +25,6 @@ import jinja2
 import numpy as np
 from markupsafe import Markup
 
-from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.reports.shared import page_shell
 from thrustmargin.gcs_plugin.reports.shared import plot_style as style
 from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text, software_version
@@ -37,6 +36,7 @@ from thrustmargin.gcs_plugin.wording.forecast_words import (
     gate_sag,
     verdict,
 )
+from thrustmargin.gcs_plugin.wording.language import clean
 from thrustmargin.gcs_plugin.wording.report_words import LEFT
 from thrustmargin.gcs_plugin.wording.thrust_left import left_words
 from thrustmargin.mission.forecast.battery import CELL, RESISTANCE, electric_power

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.logs.log_answer import LogAnswer
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.wording.actions import shown_level
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
@@ -37,10 +36,10 @@ FLIGHT_KEYS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReportedFlight:
-    """A flight's JSON object, and what page and CSV show in addition: answer, peaks and rows."""
+    """A flight's JSON object, and what page and CSV show in addition: advice, peaks and rows."""
 
     json: JsonObject  # made by `report_flight`
-    answer: LogAnswer
+    advice: Advice
     peaks: tuple[UtilisationPeak, ...]  # the worst first
     rows: Mapping[str, Floats]  # columns of the CSV, each (T,) or (T, R)
 
@@ -48,11 +47,6 @@ class ReportedFlight:
     def name(self) -> str:
         """Return the name of the flight's log."""
         return self.json["name"]
-
-    @property
-    def advice(self) -> Advice:
-        """Return the assessment of the flight."""
-        return self.answer.made.advice
 
     @property
     def shown_level(self) -> FlightLevel:

@@ -56,7 +56,7 @@ from thrustmargin.models.effects.compose import EffectRecord
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.json_values import to_json_values
-from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advice, Advised, FlightLevel
+from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advice, FlightLevel
 from thrustmargin.models.model.aircraft_change import AircraftChange
 from thrustmargin.models.model.analysis import Basis, FlightAnalysis, SpeedBasis
 from thrustmargin.models.model.inferred.load_inference import LOAD_FROM_SPEEDS
@@ -94,18 +94,20 @@ def report_flight(
     `answer` is the flight's assessment; None makes it here. Raises PlanError if the plan flies
     nowhere.
     """
-    said = answer or answer_log(log, analysis, max_utilisation)
-    found, made, contact = said.findings, said.made, said.contact
-    advice, whole, analysis = made.advice, made.whole, made.analysis
+    answer = answer or answer_log(log, analysis, max_utilisation)
+    findings, contact = answer.findings, answer.contact
+    advice, whole, analysis = answer.advice, answer.whole, answer.analysis
     track = analysis.track
     limits = ceiling(identified_airframe(analysis.model), analysis.density, track.voltage)
     rows = rows_of(
-        analysis, fill_limit_kg=made.fill_limit_kg, fill_one_rotor_out_kg=made.fill_one_rotor_out_kg
+        analysis,
+        fill_limit_kg=answer.fill_limit_kg,
+        fill_one_rotor_out_kg=answer.fill_one_rotor_out_kg,
     )
     seconds = track.row_seconds
     peaks = utilisation_peaks(analysis)
     worst = peaks[0] if peaks else None
-    basis, measured_share = _basis(made)
+    basis, measured_share = _basis(answer)
     flown_s = whole.track.flying_s
     no_flight = not_flown(whole.track) or (too_short(flown_s) if flown_s < LEAST_FLIGHT_S else "")
     shown = margin_verdict.verdict_facts(worst, advice, analysis.airframe_match, basis, no_flight)
@@ -119,7 +121,7 @@ def report_flight(
     lines = (
         *((("control", loss_words(advice.losses)),) if advice.losses else ()),
         *((("changed", change_words(advice.change)),) if advice.change else ()),
-        *look_facts(found),
+        *look_facts(findings),
         *(shown if contact is None or advice.level is not FlightLevel.UNKNOWN else ()),
         *(() if contact is None else contact_facts(contact)),
         *margin_verdict.voltage_facts(analysis),
@@ -128,7 +130,7 @@ def report_flight(
         *((("plan", against["words"]),) if against else ()),
     )
     starts = takeoff_rows(whole)
-    reported = said_rows(said.statements, advice)
+    reported = said_rows(answer.statements, advice)
     json = {
         "name": track.name,
         "verdict": {
@@ -150,7 +152,7 @@ def report_flight(
         "moments": [peak_row(one, track.start_unix_s) for one in peaks],
         "losses": advice.losses,  # of control, in order of time; no row after counts
         "first_contact": contact,  # what a log of an aircraft that is not known shows
-        "findings": found,  # those of `inspect`, the gravest first
+        "findings": findings,  # those of `inspect`, the gravest first
         "alarms": [alarm_row(one, advice.rotor_names) for one in advice.faults],
         "misread_speed": misread_row(advice.misread),
         "takeoff": starts,  # the run-ups before it lifted
@@ -166,7 +168,7 @@ def report_flight(
         "no_verdict": no_verdict_words(analysis.airframe_match),
         "plan_comparison": against,  # with the forecast of its plan; None without a plan
     }
-    return data.ReportedFlight(json=json, answer=said, peaks=peaks, rows=rows)
+    return data.ReportedFlight(json=json, advice=advice, peaks=peaks, rows=rows)
 
 
 def peak_row(peak: UtilisationPeak, start_unix_s: float | None) -> data.JsonObject:
@@ -204,16 +206,16 @@ def look_facts(findings: Iterable[Finding]) -> Iterator[tuple[str, str]]:
             yield one.check, one.words
 
 
-def _basis(made: Advised) -> tuple[str, float]:
+def _basis(answer: LogAnswer) -> tuple[str, float]:
     """Return the source of the thrust utilisation in words, and the share of time with rotor
     speeds.
 
     That share is of the time in the air; speeds are measured or inferred from motor outputs.
     """
-    analysis, seconds = made.analysis, made.analysis.track.row_seconds
+    analysis, seconds = answer.analysis, answer.analysis.track.row_seconds
     known = np.any(np.isfinite(airborne_use(analysis)), axis=1)
     measured_s = float(seconds[known & analysis.any_measured].sum())
-    airborne_s = made.advice.airborne_s
+    airborne_s = answer.advice.airborne_s
     words = margin_verdict.basis_words(
         analysis, measured_s, float(seconds[known].sum()), airborne_s
     )

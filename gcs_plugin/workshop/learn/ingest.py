@@ -174,7 +174,11 @@ def follow_known(logs: list[LogSource], inputs: Inputs) -> list[LogSource]:
     Return the other logs: those of unknown aircraft and those that cannot be read. Print the number
     of flights of each aircraft on stderr. Raise DataError if a flight cannot be stored.
     """
-    from thrustmargin.gcs_plugin.commands.shared.known import hangar_of, learn_logs, recognised
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import (
+        hangar_of,
+        learn_logs,
+        recognised,
+    )
 
     hangar = hangar_of(inputs)
     if not hangar.names():

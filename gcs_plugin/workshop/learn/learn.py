@@ -83,7 +83,7 @@ def learn(
         seed: Number from which all chance of the training is drawn.
     """
     require("train", "torch", "scipy")
-    from thrustmargin.gcs_plugin.commands.shared.known import hangar_of, learn_logs
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import hangar_of, learn_logs
     from thrustmargin.gcs_plugin.commands.shared.options import check_range, require_logs
     from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 
@@ -157,7 +157,8 @@ def _groups(inputs: Inputs, hangar: Hangar, unread: list[UnusedLog]) -> list[_Gr
     new one. If the marks leave several, ask in the terminal. Logs that cannot be read or assigned
     are appended to `unread`.
     """
-    from thrustmargin.gcs_plugin.commands.shared.inputs import reading_keywords, unnamed
+    from thrustmargin.gcs_plugin.commands.shared.inputs import reading_keywords
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import unnamed
     from thrustmargin.gcs_plugin.logs.read import read_sorties
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.gcs_plugin.store.aircraft_marks import Recognition, marks_of, recognise
@@ -359,8 +360,14 @@ def _make_model(
     """
     import time
 
-    from thrustmargin.gcs_plugin.commands.shared.inputs import claimed, listed, read_logs
-    from thrustmargin.gcs_plugin.commands.shared.known import flight_key, keep, with_flight
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import (
+        flight_key,
+        keep,
+        listed,
+        matching_logs,
+        read_logs,
+        with_flight,
+    )
     from thrustmargin.gcs_plugin.store.hangar import NotTaught
     from thrustmargin.gcs_plugin.store.learnt_flight import learnt_flight
     from thrustmargin.gcs_plugin.workshop.learn.train import training_run
@@ -385,7 +392,7 @@ def _make_model(
         (log, replace(airframe_match, known_from=itself))
         for log, airframe_match in read_logs(its, unfit, console, model=base)
     )
-    logs = list(claimed(read, unfit, console))
+    logs = list(matching_logs(read, unfit, console))
     sound = []
     for log in logs:
         advice = advise(analysis_for_verdict(analyse(log.track, base))).advice

@@ -16,13 +16,12 @@ from thrustmargin.gcs_plugin.commands.shared.inputs import (
     AS_HEARD,
     ReadingOptions,
     chosen_model,
-    read_flights,
+    reading_keywords,
 )
 from thrustmargin.gcs_plugin.commands.shared.stored_answer import answer_columns, stored_answer
 from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.logs.findings import report_findings
-from thrustmargin.gcs_plugin.logs.log_answer import answer_log
-from thrustmargin.gcs_plugin.mavlink.text import clean
+from thrustmargin.gcs_plugin.logs.log_answer import answer_log, matched_flights
 from thrustmargin.gcs_plugin.reports.margin import ReportedFlight, report_flight
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
 from thrustmargin.gcs_plugin.store.aircraft_marks import marks_of
@@ -40,7 +39,7 @@ from thrustmargin.gcs_plugin.store.staging import SeasonFlight, drop_flight, sta
 from thrustmargin.gcs_plugin.store.writer_lock import writer_lock
 from thrustmargin.gcs_plugin.wording.check_words import in_english, note_words
 from thrustmargin.gcs_plugin.wording.flight_words import not_flown
-from thrustmargin.gcs_plugin.wording.language import speaking
+from thrustmargin.gcs_plugin.wording.language import clean, speaking
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.errors import DataError, ThrustMarginError
 from thrustmargin.models.flight import FlightTrack
@@ -58,7 +57,7 @@ from thrustmargin.models.model.analysis import (
 from thrustmargin.models.model.inferred.speed_basis import measured_only
 from thrustmargin.models.model.model_file import model_digest
 from thrustmargin.models.model.rotor_model import RotorModel, without_state
-from thrustmargin.models.physics.resistance import battery_resistance
+from thrustmargin.models.physics.known_battery import battery_resistance
 from thrustmargin.models.physics.smoothing import known_mean, known_median, known_most
 
 #: Seconds for which a landed flight waits for another writer of the season's store.
@@ -137,7 +136,7 @@ def _sortie_flights(
     """
     model, _ = season_model(settings.model, settings.airframe)
     given = settings.model is not None or settings.airframe is not None
-    read = read_flights(path, model, given=given, reading=reading)
+    read = matched_flights(path, model, given=given, **reading_keywords(reading))
     found = []
     for log, airframe_match in read:
         flight = content if log.sortie == 1 else f"{content}-sortie-{log.sortie}"
@@ -203,15 +202,16 @@ def stored_flight(
         hardware = pseudonym(settings.key, hardware) if hardware else None
         of_verdict = anonymous(of_verdict, log, name)[0]
         analysis, log = anonymous(analysis, log, name)
-    said = answer_log(log, of_verdict, settings.max_utilisation)
-    report = report_flight(of_verdict, log, max_utilisation=settings.max_utilisation, answer=said)
+    limit = settings.max_utilisation
+    answer = answer_log(log, of_verdict, limit)
+    report = report_flight(of_verdict, log, max_utilisation=limit, answer=answer)
     known = None if analysis.no_verdict else digest
     started = log.track.start_unix_s
-    advised, worst = said.made, report.worst
+    worst = report.worst
     kept_answer = stored_answer(
-        advised.advice,
-        advised.analysis.airframe_match,
-        advised.analysis.track,
+        answer.advice,
+        answer.analysis.airframe_match,
+        answer.analysis.track,
         worst and worst.time_s,
     )
     summary = (
@@ -379,7 +379,7 @@ def _notes(track: FlightTrack) -> list[str]:
 def _findings_json(report: ReportedFlight) -> str:
     """Return the report's findings as JSON, without their words."""
     kept = ("check", "level", "time_s", "values", "spoils")
-    found = report_findings(report.answer.findings)
+    found = report_findings(report.json["findings"])
     return json.dumps([to_json_values({k: getattr(f, k) for k in kept}) for f in found])
 
 

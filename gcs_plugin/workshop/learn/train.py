@@ -72,13 +72,8 @@ def train(
         force: Replace the model file if it is there.
     """
     require("train", "torch", "scipy")
-    from thrustmargin.gcs_plugin.commands.shared.inputs import (
-        SHIPPED_AIRFRAME,
-        Inputs,
-        claimed,
-        listed,
-        read_logs,
-    )
+    from thrustmargin.gcs_plugin.commands.shared.inputs import SHIPPED_AIRFRAME, Inputs
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import listed, matching_logs, read_logs
     from thrustmargin.gcs_plugin.commands.shared.options import (
         OutputFile,
         check_outputs,
@@ -113,7 +108,7 @@ def train(
     )
     unread: list[UnusedLog] = []
     read = read_logs(inputs, unread, progress, model=physics_model(aircraft))
-    tracks = [log.track for log in claimed(read, unread, progress)]
+    tracks = [log.track for log in matching_logs(read, unread, progress)]
     if not tracks:
         raise LogError(f"no flight can be used; {listed(unread)}")
     run = training_run(tracks, aircraft, settings, progress)
@@ -158,12 +153,13 @@ def training_run(
 
     from rich.markup import escape
 
-    from thrustmargin.gcs_plugin.commands.shared.inputs import listed
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import listed
     from thrustmargin.gcs_plugin.commands.shared.terminal import steps
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.gcs_plugin.wording.actions import Phase
     from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
     from thrustmargin.gcs_plugin.wording.language import Verbatim, say
+    from thrustmargin.models.checks.instruments import learnt_thermometer, with_air_temperature
     from thrustmargin.models.identification.good_flights.commissioning import (
         FEWEST_FLIGHTS,
         commission,
@@ -171,10 +167,9 @@ def training_run(
     from thrustmargin.models.identification.good_flights.weak_flights import weak_flights
     from thrustmargin.models.model.flight_arms import learnt_arms
     from thrustmargin.models.model.rotor_model import physics_model
-    from thrustmargin.models.model.thermometer import learnt_thermometer, with_air_temperature
     from thrustmargin.models.model.training import train as fit
 
-    kept, unfit = _usable_flights(tracks, physics_model(aircraft))
+    kept, unfit = select_flights(tracks, physics_model(aircraft))
     thermometer = learnt_thermometer(kept, aircraft)
     kept = [with_air_temperature(track, thermometer) for track in kept]
     names, date = settings.names(), datetime.now(UTC).date().isoformat()
@@ -263,7 +258,7 @@ def network_can_learn(tracks: Sequence[FlightTrack]) -> bool:
     return False
 
 
-def _usable_flights(
+def select_flights(
     tracks: Sequence[FlightTrack], model: RotorModel
 ) -> tuple[list[FlightTrack], list[UnusedLog]]:
     """Return the flights to train on, and the others with the reason.
@@ -272,7 +267,7 @@ def _usable_flights(
     rotors or times. Flights without any row for training are returned as usable:
     `_logs_without_rows` reports them. Raise LogError if no flight is usable.
     """
-    from thrustmargin.gcs_plugin.commands.shared.inputs import listed
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import listed
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.gcs_plugin.wording.check_words import statement_words
     from thrustmargin.models.identification.rows.usable_flights import too_little, wrong_speeds

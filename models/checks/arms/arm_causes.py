@@ -81,10 +81,11 @@ class Pattern:
     largest: float = 0.6  # of the sizes that are tried
 
     def of(self, quantity: ArmQuantity, *, own_voltage: bool) -> Moved:
-        """Return the cause's effect on a figure; UNMOVED where it is not listed.
+        """Return how the cause changes a quantity of its arm; UNMOVED where it does not.
 
-        If power is computed with the battery's voltage (not `own_voltage`, that of the ESC), it
-        includes a lead's loss, and a wrong reading of the ESC's voltage does not change it.
+        `own_voltage`: power is computed with the voltage that the ESC reports, not the battery's.
+        With the battery's, power includes the loss in a lead, and a wrong reading of the ESC's
+        voltage does not change it.
         """
         if quantity is Q.POWER and not own_voltage:
             if Q.RESISTANCE in self.moved:

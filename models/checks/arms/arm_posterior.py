@@ -95,9 +95,9 @@ def arm_answer(
 ) -> ArmAnswer:
     """Find faulty arms and their causes by comparing `flights` with the earlier flights of `law`.
 
-    `modes` (R, R) are the layout's modes (see `arm_law.departures`). `given` maps arms, from 0,
-    that the search for weak rotors found faulty to their possible causes, one of which is assumed
-    to be true.
+    `modes` (R, R) are the layout's mode directions, one a column; None: unknown. `given` maps arms,
+    from 0, that the search for weak rotors found faulty to their possible causes, one of which is
+    taken as true; only which one is then found.
     """
     left = list(departures(flights, law, modes))
     own_voltage = all(one.own_voltage for one in flights)
@@ -128,7 +128,11 @@ def arm_answer(
 def _without(
     left: Sequence[Departure], arm: int, causes: Collection[Cause], *, own_voltage: bool
 ) -> list[Departure]:
-    """Set to NaN the quantities of one arm that `causes` change; drop quantities with only NaN."""
+    """Set to NaN the quantities of one arm that one of `causes` changes; drop quantities with only
+    NaN.
+
+    `own_voltage`: each ESC reports its own voltage.
+    """
     kept = []
     for one in left:
         moves = any(_moves(cause, one.quantity, own_voltage=own_voltage) for cause in causes)
@@ -141,7 +145,10 @@ def _without(
 
 
 def _place(quantity: ArmQuantity, arm: int) -> int | None:
-    """Return the index of an arm's value of a quantity; None where AIRCRAFT has none."""
+    """Return the index of an arm's value in a quantity: 0 if it is one value of the whole aircraft.
+
+    None for AIRCRAFT in a quantity that has one value for each arm.
+    """
     if quantity.of_aircraft:
         return 0
     return None if arm == AIRCRAFT else arm
@@ -165,7 +172,12 @@ class _Evidence:
 
     @classmethod
     def of(cls, one: Departure) -> _Evidence:
-        """Prepare the scales of a departure's covariance."""
+        """Prepare the likelihood of a departure: inverses of its covariance at several scales.
+
+        The scales represent the uncertainty of the covariance itself (Student's t). Unknown arms
+        are left out. A change of all arms together counts as possible, except for thrust and
+        quantities of the aircraft.
+        """
         known = np.flatnonzero(np.isfinite(one.departure))
         y = one.departure[known]
         cut = np.ix_(known, known)
@@ -186,9 +198,11 @@ class _Evidence:
         return _log_sum(self.base) - math.log(self.base.size)
 
     def gain(self, arm: int, moved: Moved, sizes: Floats) -> Floats:
-        """Return the log likelihood ratio (S,) to no cause of a cause at `arm`, for each size (S,).
+        """Return the log likelihood ratio (S,) of a cause at `arm`, from 0, to no cause, for each
+        of S sizes.
 
-        `moved` is the cause's effect on the quantity; 0 if it has none or the arm is unknown.
+        `moved` is the cause's effect on the quantity. 0 if it has none or the arm's value is
+        unknown.
         """
         at = _place(self.one.quantity, arm)
         place = np.flatnonzero(self.known == (AIRCRAFT if at is None else at))
@@ -217,8 +231,9 @@ def _finding(
 ) -> ArmFinding | None:
     """Return the arm that is most probably faulty, with its causes; None below probability SURE.
 
-    With `given` only its arms and causes are considered, with a prior probability of GIVEN (which
-    is also the limit) instead of FAULTY.
+    `own_voltage`: each ESC reports its own voltage. With `given` (arm, from 0, to causes) only
+    these are considered, with a prior probability of GIVEN (which is also the limit) instead of
+    FAULTY.
     """
     evidence = [_Evidence.of(one) for one in left]
     rotors = max((one.departure.size for one in left if not one.quantity.of_aircraft), default=0)
@@ -272,9 +287,9 @@ def _finding(
 
 
 def _shown(one: Departure, arm: int) -> tuple[float, float]:
-    """Return an arm's difference from the other arms' mean, as a share and in standard deviations.
+    """Return an arm's difference from the other arms' mean, as it is and in standard deviations.
 
-    Thrust is not compared with the other arms: its own value is returned.
+    Thrust is not compared with the other arms: its own departure is returned.
     """
     others = np.delete(one.departure, arm)
     others = others[np.isfinite(others)]
@@ -287,10 +302,10 @@ def _shown(one: Departure, arm: int) -> tuple[float, float]:
 
 
 def _possible(cause: Cause, share: float, sizes: Floats, logs: Floats) -> PossibleCause:
-    """Return a cause with the mean and interval of its size, from log likelihoods (S,) at `sizes`
-    (S,).
+    """Return a cause with the mean and 95 % interval of its size.
 
-    `share` is its posterior probability.
+    `logs` (S,) are the log likelihoods of the `sizes` (S,), ascending; `share` is the posterior
+    probability of the cause.
     """
     weight = np.exp(logs - logs.max())
     weight = weight / weight.sum()

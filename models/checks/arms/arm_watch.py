@@ -54,10 +54,10 @@ class ArmWatch:
         self._rest: list[Floats] = []  # (R,) ESC voltages at rest less their median
 
     def add(self, track: FlightTrack) -> ArmHeat:
-        """Add the N rows of a track, later than those before, and return the arms' heat per row.
+        """Add the N rows of a track, later than those before, and return the arms' state per row.
 
-        (N, R): the seconds until ESC and motor reach their temperature limits, and the W lost in
-        each lead.
+        Its arrays (N, R): seconds until ESC and motor reach their temperature limits, W lost in
+        each lead, and number of recent desyncs.
         """
         rows, rotors = track.esc_temperature.shape
         esc, motor = np.full((2, rows, rotors), np.nan)

@@ -124,8 +124,11 @@ def accept_effects(
     *,
     steepness: float = 0.0,
 ) -> AcceptedEffects:
-    """Apply the rules (module docstring) to a finished search; `steepness` is that of
-    `posterior_of`."""
+    """Decide which effects of a finished search to report, by rules 1 to 10 of the module.
+
+    `problem` has the rows for cross-validation; `steepness` is the relative error of the slope of
+    the rotor speed law.
+    """
     # Rules 1 and 2
     answer, left_out = cross_validated_posterior(problem, posterior_of(search, steepness))
 
@@ -205,7 +208,10 @@ NEGLIGIBLE = 0.1 * OPEN_PROBABILITY  # posterior probability that decides no rep
 def cross_validated_posterior(
     problem: Problem, answer: Posterior
 ) -> tuple[Posterior, CrossValidation]:
-    """Apply rules 1 and 2; also return the cross-validation about the best remaining set."""
+    """Drop sets of effects that cross-validation does not confirm (rules 1 and 2).
+
+    Return the posterior of the remaining sets, and the cross-validation about the best of them.
+    """
     out = FoldSums.from_nuisance(answer.search.nuisance)
 
     def fold_squares(one: EffectSet) -> Floats:
@@ -220,7 +226,8 @@ def cross_validated_posterior(
 def drop_unconfirmed_sets(
     answer: Posterior, fold_squares: Callable[[EffectSet], Floats]
 ) -> Posterior:
-    """Drop sets by rules 1 and 2, and return the posterior of the remaining ones.
+    """Drop sets by rules 1 and 2 (`drop_larger_sets`, `drop_worse_sets`), and return the others'
+    posterior.
 
     `fold_squares` returns a set's held-out mean squares (folds,), rpm²; it is called once a set.
     """
@@ -373,9 +380,10 @@ def exceeds_limits(square: Floats, named_square: Floats, usual: Floats, of_rotor
 
 
 def _slow_mode(space: SearchSpace, search: Search, best: EffectSet) -> Unexplained | None:
-    """Describe the mode with the most slow noise relative to the model's training flights.
+    """Describe the mode whose slow noise exceeds that of the model's training flights by most.
 
-    None where no mode exceeds SLOW_FACTOR, or the model contains no such flights.
+    `best` is the set whose residual is used. None where no mode exceeds SLOW_FACTOR, or the model
+    contains no training flights.
     """
     reduced = space.reduced
     known = reduced.model.good_flights
@@ -414,14 +422,15 @@ def residual_at_best(search: Search, best: EffectSet) -> Floats:
 def effects_resembling(
     unexplained: Unexplained | None, named: Sequence[int], answer: Posterior
 ) -> list[int]:
-    """Rule 4: list the effects of `named` that may only imitate an unexplained cause.
+    """Rule 4: list the effects of `named` (candidate indices) that may only imitate an unexplained
+    cause.
 
     If a rotor's loss varies along a channel, effects that do not act on such a rotor may only
-    compensate for it, unless they change far more than it does (MOST_UNEXPLAINED). Beside a
-    probable cause along its own channel, however small, an instrument is not at fault for certain.
-    Otherwise, an effect resembles the unexplained residual if it acts on the same rotor, reads one
-    of the same channels, or changes mostly the same modes. A residual that is only slow noise
-    resembles no effect.
+    compensate for it, unless they change far more than it does (MOST_UNEXPLAINED). An instrument
+    may not be at fault if a probable unnamed cause varies along its own channel. Otherwise, an
+    effect resembles the unexplained residual if it acts on the same rotor, reads one of the same
+    channels, or changes mostly the same modes. A residual that is only slow noise resembles no
+    effect.
     """
     search, best = answer.search, answer.best
     likely = probable_causes(answer)
@@ -489,9 +498,11 @@ def needed_effects(error: Callable[[Sequence[int]], float], members: Collection[
 
 
 def exceeds_law_error(linear: LinearisedSets, estimate: EffectEstimate) -> bool:
-    """Return whether an interval excludes zero with the inaccurate laws of all effects included.
+    """Return True if an estimate's interval excludes zero with the errors of all effects'
+    equations.
 
-    `linear` is about the most probable set. True for an effect without a shared main value.
+    `linear` is the problem linearised about the most probable set. True for an effect without a
+    shared main value.
     """
     one = linear.trials[estimate.candidate].candidate
     away = [
@@ -513,13 +524,13 @@ def resembles_unexplained(one: OneOf, unexplained: Unexplained | None, answer: P
 def names_that_hold(
     left_out: CrossValidation, names: Sequence[int], before: Collection[int]
 ) -> tuple[list[int], Floats]:
-    """Rule 8: return `names`, or none if effects selected without each fold do not lower its error.
+    """Rule 8: return the effects `names`, or none if they do not lower the cross-validated error.
 
-    Also return the cross-validated residual (T, R), rpm: with effects, or without if none are
-    returned. An effect that explains some flights and predicts the others worse is no property of
-    the aircraft. If no fold selects any, because fewer flights are less certain, the residual is
-    that of `names` with values fitted without each fold. `before` are the probable candidates
-    before any was dropped.
+    For the test, effects are selected anew without each fold: one that explains some flights and
+    predicts the others worse is no property of the aircraft. If no fold selects any, because fewer
+    flights are less certain, only the values are fitted anew. Also return the cross-validated
+    residual (T, R), rpm, with the returned effects. `names` and `before`, the probable effects
+    before any was dropped, are candidate indices.
     """
     without = left_out.residual({})
     if not names:
@@ -537,14 +548,15 @@ def unnamed_terms_worth_keeping(
     before: Collection[int],
     reported_rpm: Floats,
 ) -> tuple[list[int], Floats]:
-    """Rule 9: return the probable unnamed terms that lower the error when added to `names`.
+    """Rule 9: return the unnamed terms that lower the cross-validated error when added to `names`.
 
     `reported_rpm` (T, R) is the cross-validated residual with `names`; that with the terms is
-    returned as well.
+    returned as well. All others are candidate indices; `before` are the probable effects before any
+    was dropped.
 
-    Terms must be needed by the cross-validated error (`needed_effects`). In addition, selecting all
-    terms again without each fold must lower the error by LEAST_FALL, or no term is kept: then the
-    selection was chance. `before` are the probable candidates before any was dropped.
+    Each term must be needed by the error (`needed_effects`). In addition, selecting all terms anew
+    without each fold must lower the error by LEAST_FALL, or no term is kept: then the selection was
+    chance.
     """
 
     def error(some: Sequence[int]) -> float:
@@ -565,11 +577,11 @@ def unnamed_terms_worth_keeping(
 def is_sole_cause(
     rotor: int, reported_else: Collection[int | None], causes: Collection[int | None]
 ) -> bool:
-    """Rule 10: return True if `rotor` is not reported otherwise and all `causes` are of it alone.
+    """Rule 10: return True if `rotor` may be mentioned as the only suspect.
 
-    `reported_else` are rotors with an uneven loss, which is reported separately, or with an effect
-    that rule 8 dropped. `causes` are the rotors (None: of no rotor) of the probable unnamed causes;
-    one of another rotor may be what `rotor` only imitates.
+    It must not be in `reported_else`, the rotors with an uneven loss (reported separately) or with
+    an effect that rule 8 dropped; and all `causes`, the rotors of the probable unnamed causes
+    (None: of no rotor), must be it, for `rotor` may only imitate a cause elsewhere. Rotors from 0.
     """
     return rotor not in reported_else and set(causes) <= {rotor}
 

@@ -277,7 +277,10 @@ class Identification:
         return (*self.found, *self.followed)
 
     def to_json(self, *, model_in: str = "", model_out: str = "") -> dict[str, Any]:
-        """Return the JSON of the identify command; NaN becomes null."""
+        """Return the content of the identify command's JSON; NaN becomes None.
+
+        `model_in` and `model_out` are the paths of the model files read and written.
+        """
         rows = np.bincount(self.problem.flight)
         flights = [
             {"log": n, "role": "fit", "samples": int(s)}

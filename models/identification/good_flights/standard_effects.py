@@ -62,9 +62,12 @@ def standard_effects(model: RotorModel, problem: Problem) -> list[Term]:
 def with_standard_effects(
     model: RotorModel, tracks: Sequence[FlightTrack], *, date: str = ""
 ) -> RotorModel:
-    """Return the model with the standard effects that improve its prediction of `tracks`.
+    """Return the model with the standard effects that improve its prediction of the flights
+    `tracks`.
 
-    They are fitted together. At least 2 flights. Raises DataError when one has too few rows to fit.
+    Standard effects are those that every aircraft has. They are fitted together to all flights (2
+    or more), and kept if held-out flights are predicted better with them. `date` is stored with
+    them. Raise DataError when a flight has too few rows to fit.
     """
     problem = assemble(model, tracks)
     uncertainty = problem.mode_amplitudes(
@@ -128,10 +131,10 @@ def _fix_shapes(one: Candidate) -> Candidate:
 
 
 def mode_half_widths(fit: RowFit, uncertainty: Floats) -> Floats:
-    """Return the half widths (P,) of a fit's values, from the base model's `uncertainty` (D, T, R).
+    """Return the half widths (P,) of the 95 % intervals of a fit's P values.
 
-    That is modal, in rpm, D independent directions. Between-flight variation is in the fit's block
-    sums already.
+    `uncertainty` (D, T, R), modal, rpm, holds D independent errors of the base model, whose
+    influence is added. Between-flight variation is in the fit's block sums already.
     """
     z = fit.filter.apply(np.concatenate([fit.columns, np.moveaxis(uncertainty, 0, 2)], axis=2))
     count = fit.columns.shape[2]
@@ -142,10 +145,11 @@ def mode_half_widths(fit: RowFit, uncertainty: Floats) -> Floats:
 def _drop_if_unneeded(
     problem: Problem, fit: RowFit, key: str, known: Floats, *, worth: float = 0.0
 ) -> RowFit:
-    """Refit without the effect `key` if held-out flights do not need it; else return `fit` itself.
+    """Return the fit without the effect `key` if held-out flights do not need it; else `fit`
+    itself.
 
-    The effect is needed if it lowers the held-out cost by more than the standard error and `worth`.
-    `known` (R,) is the base model's standard error, rpm.
+    The effect is needed if it lowers the held-out cost by more than the gain's standard error and
+    by more than `worth`. `known` (R,) is the base model's standard error by mode, rpm.
     """
     rest = [h for h in fit.trials if h.candidate.key != key]
     if len(rest) == len(fit.trials):
@@ -178,7 +182,10 @@ def _needed_effects(fit: RowFit) -> tuple[TrialEffect, ...]:
 
 
 def sums_without_effects(fit: RowFit, kept: Sequence[TrialEffect]) -> RowSums:
-    """Return a fit's sums with effects outside `kept` fixed at zero influence, those in it free."""
+    """Return a fit's sums with effects outside `kept` fixed at the values without influence.
+
+    The values of effects in `kept` stay free. `kept` must contain objects of `fit.trials`.
+    """
     free, move = [], []
     for trial in fit.trials:
         for p, value in zip(trial.candidate.parameters, trial.free_values, strict=True):
@@ -190,10 +197,11 @@ def sums_without_effects(fit: RowFit, kept: Sequence[TrialEffect]) -> RowSums:
 
 
 def _is_worth_storing(trial: TrialEffect) -> bool:
-    """Return True if all main values are within bounds and one has its least reportable size or
-    more.
+    """Return True if an effect's main values are all within bounds, and one of them is large
+    enough.
 
-    Always True for ALWAYS_KEPT.
+    Large enough is at least `smallest` from the value at which the effect is absent. Always True
+    for the effect ALWAYS_KEPT.
     """
     if trial.candidate.key == ALWAYS_KEPT:
         return True

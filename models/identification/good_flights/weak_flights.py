@@ -35,9 +35,11 @@ class WeakFlight:
 
 
 def weak_flights(left_out: Sequence[HeldOutFlights]) -> tuple[WeakFlight, ...]:
-    """Return the flights with a bad rotor; each flight is in exactly one of `left_out`.
+    """Return the flights that show a weak rotor, each with its largest fault.
 
-    A flight with fewer than FEWEST_OTHERS others outside its group is not tested.
+    Each element of `left_out` is a group of flights with a model fitted without them; a flight
+    occurs in one group only. Groups with fewer than FEWEST_OTHERS flights outside of them are not
+    tested.
     """
     means = [_mode_means(one) for one in left_out]
     found = []

@@ -36,9 +36,10 @@ MOST_CONSTANT = 0.3
 
 
 def of_outputs(tracks: Sequence[FlightTrack]) -> bool:
-    """Return True if the speeds of all rotors are from motor outputs in all flights.
+    """Return True if all flights have rotor speeds inferred from motor outputs, False if measured.
 
-    Raises DataError when flights are of both kinds, or when a flight has only some rotors' speeds.
+    Raise DataError when flights are of both kinds, or when a flight has only some rotors' speeds.
+    False without a flight.
     """
     kinds = set()
     for track in tracks:
@@ -103,8 +104,8 @@ def spread_of_flights(residual: Floats, flight: NDArray[np.intp], learnt: Floats
     """Return the between-flight standard deviation (R,), rpm, of each mode's mean.
 
     It is the larger of that of the `residual` (T, R), modal, rpm, and of fault-free flights,
-    `learnt` (R,). If `learnt` is all zero, return a value so large that no constant share can be
-    reported.
+    `learnt` (R,); with few flights it is `learnt`. If `learnt` is all zero, return a value so large
+    that no constant share can be reported. `flight` (T,) numbers the rows' flights.
     """
     if not learnt.any():
         return np.full_like(learnt, 1e3 * np.abs(residual).max())

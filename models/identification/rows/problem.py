@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thrustmargin.models.checks.instruments import with_air_temperature
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.base import Effect, Placed
 from thrustmargin.models.effects.channels import STEADY_SPAN, Channels, concatenate
@@ -27,7 +28,6 @@ from thrustmargin.models.identification.rows.output_shares import (
     spread_of_flights,
 )
 from thrustmargin.models.model.rotor_model import RotorModel, model_channels, table_of
-from thrustmargin.models.model.thermometer import with_air_temperature
 from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.physics.smoothing import moving_mean
 from thrustmargin.models.provenance import Meaning
@@ -169,7 +169,10 @@ def usable_seconds(model: RotorModel, track: FlightTrack) -> float:
 
 
 def assemble_flight(model: RotorModel, track: FlightTrack) -> Problem:
-    """Assemble all fittable rows of one flight; raises like `assemble`."""
+    """Assemble all rows of one flight that can be fitted, not thinned.
+
+    Raise AirframeError for a wrong rotor count, DataError with too few rows.
+    """
     airframe = model.airframe
     if track.rotor_count != airframe.rotor_count:
         raise AirframeError(
@@ -244,7 +247,8 @@ def thin_rows(problem: Problem, stride: int) -> Problem:
 
 
 def join_flights(parts: Sequence[Problem]) -> Problem:
-    """Concatenate the problems of single flights of one aircraft.
+    """Concatenate the problems of single flights of one aircraft, and number flights and blocks
+    anew.
 
     For motor outputs, `background_rpm` becomes the larger of the model's and these flights' spread.
     """

@@ -114,7 +114,11 @@ class SetScore:
 
 @lru_cache(maxsize=4096)
 def _candidate_prior(one: Candidate) -> SetPrior:
-    """Return the prior of a set of one candidate, without the odds of a first bad rotor."""
+    """Return the prior of a set of one candidate: of its presence and of its values.
+
+    A candidate's prior for a bad rotor is that of one more bad rotor; `_set_prior` adds the odds
+    for the first.
+    """
     rows = [
         (p.lower, p.upper, p.scale, p.smallest or 0.01 * p.scale, p.absent or 0.0)
         for p in one.parameters
@@ -153,9 +157,10 @@ def _candidate_prior(one: Candidate) -> SetPrior:
 
 @lru_cache(maxsize=4096)
 def _set_prior(candidates: tuple[Candidate, ...]) -> SetPrior:
-    """Concatenate the priors of a set's candidates, in order.
+    """Return the prior of a set: the priors of its candidates, concatenated in order.
 
-    The set's log prior is the sum of theirs, plus `_first_rotor_log_odds` of the candidates.
+    The log probability of the set is the sum of theirs plus that of a first bad rotor
+    (`_first_rotor_log_odds`).
     """
     own = [_candidate_prior(one) for one in candidates]
     normal = np.concatenate([np.zeros(0, dtype=bool), *(one.normal for one in own)])
@@ -199,11 +204,12 @@ def is_shape(p: Parameter) -> bool:
 
 
 def score(prior: ValuePrior, gram: Floats, temperature: float = 1.0) -> SetScore:
-    """Score a set by the Gram matrix [J r]'[J r] (P + 1, P + 1) of derivatives J and residual r.
+    """Score a set on the linearised problem: log evidence, most probable step and its variance
+    (P,).
 
-    `gram` is in units of `temperature` times the noise; the returned variance is for the noise
-    itself. Shapes beyond a bound are fixed at it. The log evidence is IMPOSSIBLE for a singular
-    system.
+    `gram` (P + 1, P + 1) is [J r]'[J r] of derivatives J by the P values and the residual r, both
+    divided by `temperature` times the noise; the variance is for the noise itself. Shape values
+    that would exceed a bound are fixed at it. The log evidence is IMPOSSIBLE for a singular system.
     """
     count, cost = prior.values.size, float(gram[-1, -1])
     if not count:
@@ -236,9 +242,10 @@ def score(prior: ValuePrior, gram: Floats, temperature: float = 1.0) -> SetScore
 
 
 def _step_at_bounds(prior: ValuePrior, system: Floats, pulled: Floats, step: Floats) -> Floats:
-    """Return the most probable step (P,) with shapes fixed at bounds that they would exceed.
+    """Return the most probable step (P,) with values fixed at bounds that the free `step` exceeds.
 
-    Fixing one shape moves the others, which may exceed their bounds in turn.
+    `system` (P, P) and `pulled` (P,) are the normal equations. Fixing one value moves the others,
+    which may exceed their bounds in turn.
     """
     lower, upper = prior.set_prior.limits[:2]
     trials = np.zeros(step.shape, dtype=np.bool_)
@@ -252,10 +259,10 @@ def _step_at_bounds(prior: ValuePrior, system: Floats, pulled: Floats, step: Flo
 
 
 def _log_sizes(prior: ValuePrior, values: Floats, error: Floats) -> float:
-    """Return the log prior density of all effects' main values, including that they are within
-    bounds.
+    """Return the log prior density of the main values of a set's effects, given as `values` (P,).
 
-    An effect whose linearisation point is at a bound is IMPOSSIBLE.
+    It includes the probability that each is within its bounds, by its standard error (P,).
+    IMPOSSIBLE for an effect whose linearisation point is at a bound.
     """
     set_prior = prior.set_prior
     if not set_prior.main.size:

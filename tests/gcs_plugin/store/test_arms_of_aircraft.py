@@ -8,8 +8,9 @@ from thrustmargin.gcs_plugin.store.hangar import AircraftFlight, Event, KnownAir
 from thrustmargin.gcs_plugin.store.learnt_flight import bad_arms
 from thrustmargin.models.checks.arms.arm_causes import Cause
 from thrustmargin.models.checks.arms.arm_figures import ArmFigure, ArmFigures, ArmQuantity
-from thrustmargin.models.checks.arms.arm_posterior import AIRCRAFT as AIRCRAFT_ITSELF
 from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer, ArmFinding, PossibleCause
+
+AIRCRAFT_ITSELF = -1  # in the place of an arm
 
 
 def row(k, **more):

@@ -18,7 +18,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.logs import FlightLog, read_log
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.inferred.prepared import (
+from thrustmargin.models.model.inferred.load_inference import (
     Inferred,
     fill_channels,
     fill_channels_so_far,

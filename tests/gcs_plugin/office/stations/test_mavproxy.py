@@ -255,7 +255,6 @@ class TestInMavproxy:
         assert mavproxy.ask(name, f"{name} (.*)")[1] == "50%"
         for wrong in ("x", "50", "0", "1", "-1", "nan"):
             mavproxy.ask(f"{name} {wrong}", f"{name} {wrong} is not a share")
-        mavproxy.ask("margin limit 45", "is now max-utilisation.* margin of 45 % write 55%")
         assert mavproxy.ask(name, f"{name} (.*)")[1] == "50%"
         mavproxy.ask(f"{name} 80%", f"{name} 80%")
         with playing(flight, mavproxy.port, 50.0, 140.0, 1.0):

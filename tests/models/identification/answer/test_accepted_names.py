@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thrustmargin.models.effects import BY_KEY
+from tests.models.identification.known_terms import known_term
 from thrustmargin.models.identification.answer.acceptance import (
     exceeds_law_error,
     is_sole_cause,
@@ -14,7 +14,7 @@ from thrustmargin.models.identification.answer.acceptance import (
     needs_inspection,
     unnamed_terms_worth_keeping,
 )
-from thrustmargin.models.identification.rows.candidates import Term, candidate
+from thrustmargin.models.identification.rows.candidates import candidate
 
 
 @pytest.mark.parametrize(
@@ -29,7 +29,7 @@ from thrustmargin.models.identification.rows.candidates import Term, candidate
 def test_what_the_inaccurate_law_of_a_larger_effect_may_explain_is_not_reported(
     loss, law, reported
 ):
-    one = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=0), 1)
+    one = candidate(known_term("rotor_degradation", rotor=0), 1)
     linear: Any = SimpleNamespace(
         trials=[SimpleNamespace(candidate=one)], law_error=lambda _, k: law * (k == 0)
     )

@@ -9,8 +9,9 @@ import pytest
 from scipy.stats import t as student
 
 from tests.models.identification.answer.test_model_update import found_by_hand, learnt_model
+from tests.models.identification.known_terms import known_term
+from tests.models.known_effects import known_effect
 from tests.models.made_flights import curve_model
-from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.thrust_effects import (
     ROTOR_DEGRADATION,
     ROTOR_DEGRADATION_ONSET,
@@ -32,7 +33,7 @@ from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.network.network import ensemble_speed
 from thrustmargin.models.network.validity import calibrate, measure_coverage
 
-MASS = Term(effect=BY_KEY["extra_mass"])
+MASS = known_term("extra_mass")
 WORN = Term(effect=ROTOR_DEGRADATION, rotor=2)
 MOST_UNEXPLAINED = Unexplained(
     mode=1, modes=(1,), channel="airspeed", channels=("airspeed",), share=0.6, rms_rpm=7.0
@@ -83,7 +84,7 @@ def test_the_json_of_an_answer():
         rows_of(3, 5),
         rows_of(4),
         found=(found_by_hand(ROTOR_DEGRADATION, [[0.08, 0.5]] * 2, rotor=2),),
-        followed=(found_by_hand(BY_KEY["wind"], [[6.0, 0.0]] * 2),),
+        followed=(found_by_hand(known_effect("wind"), [[6.0, 0.0]] * 2),),
         left=MOST_UNEXPLAINED,
         closest=(WORN,),
         alternatives=(SetWeight(probability=0.7, terms=(WORN, MASS)),),
@@ -151,7 +152,7 @@ def test_an_answer_in_a_line(problem, held_out, words):
 
 
 def test_what_is_followed_or_unexplained_has_its_own_line():
-    wind = found_by_hand(BY_KEY["wind"], [[6.0, 0.0]])
+    wind = found_by_hand(known_effect("wind"), [[6.0, 0.0]])
     lines = repr(answer(rows_of(3), followed=(wind,), left=MOST_UNEXPLAINED)).splitlines()
     assert lines[2].endswith(", which a channel reports already")
     assert lines[3] == "unexplained: roll along airspeed, 60 % of the variance left"

@@ -9,8 +9,9 @@ from tests.lab.undeclared.crafts import CRAFTS
 from tests.lab.undeclared.flight_laws import yaw_time
 from tests.lab.undeclared.plan import good_flights
 from tests.lab.undeclared.subject import airframe_of
+from tests.models.identification.known_terms import known_term
+from tests.models.known_effects import known_effect
 from tests.models.made_flights import F16, curve_model, made_flights
-from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.good_flights import standard_effects as module
 from thrustmargin.models.identification.good_flights.standard_effects import (
@@ -18,7 +19,7 @@ from thrustmargin.models.identification.good_flights.standard_effects import (
     sums_without_effects,
     with_standard_effects,
 )
-from thrustmargin.models.identification.rows.candidates import Term, candidate
+from thrustmargin.models.identification.rows.candidates import candidate
 from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.row_fit import fit_rows
@@ -80,7 +81,7 @@ def test_what_flights_contradict_each_other_about_is_not_kept(monkeypatch):
 def fitted(tracks, keys, known_rpm: Floats | float = 0.0):
     """The rows, and some effects fitted to them together."""
     problem = assemble(curve_model(), tracks)
-    each = [candidate(Term(effect=BY_KEY[key]), problem.flights) for key in keys]
+    each = [candidate(known_term(key), problem.flights) for key in keys]
     trials = [one.initial_effect for one in each]
     return problem, fit_rows(problem, trials, known_rpm=known_rpm)
 
@@ -165,7 +166,7 @@ def test_an_interval_has_the_fits_own_width_what_can_be_read_and_what_the_law_is
     model = with_standard_effects(curve_model(), tracks)
     record = next(e for e in model.effects if e.name == "cg_offset")
     x = record.parameters["x"]
-    law = BY_KEY["cg_offset"].parameters[0]
+    law = known_effect("cg_offset").parameters[0]
     assert law.accuracy > 0.0
     width = 0.001 + law.resolution + law.accuracy * x.value
     assert x.ci95 == pytest.approx((x.value - width, x.value + width))

@@ -1,20 +1,31 @@
-"""Flights of known aircraft: recognise each log's aircraft, predict by its state, and learn."""
+"""Logs of a command to analysed flights: read, recognised as of a known aircraft, and learnt from.
+
+`flights_of` is what `report` does with its logs. A flight of a known aircraft is predicted by the
+aircraft's state before it, and updates that state. `with_engineer_notes` adds an engineer's notes.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.markup import escape
+from rich.progress import track
 
+from thrustmargin.gcs_plugin.commands.shared.inputs import (
+    Inputs,
+    reading_keywords,
+    with_recorded,
+)
+from thrustmargin.gcs_plugin.commands.shared.options import UsageError, check_utilisation
 from thrustmargin.models.errors import DataError, LogError, PlanError, ThrustMarginError
 
 if TYPE_CHECKING:
-    from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
     from thrustmargin.gcs_plugin.logs import FlightLog
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.gcs_plugin.store.aircraft_marks import Recognition
@@ -25,6 +36,195 @@ if TYPE_CHECKING:
     from thrustmargin.models.model.airframe_match import AirframeMatch
     from thrustmargin.models.model.analysis import FlightAnalysis
     from thrustmargin.models.model.rotor_model import RotorModel
+
+
+def analysed_flights(
+    inputs: Inputs, console: Console
+) -> tuple[list[tuple[FlightAnalysis, FlightLog]], float, list[UnusedLog]]:
+    """Return the analysis and log of every sortie, the utilisation limit, and the logs not read.
+
+    For the logs of a recording, options that the user did not give are those it was recorded with.
+    Raises DataError if no log can be read, UsageError if the limit is no share.
+    """
+    inputs = with_recorded(inputs, console)
+    check_utilisation(inputs.limit)
+    flights, unread = flights_of(inputs, console)
+    return flights, inputs.limit, unread
+
+
+def flights_of(
+    inputs: Inputs, console: Console
+) -> tuple[list[tuple[FlightAnalysis, FlightLog]], list[UnusedLog]]:
+    """Return the analysis and log of every sortie in the order of the inputs, and the logs not
+    read.
+
+    Flights of known aircraft are analysed with their aircraft's model, the others with that of the
+    options. The analysis is the one that the verdict is based on. Raises DataError if no log can be
+    read.
+    """
+    from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
+
+    unread: list[UnusedLog] = []
+    learnt = [] if inputs.by_file else known_flights(inputs, unread, console)
+    of_known = {log.path for _, log in learnt}
+    rest = tuple(path for path in inputs.logs if path not in of_known)
+    if rest or not learnt:
+        model = inputs.rotor_model()
+        others = replace(inputs, logs=rest)
+        read = read_logs(others, unread, console, model=model, skipped=ThrustMarginError)
+        learnt += [
+            (analysis_for_verdict(analyse(log.track, model, airframe_match=airframe_match)), log)
+            for log, airframe_match in read
+        ]
+    if not learnt:
+        raise DataError(listed(unread))
+    order = {path: place for place, path in reversed(list(enumerate(inputs.logs)))}
+    return sorted(learnt, key=lambda one: (order[one[1].path], one[1].sortie)), unread
+
+
+NAMED = 3  # logs that an error names besides the first: a line, whatever their number
+
+
+def listed(unused: Sequence[UnusedLog]) -> str:
+    """Return one text that lists the unusable logs with their reasons.
+
+    Logs whose reasons differ only in numbers or in the log's own name are listed together; at most
+    NAMED of them are named.
+    """
+    alike: dict[str, list[UnusedLog]] = {}
+    for log in unused:
+        reason = log.reason.replace(log.name, "").replace(Path(log.name).stem, "")
+        alike.setdefault(re.sub(r"[\d.]+", "", reason), []).append(log)
+    return "; ".join(_of_one_reason(logs) for logs in alike.values())
+
+
+def _of_one_reason(logs: Sequence[UnusedLog]) -> str:
+    first, *others = logs
+    message = f"{first.name}: {first.reason}"
+    if not others:
+        return message
+    names = ", ".join(log.name for log in others[:NAMED])
+    more = f" and {len(others) - NAMED} more" if len(others) > NAMED else ""
+    return f"{message} (likewise {names}{more})"
+
+
+def read_logs(
+    inputs: Inputs,
+    unused: list[UnusedLog],
+    console: Console,
+    *,
+    model: RotorModel,
+    skipped: type[ThrustMarginError] = LogError,
+) -> Iterator[tuple[FlightLog, AirframeMatch]]:
+    """Yield each sortie of the logs in `inputs`, with its match to the model's airframe.
+
+    Logs keep their order. Meanwhile `console` shows a progress bar, and remarks on a log, such as
+    several sorties in it. A log whose reading raises an error of the class `skipped` is appended to
+    `unused`; other errors are raised.
+    """
+    from thrustmargin.gcs_plugin.logs.log_answer import matched_flights
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+
+    logs, reading = inputs.logs, reading_keywords(inputs.reading)
+    described = "reading" if len(logs) != 1 else f"reading {escape(logs[0].name)}"
+    quiet = not console.is_terminal
+    for path in track(logs, described, console=console, transient=True, disable=quiet):
+        try:
+            flights = matched_flights(path, model, given=inputs.given, **reading)
+        except skipped as error:
+            unused.append(UnusedLog(name=path.name, reason=unnamed(error, path)))
+            continue
+        for line in log_lines(flights[0][0], stated=inputs.reading.states_load):
+            console.print(escape(f"{path.name}: {line}"), soft_wrap=True)
+        yield from flights
+
+
+def log_lines(log: FlightLog, *, stated: bool) -> tuple[str, ...]:
+    """Return remarks on a sortie's log: further sorties, stretches without a flight, ignored
+    columns.
+
+    `stated`: the user stated the load, which then applies to several sorties.
+    """
+    from thrustmargin.gcs_plugin.wording.check_words import statement_words
+    from thrustmargin.gcs_plugin.wording.flight_words import several_words
+
+    several = () if log.sorties == 1 else (several_words(log.sorties, load_stated=stated),)
+    return (*several, *map(statement_words, (*log.unflown, *log.other_units)))
+
+
+def unnamed(error: Exception, path: Path) -> str:
+    """Return the text of an error without the log's name, which the caller prints before it."""
+    words = str(error)
+    for named in (f"{path}: ", f"{path.name}: ", f"{path} ", f"{path.name} "):
+        words = words.removeprefix(named)
+    return words.replace(str(path), "it")
+
+
+def matching_logs(
+    read: Iterable[tuple[FlightLog, AirframeMatch]], unused: list[UnusedLog], console: Console
+) -> Iterator[FlightLog]:
+    """Yield the logs of `read` that are flights of the airframe, cut to what a model may learn
+    from.
+
+    The others are appended to `unused` with the reason. Rows after a loss of control are dropped,
+    and rotor speeds inferred from motor outputs where measured ones exist. Print what was dropped,
+    and parts of a flight that its log lacks.
+    """
+    from thrustmargin.gcs_plugin.logs.inspection import left_out_findings
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.gcs_plugin.wording.check_words import no_verdict_words, remedy_words
+    from thrustmargin.gcs_plugin.wording.flight_words import lost_rows, not_flown
+    from thrustmargin.gcs_plugin.wording.margin_verdict import unseen_facts
+    from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
+    from thrustmargin.models.model.inferred.speed_basis import measured_only
+
+    for log, airframe_match in read:
+        reason = not_flown(log.track)  # no airframe helps a log without a flight
+        if reason or airframe_match.no_verdict:
+            reason = reason or "; ".join(
+                [*no_verdict_words(airframe_match), remedy_words(airframe_match)]
+            )
+            unused.append(UnusedLog(name=log.name, reason=reason))
+            continue
+        for one in left_out_findings(log.track):
+            console.print(escape(f"{log.name}: {one.check}: {one.words}"), soft_wrap=True)
+        for label, text in unseen_facts(log.track):
+            console.print(escape(f"{log.name}: {label}: {text}"), soft_wrap=True)
+        if losses := loss_of_control(log.track):
+            console.print(escape(f"{log.name}: {lost_rows(losses)}"), soft_wrap=True)
+            log = replace(log, track=before_loss(log.track, losses))
+        yield replace(log, track=measured_only(log.track))
+
+
+def with_engineer_notes(
+    logs: Sequence[FlightLog], notes: Path | None, console: Console
+) -> list[FlightLog]:
+    """Return the logs, in their order, with the notes of the file `notes`.
+
+    If `notes` is None, the notes.csv next to each log is read; if that cannot be read, print so and
+    leave the log without notes. Raises LogError if `notes` cannot be read, UsageError if it is
+    given for several logs.
+    """
+    from thrustmargin.gcs_plugin.logs.notes_file import notes_file_of, with_notes
+
+    paths = list(dict.fromkeys(log.path for log in logs))
+    if notes is not None and len(paths) > 1:
+        raise UsageError("--notes are of one log; name one")
+    noted: dict[int, FlightLog] = {}
+    for path in paths:
+        numbers = [k for k, log in enumerate(logs) if log.path == path]
+        file = notes or notes_file_of(path)
+        if file is None:
+            continue
+        try:
+            made = with_notes([logs[k] for k in numbers], file)
+        except LogError as error:
+            if notes is not None:
+                raise
+            console.print(f"not read: {error}", markup=False, soft_wrap=True)
+            continue
+        noted.update(zip(numbers, made, strict=True))
+    return [noted.get(k, log) for k, log in enumerate(logs)]
 
 
 def hangar_of(inputs: Inputs) -> Hangar:
@@ -48,7 +248,6 @@ def recognised(path: Path, inputs: Inputs, hangar: Hangar) -> Recognition:
     calibration) the log has. Raises LogError if the log cannot be read, DataError if the hangar
     lacks the named aircraft.
     """
-    from thrustmargin.gcs_plugin.commands.shared.inputs import reading_keywords
     from thrustmargin.gcs_plugin.logs.read import read_sorties
     from thrustmargin.gcs_plugin.store.aircraft_marks import Recognition, marks_of
 
@@ -131,7 +330,6 @@ def learn_logs(
     to `unread`. If the disk refuses, the console reports it, or with `must_keep` DataError is
     raised.
     """
-    from thrustmargin.gcs_plugin.commands.shared.inputs import read_logs
     from thrustmargin.gcs_plugin.store.hangar import NotTaught
     from thrustmargin.gcs_plugin.store.learnt_flight import learnt_flight
     from thrustmargin.models.model.airframe_match import KnownFrom
@@ -265,7 +463,6 @@ def model_of_log(inputs: Inputs, log: Path, console: Console) -> RotorModel:
     the log has no date. Without a known aircraft, or if options name model or airframe, it is the
     options' model. Print the candidates if the log fits several known aircraft.
     """
-    from thrustmargin.gcs_plugin.commands.shared.inputs import reading_keywords
     from thrustmargin.gcs_plugin.logs.read import read_sorties
     from thrustmargin.gcs_plugin.store.aircraft_marks import marks_of
     from thrustmargin.gcs_plugin.wording.aircraft_words import open_words
