@@ -34,7 +34,7 @@ from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.margin import ceiling
 
 #: Standard error of a stretch's largest utilisation, as a share of it, by how it is flown: 4 to 5 %
-#: at 3,000 m and 2 % elsewhere, by the command of docs/forecast.md.
+#: at 3,000 m and 2 % elsewhere, by the command of docs/measured.md.
 FLOWN_ERROR = 0.05
 
 

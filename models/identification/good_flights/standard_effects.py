@@ -39,7 +39,7 @@ from thrustmargin.models.model.rotor_model import RotorModel
 #: A delay is a property of telemetry, not of the aircraft: it is kept if it removes more than WORTH
 #: of the squared error, by a fit without it: linearising from a delay to none is too inaccurate.
 DELAYS = ("sensor_lag", "sensor_lag:rotor speed")
-WORTH = 0.01
+WORTH = 0.01  # of the squared error, that a delay must remove
 ROWS_TO_BEGIN = 2_000  # of all flights: enough for start values and delays
 #: Without a network the base uses the air density of each row (Eq. 6), so it is always kept.
 ALWAYS_KEPT = "air_density"

@@ -20,10 +20,10 @@ from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.forward_flight import steady_slowing
 from thrustmargin.models.physics.smoothing import running_mean
 
-STEP_S = 0.1
+STEP_S = 0.1  # between two rows of a manoeuvre
 ACCELERATION = 2.0  # m/s², as gentle as an autopilot flies a mission
 SMOOTH_ROWS = 10  # over which a change of speed or of turn rate begins and ends
-HOVER_S, LEG_S = 30.0, 20.0
+HOVER_S, LEG_S = 30.0, 20.0  # of a hover, of a leg at most
 #: s and m/s: a shorter leg or a slower climb carries no information
 LEAST_LEG_S, LEAST_SPEED = 6.0, 0.3
 SIDE_S = 4.0  # of a square, between its corners

@@ -32,7 +32,7 @@ from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.network.network import member_speeds
 from thrustmargin.models.physics.forward_flight import ForwardFlight, thrust_ratio
 
-ORDER = 2
+ORDER = 2  # of the noise filter, in means
 HUBER = 3.0  # standard deviations of w beyond which a mean counts linearly
 FEWEST = 15  # least means for a noise size, which is then accurate to a fifth
 LEAST_NOISE = 1e-4  # of the mean rotor speed: no sensor is more accurate

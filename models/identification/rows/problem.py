@@ -32,9 +32,9 @@ from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.physics.smoothing import moving_mean
 from thrustmargin.models.provenance import Meaning
 
-BLOCK_SECONDS = 10.0
-LEAST_ROWS = 100
-MOST_ROWS = 9_000
+BLOCK_SECONDS = 10.0  # rows of one block are correlated, blocks are not
+LEAST_ROWS = 100  # rows that a flight needs
+MOST_ROWS = 9_000  # rows of all flights together
 ENOUGH_ROWS = 3_000  # rows enough to refit values: about as many as the search has means
 #: a window channel is optional if more of the rows lack it (ends and gaps of short flights)
 WINDOW_SHARE = 0.5

@@ -263,7 +263,7 @@ def turn_response(reduced: Reduced, base: Floats) -> list[Floats]:
     return columns
 
 
-STEPS = 20
+STEPS = 20  # of expectation maximisation
 LEAST = 0.05  # least size of a component, relative to its initial one: few flights
 # cannot prove that it never varies
 

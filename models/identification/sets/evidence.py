@@ -33,7 +33,7 @@ from thrustmargin.models.identification.rows.candidates import (
 )
 
 (INVERTED,) = get_lapack_funcs(("trtri",), dtype=np.float64)  # of a triangular matrix
-LOG_2_PI = log(2.0 * pi)
+LOG_2_PI = log(2.0 * pi)  # of the normal density
 IMPOSSIBLE = -1e9  # log evidence of an impossible set
 #: factor on the noise while sets are scored, because no law and no noise model is exact (tempered
 #: likelihood: Grünwald 2012, The Safe Bayesian). Of 1, 1.25, 1.5 and 2, this value identified

@@ -46,8 +46,8 @@ BEAM = 12  # sets that are grown further at each size
 FITTED = 6  # sets that are fitted with nonlinear effects in each round
 #: sets one effect away that are fitted whatever their linear score, which may be inaccurate
 NEXT = 4
-ROUNDS = 6
-MOST_EFFECTS = 10
+ROUNDS = 6  # restarts around the best sets at most
+MOST_EFFECTS = 10  # effects of one set
 #: below the best log evidence, at which the fit of a set ends: a lag alone may gain 200
 HOPELESS = 500.0
 NEAR = 9.0  # of log evidence below the best: less than one in 8,000 as likely

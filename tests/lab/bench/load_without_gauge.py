@@ -3,7 +3,7 @@
     python tests/lab/bench/load_without_gauge.py GROUP=LOG... [GROUP=LOG...] [--airframe NAME]
 
 Each log is read with its gauge and again without one (as with `--tank none`), as a file and as a
-listener has it; prints the rows of the table in docs/load.md. A GROUP is any word.
+listener has it; prints the rows of the table in docs/measured.md. A GROUP is any word.
 """
 
 from __future__ import annotations
