@@ -5,7 +5,8 @@
 1. `drop_larger_sets`: drop the best set while a smaller one has a lower cross-validated error.
    Without it, effects that only fit noise are reported.
 2. `drop_worse_sets`: drop sets whose cross-validated error is clearly above that of the best one.
-   Without it, effects count as confounded though held-out flights distinguish them.
+   Without it, effects count as confounded though held-out flights distinguish them. Not for a
+   single flight: its parts share its own deviation, which any effect that fits it would explain.
 3. `Posterior.named_candidates`: select effects with a posterior inclusion probability of at least
    0.95 and a 95 % interval that excludes zero. This is the promise of the answer.
 4. `effects_resembling`: drop effects that resemble an unexplained residual (`find_unexplained`).
@@ -19,8 +20,8 @@
 7. `Posterior.estimates`: refit the remaining effects alone; drop those whose interval then includes
    zero. Predictions use that refit, so its intervals count.
    Without it, the new model has an effect whose size may be zero.
-8. `names_that_hold`: drop all effects if selecting them again without each flight makes the error
-   of that flight larger.
+8. `names_that_hold`: drop all effects if one is improbable without some flight, or if selecting
+   them again without each flight makes the error of that flight larger.
    Without it, an effect of some flights is reported of all, with an error after above that before.
 9. `unnamed_terms_worth_keeping`: add unnamed causes that lower the cross-validated error.
    Without it, the new model keeps an error that recurs in every flight.
@@ -213,19 +214,23 @@ def cross_validated_posterior(
         own = CrossValidation.about_set(problem, answer.search, one, alone=True, out=out)
         return own.fold_squares(own.with_effects(one.key))
 
-    kept = drop_unconfirmed_sets(answer, fold_squares)
+    kept = drop_unconfirmed_sets(answer, fold_squares, single_flight=problem.flights == 1)
     return kept, CrossValidation.about_set(problem, answer.search, kept.best, out=out)
 
 
 def drop_unconfirmed_sets(
-    answer: Posterior, fold_squares: Callable[[EffectSet], Floats]
+    answer: Posterior,
+    fold_squares: Callable[[EffectSet], Floats],
+    *,
+    single_flight: bool = False,
 ) -> Posterior:
-    """Drop sets by rules 1 and 2, and return the posterior of the remaining ones.
+    """Drop sets by rule 1 and, unless all folds are of a single flight, by rule 2.
 
     `fold_squares` returns a set's held-out mean squares (folds,), rpm²; it is called once a set.
     """
     fold_squares = lru_cache(maxsize=None)(fold_squares)
-    return drop_worse_sets(drop_larger_sets(answer, fold_squares), fold_squares)
+    answer = drop_larger_sets(answer, fold_squares)
+    return answer if single_flight else drop_worse_sets(answer, fold_squares)
 
 
 def drop_larger_sets(answer: Posterior, fold_squares: Callable[[EffectSet], Floats]) -> Posterior:
@@ -513,16 +518,16 @@ def resembles_unexplained(one: OneOf, unexplained: Unexplained | None, answer: P
 def names_that_hold(
     left_out: CrossValidation, names: Sequence[int], before: Collection[int]
 ) -> tuple[list[int], Floats]:
-    """Rule 8: return `names`, or none if effects selected without each fold do not lower its error.
+    """Rule 8: return `names`, or none if a fold excludes one or selecting anew lowers no error.
 
     Also return the cross-validated residual (T, R), rpm: with effects, or without if none are
-    returned. An effect that explains some flights and predicts the others worse is no property of
-    the aircraft. If no fold selects any, because fewer flights are less certain, the residual is
-    that of `names` with values fitted without each fold. `before` are the probable candidates
-    before any was dropped.
+    returned. An effect that explains some flights and predicts the others worse, or that is
+    improbable without one of them, is no property of the aircraft. If no fold selects any, because
+    fewer flights are less certain, the residual is that of `names` with values fitted without each
+    fold. `before` are the probable candidates before any was dropped.
     """
     without = left_out.residual({})
-    if not names:
+    if not names or left_out.excludes_any(names):
         return [], without
     having = left_out.with_selected_effects(names, [c for c in before if c not in names])
     if residual_rms(having) == residual_rms(without):

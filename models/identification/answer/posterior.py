@@ -112,6 +112,11 @@ class Posterior:
                 likely.append(c)
         return [c for c in sorted(likely) if _excludes_zero(self.estimate(c))]
 
+    def is_possible(self, candidate: int) -> bool:
+        """Return True if a candidate, or another variant of its effect, has over
+        OPEN_PROBABILITY."""
+        return self.probability(self._equivalent_candidates(candidate)) > OPEN_PROBABILITY
+
     def unnamed_members(self) -> list[int]:
         """List the candidates that may enter a model as unnamed causes.
 
