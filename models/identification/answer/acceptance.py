@@ -15,17 +15,15 @@
    Without it, two effects that cancel each other are both reported.
    `exceeds_law_error`: also drop those that the inaccurate laws of larger effects may explain.
    Without it, a tilted arm's 300 rpm report a sound rotor as weak by 0.8 %.
-6. `resembles_unexplained`: drop "one of" groups of which rule 4 would drop every effect.
-   Without it, a choice is reported between effects that all only imitate an unlisted cause.
-7. `Posterior.estimates`: refit the remaining effects alone; drop those whose interval then includes
+6. `Posterior.estimates`: refit the remaining effects alone; drop those whose interval then includes
    zero. Predictions use that refit, so its intervals count.
    Without it, the new model has an effect whose size may be zero.
-8. `names_that_hold`: drop all effects if one is improbable without some flight, or if selecting
+7. `names_that_hold`: drop all effects if one is improbable without some flight, or if selecting
    them again without each flight makes the error of that flight larger.
    Without it, an effect of some flights is reported of all, with an error after above that before.
-9. `unnamed_terms_worth_keeping`: add unnamed causes that lower the cross-validated error.
+8. `unnamed_terms_worth_keeping`: add unnamed causes that lower the cross-validated error.
    Without it, the new model keeps an error that recurs in every flight.
-10. `needs_inspection`: report a rotor as suspect only if the expected cost of a missed inspection
+9. `needs_inspection`: report a rotor as suspect only if the expected cost of a missed inspection
    is higher and its loss lowers the cross-validated error.
    Without it, pilots are asked to inspect sound rotors.
 """
@@ -90,7 +88,7 @@ class AcceptedEffects:
     unexplained: Unexplained | None
     lookalikes: tuple[int, ...]  # probable candidates that resemble the unexplained residual
     mentioned: tuple[Mentioned, ...]
-    contradicted: tuple[int, ...]  # candidates that rule 8 dropped
+    contradicted: tuple[int, ...]  # candidates that rule 7 dropped
     #: (T, R) residuals with effects selected again without each row's fold: reported effects alone,
     #: and with unnamed causes
     reported_rpm: Floats
@@ -134,20 +132,16 @@ def accept_effects(
     needed = needed_effects(error, [c for c in probable if c not in lookalikes])
     linear = search.linearise(answer.best)
     needed = [c for c in needed if exceeds_law_error(linear, answer.estimate(c))]
-    # Rules 6 and 7: while values are fitted, the most probable effect represents each "one of"
-    one_of = tuple(
-        one
-        for one in answer.one_of(probable)
-        if not resembles_unexplained(one, unexplained, answer)
-    )
+    # Rule 6: while values are fitted, the most probable effect represents each "one of"
+    one_of = answer.one_of(probable)
     first_keys = {one.terms[0].key for one in one_of}
     alternatives = {c for c, one in enumerate(search.candidates) if one.term.key in first_keys}
     estimates = answer.estimates(needed, alternatives)
-    # Rule 8
+    # Rule 7
     fitted = [e.candidate for e in estimates]
     accepted, reported_rpm = names_that_hold(left_out, fitted, probable)
     estimates = estimates if accepted else []
-    # Rule 9: shares of motor outputs show no curve along a channel
+    # Rule 8: shares of motor outputs show no curve along a channel
     unnamed, left_out_rpm = list[int](), reported_rpm
     if not problem.of_outputs:
         unnamed, left_out_rpm = unnamed_terms_worth_keeping(
@@ -156,7 +150,7 @@ def accept_effects(
     reported = estimates
     if unnamed:
         estimates = answer.estimates([*accepted, *unnamed], alternatives)
-    # Rule 10
+    # Rule 9
     members = [e.candidate for e in estimates]
     contradicted = [c for c in fitted if c not in accepted]
     reported_else = {search.candidates[c].term.rotor for c in contradicted}
@@ -273,7 +267,6 @@ def is_clearly_worse(squares: Floats, other: Floats) -> bool:
 #: below which an unexplained residual is minor
 MOST_UNEXPLAINED = 0.15
 SLOW_FACTOR = 3.0  # times the slow noise of good flights, beyond which a mode is unexplained
-MAIN_SHARE = 2 / 3  # of an effect's squared change: two of the modes of a rotor are not most of it
 
 
 def find_unexplained(space: SearchSpace, answer: Posterior) -> Unexplained | None:
@@ -294,8 +287,6 @@ def find_unexplained(space: SearchSpace, answer: Posterior) -> Unexplained | Non
         return _slow_mode(space, search, best)
     rotors = [c for c in candidates if search.candidates[c].term.rotor is not None]
     main = max(rotors or candidates, key=lambda c: float(candidates[c].sum()))
-    every = range(named_square.size)
-    modes = every if rotors else sorted({int(np.argmax(square)) for square in candidates.values()})
     equivalent = [
         main,
         *(c for c in search.interchangeable(main) if answer.probability([c]) > OPEN_PROBABILITY),
@@ -306,7 +297,6 @@ def find_unexplained(space: SearchSpace, answer: Posterior) -> Unexplained | Non
     share = float(candidates[main].sum()) / max(open_ + unexplained, 1e-12)
     return Unexplained(
         mode=int(np.argmax(candidates[main])),
-        modes=tuple(modes),
         channel=next(iter(channels)),
         channels=tuple(channels),
         share=share,
@@ -391,7 +381,6 @@ def _slow_mode(space: SearchSpace, search: Search, best: EffectSet) -> Unexplain
     share = min(1.0, rms**2 / max(float(np.mean(rest**2, axis=0).sum()), 1e-12))
     return Unexplained(
         mode=mode,
-        modes=(mode,),
         channel="time_s",
         channels=("time_s",),
         share=share,
@@ -417,9 +406,8 @@ def effects_resembling(
     If a rotor's loss varies along a channel, effects that do not act on such a rotor may only
     compensate for it, unless they change far more than it does (MOST_UNEXPLAINED). Beside a
     probable cause along its own channel, however small, an instrument is not at fault for certain.
-    Otherwise, an effect resembles the unexplained residual if it acts on the same rotor, reads one
-    of the same channels, or changes mostly the same modes. A residual that is only slow noise
-    resembles no effect.
+    Otherwise, an effect resembles the unexplained residual if it acts on the same rotor or reads
+    one of the same channels. A residual that is only slow noise resembles no effect.
     """
     search, best = answer.search, answer.best
     likely = probable_causes(answer)
@@ -448,17 +436,9 @@ def effects_resembling(
         if not read or unexplained is None:
             return False
         of_rotor = unexplained.rotor is not None and terms[c].rotor == unexplained.rotor
-        if of_rotor or read & set(terms[c].effect.needs):
-            return True
-        return c in trials and changes_mostly(search, trials[c], unexplained.modes)
+        return of_rotor or bool(read & set(terms[c].effect.needs))
 
     return [c for c in named if resembles(c)]
-
-
-def changes_mostly(search: Search, trial: TrialEffect, modes: Sequence[int]) -> bool:
-    """Return True if over MAIN_SHARE of an effect's squared change is in `modes` (indices)."""
-    square = mean_square_change(search, trial)
-    return bool(square[list(modes)].sum() > MAIN_SHARE * square.sum())
 
 
 def mean_square_change(search: Search, trial: TrialEffect) -> Floats:
@@ -501,17 +481,10 @@ def exceeds_law_error(linear: LinearisedSets, estimate: EffectEstimate) -> bool:
     return not away or any(away)
 
 
-def resembles_unexplained(one: OneOf, unexplained: Unexplained | None, answer: Posterior) -> bool:
-    """Rule 6: return True if rule 4 would drop every effect of a "one of"."""
-    keys = {term.key for term in one.terms}
-    members = [c for c, k in enumerate(answer.search.candidates) if k.term.key in keys]
-    return set(effects_resembling(unexplained, members, answer)) == set(members)
-
-
 def names_that_hold(
     left_out: CrossValidation, names: Sequence[int], before: Collection[int]
 ) -> tuple[list[int], Floats]:
-    """Rule 8: return `names`, or none if a fold excludes one or selecting anew lowers no error.
+    """Rule 7: return `names`, or none if a fold excludes one or selecting anew lowers no error.
 
     Also return the cross-validated residual (T, R), rpm: with effects, or without if none are
     returned. An effect that explains some flights and predicts the others worse, or that is
@@ -535,7 +508,7 @@ def unnamed_terms_worth_keeping(
     before: Collection[int],
     reported_rpm: Floats,
 ) -> tuple[list[int], Floats]:
-    """Rule 9: return the probable unnamed terms that lower the error when added to `names`.
+    """Rule 8: return the probable unnamed terms that lower the error when added to `names`.
 
     `reported_rpm` (T, R) is the cross-validated residual with `names`; that with the terms is
     returned as well.
@@ -563,17 +536,17 @@ def unnamed_terms_worth_keeping(
 def is_sole_cause(
     rotor: int, reported_else: Collection[int | None], causes: Collection[int | None]
 ) -> bool:
-    """Rule 10: return True if `rotor` is not reported otherwise and all `causes` are of it alone.
+    """Rule 9: return True if `rotor` is not reported otherwise and all `causes` are of it alone.
 
     `reported_else` are rotors with an uneven loss, which is reported separately, or with an effect
-    that rule 8 dropped. `causes` are the rotors (None: of no rotor) of the probable unnamed causes;
+    that rule 7 dropped. `causes` are the rotors (None: of no rotor) of the probable unnamed causes;
     one of another rotor may be what `rotor` only imitates.
     """
     return rotor not in reported_else and set(causes) <= {rotor}
 
 
 def needs_inspection(probability: float, without_rpm: float, with_rpm: float) -> bool:
-    """Rule 10: return True if an unreported rotor should be inspected.
+    """Rule 9: return True if an unreported rotor should be inspected.
 
     Its probability must make a missed bad rotor costlier than a needless inspection, and its loss
     must lower the cross-validated error, `without_rpm` to `with_rpm`, by LEAST_FALL.

@@ -118,18 +118,8 @@ class Posterior:
         return self.probability(self._equivalent_candidates(candidate)) > OPEN_PROBABILITY
 
     def unnamed_members(self) -> list[int]:
-        """List the candidates that may enter a model as unnamed causes.
-
-        They are `Search.unnamed_members` of the most probable set together with candidates of other
-        sets: those with a probability above OPEN_PROBABILITY, if it exceeds CHOICE jointly with the
-        unnamed causes in the same mode and on the same rotor, which can replace each other.
-        """
-        likely = set(self.best.key)
-        for c in {c for one in self.sets for c in one.key}:
-            equivalent = self.search.interchangeable(c)
-            if self.probability(equivalent) > CHOICE and self.probability([c]) > OPEN_PROBABILITY:
-                likely.add(c)
-        return self.search.unnamed_members(frozenset(likely))
+        """List the candidates of the most probable set that may enter a model as unnamed causes."""
+        return self.search.unnamed_members(self.best.key)
 
     def _unnamed(self, candidate: int) -> bool:
         """Return True if a candidate is an unnamed cause."""
