@@ -23,7 +23,6 @@ from thrustmargin.models.identification.answer.acceptance import (
     accept_effects,
     open_cause,
     residual_rms,
-    wind_in_airspeed,
 )
 from thrustmargin.models.identification.answer.constant_shares import constant_shares
 from thrustmargin.models.identification.answer.cross_validation import (
@@ -34,6 +33,7 @@ from thrustmargin.models.identification.answer.floor import floor_rpm
 from thrustmargin.models.identification.answer.held_out_errors import HeldOutResidual, errors_of
 from thrustmargin.models.identification.answer.posterior import EffectEstimate
 from thrustmargin.models.identification.answer.result import Identification, ReportedEffect
+from thrustmargin.models.identification.answer.wind_in_airspeed import wind_in_airspeed
 from thrustmargin.models.identification.rows.candidates import Candidate, slopes
 from thrustmargin.models.identification.rows.modes import sensor_noise_rpm
 from thrustmargin.models.identification.rows.output_shares import (

@@ -57,6 +57,10 @@ class HeldOutFold:
         fold's data."""
         return self._posterior(search, search.possible_sets).unnamed_members()
 
+    def excludes(self, search: Search, candidate: int) -> bool:
+        """Return True if a candidate, variants included, is improbable without this fold's data."""
+        return not self._posterior(search, search.possible_sets).is_possible(candidate)
+
     def values(self, search: Search, members: Collection[int]) -> Values:
         """Return the values (F, K) of each candidate in `members`, fitted without this fold."""
         answer = self._posterior(search, [frozenset(members)])
@@ -190,15 +194,27 @@ class CrossValidation:
         for fold in self.folds:
             selected = fold.named_candidates(self.search)
             selected += fold.unnamed_members(self.search) if open_ else []
-            own = [
-                c
-                for c in members
-                if self._term(c).effect.begins
-                or any(f in fold.flights for _, f in self.search.candidates[c].free)
-            ]
+            own = [c for c in members if self._only_shown_by(fold, c)]
             chosen = {c for c in selected if c not in dropped and not self._term(c).effect.begins}
             values.append(fold.values(self.search, chosen | set(own)))
         return self._assemble_residual(values)
+
+    def excludes_any(self, members: Collection[int]) -> bool:
+        """Return True if one of the candidates is improbable without some fold's data.
+
+        Effects that only the held-out flight can show do not count.
+        """
+        return any(
+            fold.excludes(self.search, c)
+            for fold in self.folds
+            for c in members
+            if not self._only_shown_by(fold, c)
+        )
+
+    def _only_shown_by(self, fold: HeldOutFold, c: int) -> bool:
+        """Return True if candidate `c` begins at a time or has values of the fold's own flights."""
+        own = any(f in fold.flights for _, f in self.search.candidates[c].free)
+        return own or self._term(c).effect.begins
 
     def _term(self, c: int) -> Term:
         """Return the term of candidate `c`."""

@@ -58,10 +58,9 @@ class Mentioned:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unexplained:
-    """The unexplained residual: the mode with most of it, and all modes with some."""
+    """The unexplained residual, with the mode that has most of it."""
 
     mode: int
-    modes: tuple[int, ...]
     channel: str
     channels: tuple[str, ...]  # `channel` first, then others that fit about as well
     share: float  # share of the unexplained variance

@@ -17,6 +17,7 @@ import numpy as np
 
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.compose import EffectRecord, Identified
+from thrustmargin.models.effects.unnamed import CONSTANT, UNNAMED
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.rows.candidates import (
     Candidate,
@@ -41,21 +42,29 @@ from thrustmargin.models.model.rotor_model import RotorModel
 DELAYS = ("sensor_lag", "sensor_lag:rotor speed")
 WORTH = 0.01  # of the squared error, that a delay must remove
 ROWS_TO_BEGIN = 2_000  # of all flights: enough for start values and delays
-#: Without a network the base uses the air density of each row (Eq. 6), so it is always kept.
-ALWAYS_KEPT = "air_density"
+AIR_DENSITY, LEVEL = "air_density", UNNAMED["collective", CONSTANT]
+#: Without a network the base uses the air density of each row (Eq. 6), so it is always kept. Where
+#: the air is not measured, a constant takes its place: without either, drag and thrust in turns are
+#: fitted to the error of the thrust curve and end at their bounds.
+ALWAYS_KEPT = (AIR_DENSITY, LEVEL.key)
 STANDARD = (
     *DELAYS,
-    ALWAYS_KEPT,
+    AIR_DENSITY,
     *(key for key, effect in BY_KEY.items() if effect.of_every_aircraft),
 )
 
 
 def standard_effects(model: RotorModel, problem: Problem) -> list[Term]:
-    """Return the effects of STANDARD that are possible on the airframe and have all channels."""
+    """Return the effects of STANDARD that are possible on the airframe and have all channels.
+
+    LEVEL is added to a model without a network if the flights lack the air's density.
+    """
     effects = [BY_KEY[key].scaled(model.airframe) for key in STANDARD]
     if problem.of_outputs:
         effects = list(effects_on_shares(effects))
     possible = [e for e in effects if e.possible_on(model.airframe) and not problem.lacks(e)]
+    if model.network is None and not problem.of_outputs and problem.lacks(BY_KEY[AIR_DENSITY]):
+        possible.append(LEVEL)
     return [Term(effect=e) for e in possible]
 
 
@@ -80,7 +89,7 @@ def with_standard_effects(
     for key in DELAYS:
         fit = _drop_if_unneeded(some, fit, key, known, worth=WORTH)
     if model.network is not None:
-        fit = _drop_if_unneeded(some, fit, ALWAYS_KEPT, known)
+        fit = _drop_if_unneeded(some, fit, AIR_DENSITY, known)
     fit = fit_rows(problem, fit.trials, known_rpm=known)
     kept = _needed_effects(fit)
     while kept != fit.trials:  # a value may shrink once an opposing effect is dropped
@@ -170,7 +179,7 @@ def _needed_effects(fit: RowFit) -> tuple[TrialEffect, ...]:
         whole = sums_without_effects(fit, kept).held_out_costs()
         gains = []
         for one in kept:
-            if one.candidate.key not in (ALWAYS_KEPT, *DELAYS):
+            if one.candidate.key not in (*ALWAYS_KEPT, *DELAYS):
                 rest = tuple(h for h in kept if h is not one)
                 gain, error = gain_and_error(
                     sums_without_effects(fit, rest).held_out_costs(), whole
@@ -204,7 +213,7 @@ def _is_worth_storing(trial: TrialEffect) -> bool:
     Large enough is at least `smallest` from the value at which the effect is absent. Always True
     for the effect ALWAYS_KEPT.
     """
-    if trial.candidate.key == ALWAYS_KEPT:
+    if trial.candidate.key in ALWAYS_KEPT:
         return True
     pairs = zip(trial.candidate.parameters, trial.free_values, strict=True)
     main = [(p, value) for p, value in pairs if not p.detail]

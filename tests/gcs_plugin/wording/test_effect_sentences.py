@@ -16,11 +16,11 @@ from thrustmargin.gcs_plugin.wording.effect_sentences import (
 from thrustmargin.models.effects import BY_KEY, CATALOGUE
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.compose import EffectRecord, Identified
+from thrustmargin.models.effects.instrument_effects import FOLLOWED_WIND
 from thrustmargin.models.effects.thrust_effects import (
     ROTOR_DEGRADATION_SINCE,
     ROTOR_DEGRADATION_UNTIL,
 )
-from thrustmargin.models.identification.answer.acceptance import FOLLOWED_WIND
 from thrustmargin.models.identification.answer.result import Identification, ReportedEffect
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.candidates import Term

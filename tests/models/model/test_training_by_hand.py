@@ -230,6 +230,10 @@ def test_each_network_begins_from_its_own_seed(monkeypatch):
     settings = TrainSettings(members=3, seed=4, net=NetConfig(hidden=(2,), max_epochs=1))
     train(sorties(4), load_airframe("topxgun-f16-sitl"), settings, date="", version="")
     assert seeds == [4, 4, 5, 6, 7]  # two splits, then the members
+    seeds.clear()
+    members = replace(settings, splits=())
+    train(sorties(4), load_airframe("topxgun-f16-sitl"), members, date="", version="")
+    assert seeds == [5, 6, 7]  # the same members, as `learn` makes them
 
 
 def test_a_fold_knows_nothing_of_the_flights_that_it_leaves_out():

@@ -116,9 +116,13 @@ def test_an_effect_that_explains_some_flights_and_predicts_others_worse_is_not_r
         residual=lambda _: np.full((4, 4), 10.0),
         with_selected_effects=with_selected_effects,
         with_effects=lambda _: np.full((4, 4), of_names),
+        excludes_any=lambda names: 5 in names,
     )
     found, error = names_that_hold(left_out, [3], [1, 3])
     assert (found, error[0, 0]) == (kept, rpm)
     assert asked == [([3], [1])]
+    # Without one of the flights another effect explains the others: it is none of the aircraft.
+    improbable, error = names_that_hold(left_out, [3, 5], [3, 5])
+    assert (improbable, error[0, 0]) == ([], 10.0)
     assert names_that_hold(left_out, [], [1, 3])[0] == []
     assert len(asked) == 1

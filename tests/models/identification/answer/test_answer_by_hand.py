@@ -36,7 +36,7 @@ from thrustmargin.models.network.validity import calibrate, measure_coverage
 MASS = known_term("extra_mass")
 WORN = Term(effect=ROTOR_DEGRADATION, rotor=2)
 MOST_UNEXPLAINED = Unexplained(
-    mode=1, modes=(1,), channel="airspeed", channels=("airspeed",), share=0.6, rms_rpm=7.0
+    mode=1, channel="airspeed", channels=("airspeed",), share=0.6, rms_rpm=7.0
 )
 
 

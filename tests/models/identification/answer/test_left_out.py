@@ -59,6 +59,19 @@ def test_a_flight_is_predicted_with_what_the_other_flights_name_and_say():
     assert abs(values[0, 0]) < 0.02
 
 
+def test_an_effect_that_is_improbable_without_one_flight_is_excluded():
+    """A worn rotor in all flights is shown by any two of them, one in a single flight is not."""
+    every, one = (
+        left_out([made_flight(1, loss=loss), made_flight(2, loss=loss), made_flight(3, loss=0.2)])
+        for loss in (0.2, 0.0)
+    )
+    rotor, mass = (of(every, words) for words in ("rotor_degradation of rotor 1", "extra_mass"))
+    assert not every.excludes_any([rotor])
+    assert not every.excludes_any([])
+    assert every.excludes_any([rotor, mass])
+    assert one.excludes_any([rotor])
+
+
 def test_what_is_in_a_flight_never_reaches_its_own_prediction():
     flights = made_flights(3, loss=0.08)
     turned = replace(flights[2], rotor_speed_rpm=flights[2].rotor_speed_rpm * [1.05, 1, 1, 1])

@@ -47,6 +47,37 @@ def test_what_flights_show_is_kept_with_its_size_and_what_they_do_not_is_not():
     assert "air_density" in kept  # weight and thrust curve go on following the air
 
 
+def in_gusts_without_air(track, curve_error: float):
+    """The flight in gusts that rotors and IMU follow, of a curve that promises too much thrust by
+    `curve_error`; nothing reports air or altitude, and the IMU shows 3 % too much."""
+    gust = 0.15 * np.sin(2.0 * track.time_s) * np.sin(0.11 * track.time_s + track.airspeed[0])
+    force = track.specific_force_frd.copy()
+    force[:, 2] = 1.03 * -9.80665 * (1.0 + gust)
+    unknown = np.full_like(track.pressure, np.nan)
+    speed = track.rotor_speed_rpm * np.sqrt((1.0 + curve_error) * (1.0 + gust))[:, None]
+    return replace(
+        track,
+        specific_force_frd=force,
+        pressure=unknown,
+        temperature=unknown,
+        altitude=unknown,
+        rotor_speed_rpm=speed,
+    )
+
+
+def test_an_error_of_the_thrust_curve_is_a_constant_where_no_air_is_measured():
+    """Without it thrust in gusts makes up for the curve, ends at its bound and is dropped."""
+    gains = []
+    for curve_error in (0.0, 0.12):
+        tracks = [in_gusts_without_air(t, curve_error) for t in made_flights(4, duration=60.0)]
+        kept = {e.effect.key: e for e in with_standard_effects(curve_model(), tracks).placed}
+        assert "air_density" not in kept
+        constant = kept["unnamed_cause:collective along constant"].values["at_1"]
+        assert 1.0 - constant == pytest.approx(1.0 / (1.0 + curve_error), abs=0.02)
+        gains.append(kept["load_factor"].values["gain"])
+    assert gains[1] == pytest.approx(gains[0], rel=0.05)
+
+
 def leaning(track, seed: int, height: float):
     """The flight of an aircraft without a tank in a wind that nothing reports: it leans slowly to
     and fro, and the force of the air acts `height` above its centre of gravity."""
