@@ -116,8 +116,11 @@ def accept_effects(
     *,
     steepness: float = 0.0,
 ) -> AcceptedEffects:
-    """Apply the rules (module docstring) to a finished search; `steepness` is that of
-    `posterior_of`."""
+    """Decide which effects of a finished search to report, by rules 1 to 10 of the module.
+
+    `problem` has the rows for cross-validation; `steepness` is the relative error of the slope of
+    the rotor speed law.
+    """
     # Rules 1 and 2
     answer, left_out = cross_validated_posterior(problem, posterior_of(search, steepness))
 
@@ -193,7 +196,10 @@ NEGLIGIBLE = 0.1 * OPEN_PROBABILITY  # posterior probability that decides no rep
 def cross_validated_posterior(
     problem: Problem, answer: Posterior
 ) -> tuple[Posterior, CrossValidation]:
-    """Apply rules 1 and 2; also return the cross-validation about the best remaining set."""
+    """Drop sets of effects that cross-validation does not confirm (rules 1 and 2).
+
+    Return the posterior of the remaining sets, and the cross-validation about the best of them.
+    """
     out = FoldSums.from_nuisance(answer.search.nuisance)
 
     def fold_squares(one: EffectSet) -> Floats:
@@ -272,7 +278,7 @@ SLOW_FACTOR = 3.0  # times the slow noise of good flights, beyond which a mode i
 def find_unexplained(space: SearchSpace, answer: Posterior) -> Unexplained | None:
     """Describe the unexplained residual; None where none is probable and large enough.
 
-    It is the largest unnamed cause beyond the limits of `exceeds_limits`, with those of a rotor
+    It is the largest unnamed cause beyond the limits of `exceeds_limits`, with causes on a rotor
     first; without one it is a mode with too much slow noise.
     """
     search, best = answer.search, answer.best
@@ -361,9 +367,10 @@ def exceeds_limits(square: Floats, named_square: Floats, usual: Floats, of_rotor
 
 
 def _slow_mode(space: SearchSpace, search: Search, best: EffectSet) -> Unexplained | None:
-    """Describe the mode with the most slow noise relative to the model's training flights.
+    """Describe the mode whose slow noise exceeds that of the model's training flights by most.
 
-    None where no mode exceeds SLOW_FACTOR, or the model contains no such flights.
+    `best` is the set whose residual is used. None where no mode exceeds SLOW_FACTOR, or the model
+    contains no training flights.
     """
     reduced = space.reduced
     known = reduced.model.good_flights
@@ -424,7 +431,9 @@ def effects_resembling(
         read = {needed for channel in unexplained.channels for needed in ALONG[channel].needs}
 
     def resembles(c: int) -> bool:
-        """Return True if candidate `c` resembles the unexplained residual."""
+        """Return True if candidate `c` resembles the unexplained residual, by the criteria of
+        `effects_resembling`: uneven loss of a rotor, its own instrument's channel, the same rotor
+        or channel, or mostly the same modes."""
         if uneven and terms[c].degraded_rotor not in uneven:
             own = float(mean_square_change(search, trials[c]).sum()) if c in trials else 0.0
             if sum(uneven.values()) > MOST_UNEXPLAINED * own:
@@ -467,9 +476,11 @@ def needed_effects(error: Callable[[Sequence[int]], float], members: Collection[
 
 
 def exceeds_law_error(linear: LinearisedSets, estimate: EffectEstimate) -> bool:
-    """Return whether an interval excludes zero with the inaccurate laws of all effects included.
+    """Return True if an estimate's interval excludes zero with the errors of all effects'
+    equations.
 
-    `linear` is about the most probable set. True for an effect without a shared main value.
+    `linear` is the problem linearised about the most probable set. True for an effect without a
+    shared main value.
     """
     one = linear.trials[estimate.candidate].candidate
     away = [

@@ -74,8 +74,12 @@ def wind_in_airspeed(
 
 
 def block_winds(track: FlightTrack, problem: Problem, flight: ForwardFlight) -> Floats:
-    """Return winds (B, 2, 2), m/s, by block of time: reported and from drag, each north and
-    east."""
+    """Return mean winds (B, 2, 2), m/s, by block of BLOCK_SECONDS: reported and from drag, each
+    north and east.
+
+    Only rows of straight flight in which both are known count; B is the number of blocks with such
+    rows, 0 without any.
+    """
     by_drag = wind_by_drag(track, problem.model.airframe, flight)
     both = np.stack([track.wind_ned[:, :2], by_drag], axis=1)
     rows = straight_rows(track) & np.isfinite(both).all(axis=(1, 2))
