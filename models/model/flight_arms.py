@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from thrustmargin.models.checks.arms.arm_causes import Cause
+from thrustmargin.models.checks.arms.arm_causes import THRUST_CAUSES, Cause
 from thrustmargin.models.checks.arms.arm_figures import ArmFigures, ArmReadings, arm_figures
 from thrustmargin.models.checks.arms.arm_law import ArmLaw
 from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer, arm_answer
@@ -76,14 +76,15 @@ def flight_arm_figures(analysis: FlightAnalysis, *, flight: str) -> ArmFigures:
     return made if figure is None else replace(made, figures=(*made.figures, figure))
 
 
+def figures_of(model: RotorModel, tracks: Sequence[FlightTrack]) -> tuple[ArmFigures, ...]:
+    """Return the figures of an aircraft's arms in each of some flights."""
+    return tuple(flight_arm_figures(analyse(track, model), flight=track.name) for track in tracks)
+
+
 def learnt_arms(model: RotorModel, tracks: Sequence[FlightTrack]) -> ArmLaw:
     """Return the figures of an aircraft's arms in its fault-free flights `tracks`, as a
     reference."""
-    return ArmLaw(
-        flights=tuple(
-            flight_arm_figures(analyse(track, model), flight=track.name) for track in tracks
-        )
-    )
+    return ArmLaw(flights=figures_of(model, tracks))
 
 
 def flight_arm_answer(
@@ -107,21 +108,15 @@ def flight_arm_answer(
 
 
 def flights_arm_answer(
-    model: RotorModel, tracks: Sequence[FlightTrack], weak: Collection[int] = ()
-) -> ArmAnswer | None:
-    """Return what is wrong with which arms in several flights together; None without a flight.
+    model: RotorModel, flights: Sequence[ArmFigures], weak: Collection[int] = ()
+) -> ArmAnswer:
+    """Return what is wrong with which arms in several flights together, by their figures.
 
     `weak` are the rotors, from 0, that a search by speeds reports: either the propeller of each has
     lost thrust, or its speed is misread.
     """
-    if not tracks:
-        return None
-    return arm_answer(
-        [flight_arm_figures(analyse(track, model), flight=track.name) for track in tracks],
-        model.arms,
-        modes=mode_directions(model),
-        given=dict.fromkeys(weak, (Cause.PROPELLER, Cause.SPEED_READING)),
-    )
+    given = dict.fromkeys(weak, THRUST_CAUSES)
+    return arm_answer(flights, model.arms, modes=mode_directions(model), given=given)
 
 
 def _causes_left(

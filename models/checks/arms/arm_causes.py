@@ -207,3 +207,5 @@ PATTERNS: Mapping[Cause, Pattern] = MappingProxyType(
         Cause.MOTOR_TEMPERATURE_READING: Pattern({Q.MOTOR_HEAT: Moved(1.0)}, both_ways=True),
     }
 )
+#: Causes that move the rotor's speed at its thrust for sure.
+THRUST_CAUSES = (Cause.PROPELLER, Cause.SPEED_READING)
