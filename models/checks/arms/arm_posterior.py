@@ -11,6 +11,9 @@ its arm. What the thrust search has reported of an arm is given: one of the caus
 A single one explains what it moves, and is no finding of this search; of several, the figures of
 the arm decide, if they depart at all.
 
+What shakes the whole aircraft is of no arm: a level of vibration that no cause of an arm explains
+is tested alone, against its own history (Student's t).
+
 `loss_evidence` is for a search by rotor speeds, which has the thrust itself: what the other figures
 say for and against a loss of thrust of each arm.
 """
@@ -40,7 +43,9 @@ SIZES = np.geomspace(0.005, 0.6, 40)
 MOST_FINDINGS = 4
 #: Causes that a search by speeds takes for a loss of thrust, with the loss that each has per size.
 LOSSES = {cause: PATTERNS[cause].moved[ArmQuantity.THRUST].ratio for cause in THRUST_CAUSES}
-AIRCRAFT = -1  # the arm of a cause that is of the whole aircraft
+#: Expected false findings of a shaken aircraft per flight: 3.1 standard deviations of a long
+#: history.
+FALSE_SHAKEN = 1e-3
 #: Standard normal quantiles at which the scale's distribution is averaged over.
 _QUANTILES = np.array([NormalDist().inv_cdf((k + 0.5) / 25) for k in range(25)])
 
@@ -81,6 +86,16 @@ class ArmFinding:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Shaken:
+    """The autopilot's level of vibration over the usual one of the aircraft at its rotor speed."""
+
+    ratio: float
+    lower: float  # 95 % interval
+    upper: float
+    deviations: float  # of ln ratio, in standard deviations of the earlier flights
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ArmAnswer:
     """Findings about the arms from the figures of one flight or of several together."""
 
@@ -88,7 +103,7 @@ class ArmAnswer:
     quantities: tuple[ArmQuantity, ...]  # that were compared
     flights: int  # earlier flights that they were compared with
     days: int
-    aircraft: ArmFinding | None = None  # what is of no single arm; its arm is AIRCRAFT
+    shaken: Shaken | None = None  # the whole aircraft, by no cause of an arm
 
 
 def arm_answer(
@@ -113,11 +128,12 @@ def arm_answer(
         found = _finding(left, own_voltage=own_voltage, given={arm: causes}) if several else None
         findings += [] if found is None else [found]
         left = _without(left, arm, causes, own_voltage=own_voltage)
-    findings += _findings(left, own_voltage=own_voltage, most=MOST_FINDINGS - len(findings))
+    found_else = _findings(left, own_voltage=own_voltage, most=MOST_FINDINGS - len(findings))
+    left = _without_findings(left, found_else, own_voltage=own_voltage)
     earlier = law.without(flights) if law is not None else ()
     return ArmAnswer(
-        findings=tuple(one for one in findings if one.arm != AIRCRAFT),
-        aircraft=next((one for one in findings if one.arm == AIRCRAFT), None),
+        findings=(*findings, *found_else),
+        shaken=_shaken(left),
         quantities=quantities,
         flights=len(earlier),
         days=len({one.day for one in earlier}),
@@ -204,7 +220,7 @@ def _arm_loss(
 
     loss = np.concatenate([-SIZES[::-1], [0.0], SIZES])
     by_loss = [gains(cause, loss / ratio) for cause, ratio in LOSSES.items()]
-    others = [one for one in PATTERNS if one not in LOSSES and not one.of_aircraft]
+    others = [one for one in PATTERNS if one not in LOSSES]
     share = FAULTY / (rotors * (len(others) + len(LOSSES)))
     alone = math.log1p(-share * len(others))
     having, lacking = [alone + of_loss([True] * len(evidence))], [alone]
@@ -226,18 +242,35 @@ def _without(
     for one in left:
         moves = any(_moves(cause, one.quantity, own_voltage=own_voltage) for cause in causes)
         values = one.departure.copy()
-        if moves and (place := _place(one.quantity, arm)) is not None:
-            values[place] = math.nan
+        if moves:
+            values[_place(one.quantity, arm)] = math.nan
         if np.isfinite(values).any():
             kept.append(replace(one, departure=values))
     return kept
 
 
-def _place(quantity: ArmQuantity, arm: int) -> int | None:
-    """Return the index of an arm's value of a quantity; None where AIRCRAFT has none."""
-    if quantity.of_aircraft:
-        return 0
-    return None if arm == AIRCRAFT else arm
+def _place(quantity: ArmQuantity, arm: int) -> int:
+    """Return the index of an arm's value of a quantity; 0 for one of the whole aircraft."""
+    return 0 if quantity.of_aircraft else arm
+
+
+def _shaken(left: Sequence[Departure]) -> Shaken | None:
+    """Return how much more the aircraft is shaken than on earlier flights; None if it is not."""
+    one = next((one for one in left if one.quantity is ArmQuantity.SHAKING), None)
+    if one is None:
+        return None
+    from scipy.special import stdtrit
+
+    level, error = float(one.departure[0]), math.sqrt(float((one.covariance + one.own)[0, 0]))
+    if not level > float(stdtrit(one.freedom, 1.0 - FALSE_SHAKEN)) * error:
+        return None
+    half = float(stdtrit(one.freedom, 0.975)) * error
+    return Shaken(
+        ratio=math.exp(level),
+        lower=math.exp(level - half),
+        upper=math.exp(level + half),
+        deviations=level / error,
+    )
 
 
 def _moves(cause: Cause, quantity: ArmQuantity, *, own_voltage: bool) -> bool:
@@ -283,8 +316,7 @@ class _Evidence:
 
         `moved` is the cause's effect on the quantity; 0 if it has none or the arm is unknown.
         """
-        at = _place(self.one.quantity, arm)
-        place = np.flatnonzero(self.known == (AIRCRAFT if at is None else at))
+        place = np.flatnonzero(self.known == _place(self.one.quantity, arm))
         ratio, spread = moved.ratio, moved.spread
         if not place.size or (ratio == 0.0 and spread == 0.0):
             return np.zeros(sizes.size)
@@ -319,13 +351,15 @@ def _finding(
     for cause, pattern in PATTERNS.items():
         sizes = _sizes(cause)
         moved = [(one, pattern.of(one.one.quantity, own_voltage=own_voltage)) for one in evidence]
-        for at in (AIRCRAFT,) if cause.of_aircraft else given or range(rotors):
-            if given and (cause.of_aircraft or cause not in given[at]):
+        for at in given or range(rotors):
+            if given and cause not in given[at]:
                 continue
             total = np.zeros(sizes.size)
             for one, how in moved:
                 total = total + one.gain(at, how, sizes)
             gains[at, cause] = sizes, total
+    if not gains:  # no arm has a figure
+        return None
     faulty = GIVEN if given else FAULTY
     prior = math.log(faulty / len(gains))
     logs = {
@@ -356,8 +390,7 @@ def _finding(
         shown=tuple(
             (one.quantity, *_shown(one, place))
             for one in left
-            if (place := _place(one.quantity, worst)) is not None
-            and np.isfinite(one.departure[place])
+            if np.isfinite(one.departure[place := _place(one.quantity, worst)])
             and any(_moves(cause, one.quantity, own_voltage=own_voltage) for cause in moved)
         ),
     )
@@ -365,9 +398,7 @@ def _finding(
 
 def _sizes(cause: Cause) -> Floats:
     """Return the sizes (S,) of a cause that are tried, in ascending order."""
-    pattern = PATTERNS[cause]
-    sizes = SIZES * (pattern.largest / SIZES[-1])
-    return np.concatenate([-sizes[::-1], sizes]) if pattern.both_ways else sizes
+    return np.concatenate([-SIZES[::-1], SIZES]) if PATTERNS[cause].both_ways else SIZES
 
 
 def _shown(one: Departure, arm: int) -> tuple[float, float]:

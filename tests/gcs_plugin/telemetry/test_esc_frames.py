@@ -22,7 +22,7 @@ def speeds(*times):
 
 def shares(signals, reported):
     """Mean share of each motor."""
-    found = lost_frames(signals, MOTORS, reported)
+    found, _ = lost_frames(signals, MOTORS, reported)
     return [None if one is None else float(one.values.mean()) for one in found]
 
 

@@ -63,21 +63,35 @@ def test_current_of_a_rotor_that_stands_is_of_a_short_or_of_the_ammeters_zero():
 
 
 def test_what_shakes_the_whole_aircraft_is_of_no_arm():
-    """Ten times the usual level, without a rotor's own amplitude."""
-    found = answer(arm_flight(71, 30, Bad(cause="shaken", size=0.3, arm=2), aircraft=3))
-    assert found.findings == ()
-    assert found.aircraft is not None
-    (cause,) = found.aircraft.causes
-    assert cause.cause is Cause.SHAKEN
-    assert 1.5 < cause.size < 2.5  # ln 10 = 2.3, which earlier flights' scatter draws down
-    assert answer(arm_flight(71, 30, aircraft=3)).aircraft is None
+    """Ten times the usual level, and 4.6 times, without a rotor's own amplitude."""
+    for size, ratio in ((0.3, 10.0), (0.12, 4.6)):
+        found = answer(arm_flight(71, 30, Bad(cause="shaken", size=size, arm=2), aircraft=3))
+        assert found.findings == ()
+        assert found.shaken is not None
+        assert found.shaken.lower < ratio < found.shaken.upper
+    assert answer(arm_flight(71, 30, aircraft=3)).shaken is None
+
+
+@pytest.mark.parametrize(("deviations", "found"), [(2.9, False), (3.4, True)])
+def test_a_shake_of_three_deviations_of_a_long_history_is_found(deviations, found):
+    """By Student's t one sound flight in a thousand is so far off."""
+    rng = np.random.default_rng(5)
+    levels = 0.3 * rng.standard_normal(200)
+    levels = (levels - levels.mean()) * (0.3 / levels.std(ddof=1))
+    law = ArmLaw(
+        flights=tuple(
+            figures(str(k), k, [level], ArmQuantity.SHAKING) for k, level in enumerate(levels)
+        )
+    )
+    shaken = arm_answer([figures("new", 999, [0.3 * deviations], ArmQuantity.SHAKING)], law).shaken
+    assert (shaken is not None) == found
 
 
 def test_an_unbalanced_propeller_that_shakes_the_aircraft_is_of_its_arm():
     bad = arm_flight(71, 30, Bad(cause="imbalance", size=0.5, arm=1), aircraft=3)
     found = answer(bad)
     assert [(one.arm, one.cause) for one in found.findings] == [(1, Cause.IMBALANCE)]
-    assert found.aircraft is None
+    assert found.shaken is None
 
 
 def test_lost_frames_and_falls_out_of_step_need_no_earlier_flight():
