@@ -51,7 +51,8 @@ def lost_frames(
     `heard_s` is the vehicle's clock up to which rows were made, and `usual_s` are the steps that
     the call before returned: an ESC that pauses for longer than USUAL_S has no others.
     """
-    known = tuple(usual_s) or (math.nan,) * len(speeds)
+    # Of other motors than before nothing is known.
+    known = tuple(usual_s) if len(usual_s) == len(speeds) else (math.nan,) * len(speeds)
     rates = list(map(by_index(signals, "esc_error_rate").get, motors.escs))
     # Without bidirectional DShot the rate is logged as well, as 0 throughout.
     if any(one is not None and np.nan_to_num(one.values).any() for one in rates):
