@@ -121,7 +121,6 @@ def identify_checked(
     steps = onset_candidates(search, search.best) if stepwise else []
     if lacks_sound_flights(model):  # other changes between two flights are of unknown size
         steps = [one for one in steps if not is_constant_in_flights(space.reduced, one)]
-    steps = with_arm_evidence(steps, arms)
     if steps and search.add(steps, drop_rotor_effects(search, search.best.key)):
         search.run(progress)
     steepness = steepness_of(fit) if problem.of_outputs else 0.0

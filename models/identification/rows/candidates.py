@@ -173,7 +173,8 @@ def with_arm_evidence(
 ) -> tuple[Candidate, ...]:
     """Return the candidates, those that degrade a rotor with the evidence of its arm.
 
-    `arms` has one entry a rotor; empty where no arm's figures are known.
+    `arms` has one entry a rotor; empty where no arm's figures are known. These are medians over
+    whole flights, so steps in time (`onsets`) have none.
     """
     return tuple(
         one
