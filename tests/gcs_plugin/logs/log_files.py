@@ -4,6 +4,7 @@ import struct
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -233,7 +234,10 @@ class DataFlashWriter:
 
 
 def with_rotor_speeds(
-    path: Path, change: Callable[[np.ndarray], np.ndarray], *, field: str = "rpm"
+    path: Path,
+    change: Callable[[np.ndarray], np.ndarray],
+    *,
+    field: Literal["rpm", "count"] = "rpm",
 ) -> bytes:
     """The telemetry log with the speeds (n, 4) of ESC_TELEMETRY_1_TO_4 as `change` makes them, or
     another of its fields."""
