@@ -245,7 +245,7 @@ def bad_arms(advice: Advice, rotors: int) -> tuple[int, ...]:
     """
     if advice.arms is None:
         return ()
-    if advice.arms.aircraft is not None:
+    if advice.arms.shaken is not None:
         return tuple(range(rotors))
     return tuple(one.arm for one in advice.arms.findings if not one.only_sensors)
 

@@ -318,6 +318,10 @@ def tabulate(recording: Recording, signals: Signals, options: Options) -> Flight
     return rows
 
 
+#: Channels in which an ESC reports on itself, and the text of the report.
+ESC_FLAGS = {"esc_failure": "failure flags", "esc_edt2": "EDT2 status"}
+
+
 def log_of_rows(rows: FlightRows, recording: Recording, signals: Signals) -> FlightLog:
     """Build the log of a flight from its rows, with channel reports, events and texts.
 
@@ -334,13 +338,13 @@ def log_of_rows(rows: FlightRows, recording: Recording, signals: Signals) -> Fli
         if (silent := signals.get(name) or signals.get(_REPORTED_AS.get(name, "")))
     } | dict(recording.unused)
     texts, armed = text_events(recording.messages), best(signals, "armed")
-    escs = by_index(signals, "esc_failure")
     failures = [
         event
+        for channel, text in ESC_FLAGS.items()
         for motor, esc in enumerate(motors.escs)
-        if (sent := escs.get(esc)) is not None
+        if (sent := by_index(signals, channel).get(esc)) is not None
         for event in flag_events(
-            EventKind.ESC_FAILURE, sent.time_s, sent.values, str(motor + 1), "failure flags"
+            EventKind.ESC_FAILURE, sent.time_s, sent.values, str(motor + 1), text
         )
     ]
     events = [*recording.events, *texts, *failures, *arming_events(armed)]

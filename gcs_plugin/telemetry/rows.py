@@ -85,6 +85,7 @@ class RowState:
     sent: Span = NOTHING_SENT  # to the motors: which protocol it is may show on the ground alone
     zero: PlaceOfZero | None = None
     pumped: PumpedSoFar | None = None
+    esc_steps_s: tuple[float, ...] = ()  # usual s between the reports of each motor's ESC
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -195,11 +196,13 @@ def flight_rows(
     if found := [signal for signal in shaken if signal is not None]:
         channels["vibration_per_rev"] = _columns("vibration_per_rev", shaken, clock_s, "linear")
         reported["vibration_per_rev"], sources["vibration_per_rev"] = found, found[0].source
-    lost = [] if live else lost_frames(signals, motors, speeds_of_escs)
+    lost, usual_s = lost_frames(
+        signals, motors, speeds_of_escs, heard_s=before.heard_s, usual_s=before.esc_steps_s
+    )
     if found := [signal for signal in lost if signal is not None]:
-        channels["esc_lost"] = _columns("esc_lost", lost, clock_s, "linear")
+        channels["esc_lost"] = _columns("esc_lost", lost, clock_s, options.sampling)
         reported["esc_lost"], sources["esc_lost"] = found, found[0].source
-    for channel in () if live else ("vibration", "clipping"):
+    for channel in ("vibration", "clipping"):
         put(channel, signals.get(channel, ()))
     if reported["rotor_speed_rpm"]:
         sources["rotor_speed_rpm"] = motors.esc_source(measured.signals)
@@ -268,6 +271,7 @@ def flight_rows(
             held=held_so_far,
             rotors=measured.memory,
             sent=motors.span(signals, before.sent),
+            esc_steps_s=usual_s,
             zero=zero,
             pumped=before.pumped
             if share is None or total is None

@@ -346,6 +346,17 @@ def desync_past(rotor: int) -> str:
     return say(DESYNC_WAS, rotor=rotor)
 
 
+def frames_words(rotor: int, share: float) -> str:
+    """Return `ESC 3 loses 12% of its telemetry: check its plug` of an arm, from 1."""
+    lost = f"{100.0 * share:.0f}"
+    return say("ESC {rotor} loses {lost}% of its telemetry: check its plug", rotor=rotor, lost=lost)
+
+
+def shaking_words(ratio: float) -> str:
+    """Return `Shakes 4.6 times as usual: check propellers` of the whole aircraft."""
+    return say("Shakes {ratio} times as usual: check propellers", ratio=f"{ratio:.1f}")
+
+
 def esc_words(rotor: int, place: str, flags: int) -> str:
     """Return the alarm about an ESC with ESC_FAILURE_FLAGS `flags`."""
     found = [say(words) for bit, words in FAILURES.items() if flags & bit]

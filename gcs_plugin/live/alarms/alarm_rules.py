@@ -43,6 +43,8 @@ from thrustmargin.gcs_plugin.wording.actions import Trouble
 from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
 from thrustmargin.gcs_plugin.wording.takeoff_words import takeoff_alarm
 from thrustmargin.gcs_plugin.wording.thrust_left import below, clear
+from thrustmargin.models.checks.arms.arm_causes import Cause
+from thrustmargin.models.checks.arms.arm_figures import ArmQuantity
 from thrustmargin.models.checks.arms.arm_watch import ESC_LIMIT, MOTOR_LIMIT
 from thrustmargin.models.checks.loss_of_control import signs_so_far
 from thrustmargin.models.checks.takeoff import TakeoffFinding
@@ -378,6 +380,42 @@ def desync(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     )
 
 
+def frames(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
+    """Check whether an ESC loses frames of its telemetry, by the limit of a report."""
+    rotors = now.analysis.track.rotor_count
+    share = np.full((len(now.arms), rotors), np.nan)
+    for row, answer in enumerate(now.arms):
+        if answer is None or ArmQuantity.LOST not in answer.quantities:
+            continue
+        share[row] = 0.0
+        for found in answer.findings:
+            if found.only_sensors and found.causes[0].cause is Cause.TELEMETRY:
+                share[row, found.arm] = found.causes[0].size
+    return AlarmChecks(
+        share > 0.0,
+        share == 0.0,
+        np.isfinite(share),
+        severity=lambda *_: NOTICE,
+        text=lambda row, k: words.frames_words(k + 1, float(share[row, k])),
+        rotor=rotors,
+    )
+
+
+def shaking(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
+    """Check whether the aircraft is shaken more than on its earlier flights, as a report does."""
+    ratio = np.full(len(now.arms), np.nan)
+    for row, answer in enumerate(now.arms):
+        if answer is not None and ArmQuantity.SHAKING in answer.quantities:
+            ratio[row] = 1.0 if answer.shaken is None else answer.shaken.ratio
+    return one_alarm(
+        ratio > 1.0,
+        ratio == 1.0,
+        np.isfinite(ratio),
+        severity=lambda *_: WARNING,
+        text=lambda row, _: words.shaking_words(float(ratio[row])),
+    )
+
+
 def airframe(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
     airframe_match = now.analysis.airframe_match
     unsure = airframe_match.basis == "given"
@@ -505,14 +543,19 @@ OF_ROWS = (
     AlarmRule("motor order", 0.0, 0.0, motor_order, on_ground="kept"),
 )
 #: On the ground all alarms of the flight are cleared, except for a rotor that was found bad.
-OF_SOUGHT_ROWS = tuple(
-    AlarmRule(
-        *(name, 0.0, 0.0, partial(faulty, kind), Missing.SPEEDS),
-        on_ground="kept",
-        sampled=True,
-        of_airframe=True,
-    )
-    for name, kind in PARTS
+OF_SOUGHT_ROWS = (
+    *(
+        AlarmRule(
+            *(name, 0.0, 0.0, partial(faulty, kind), Missing.SPEEDS),
+            on_ground="kept",
+            sampled=True,
+            of_airframe=True,
+        )
+        for name, kind in PARTS
+    ),
+    # Near the limit answers come and go: several in a row must no longer have it.
+    AlarmRule("frames", 0.0, 60.0, frames, Missing.ESC, on_ground="kept", of_airframe=True),
+    AlarmRule("shaking", 0.0, 60.0, shaking, Missing.SPEEDS, on_ground="kept", of_airframe=True),
 )
 OF_SETTLED_ROWS = (
     AlarmRule(

@@ -41,6 +41,7 @@ from thrustmargin.models.checks.takeoff import TakeoffCheck, TakeoffWatch
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.fault_test import Kind, RotorFault
+from thrustmargin.models.model.flight_arms import ArmsSoFar
 from thrustmargin.models.model.output_faults import undecided
 from thrustmargin.models.model.rotor_faults import FaultHistory, RotorFaults, fault_signals
 from thrustmargin.models.model.rotor_model import identified_airframe
@@ -69,7 +70,7 @@ class Alarms:
         self._weighed_s = float("-inf")
         self._balance, self._stopped = BalanceWatch(), StoppedWatch()
         self._takeoff = TakeoffWatch()
-        self._arms = ArmWatch()
+        self._arms, self._arms_so_far = ArmWatch(), ArmsSoFar()
         self._rest_voltage = float("nan")
         self._conditions: dict[Key, _Condition] = {}
         self._cleared: dict[Key, tuple[Alarm, float]] = {}  # and when
@@ -132,6 +133,7 @@ class Alarms:
             balances=balances,
             stopped=self._stopped.add(analysis.track.rows(new)),
             heat=self._arms.add(analysis.track.rows(new)),
+            arms=self._arms_so_far.add(analysis, known),
             unheard_s=unheard_s,
             from_outputs=from_outputs,
             takeoff=self._takeoff.add(

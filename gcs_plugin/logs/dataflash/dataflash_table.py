@@ -33,6 +33,17 @@ def _error_rate(columns: Any) -> Floats:
     return 0.01 * columns.number("Err")
 
 
+#: Bits of EDT2.Status, from libraries/AP_ESC_Telem/LogStructure.h: its status is new; the last one
+#: was a warning (such as a desync) or an error (such as a stall). An alert (such as a
+#: demagnetisation) is no failure: hard manoeuvres have some.
+_EDT2_NEW, _EDT2_FAILURES = 2, 8 | 16
+
+
+def _edt2_failures(columns: Any) -> Floats:
+    status = columns.number("Status").astype(np.int64)
+    return np.where(status & _EDT2_NEW, status & _EDT2_FAILURES, np.nan)
+
+
 #: Preferred sources first. `unit` is used where the log states none; `index` and `only` apply where
 #: the log has that column (older logs number their sensors by message name).
 RULES: tuple[Rule, ...] = (
@@ -72,6 +83,7 @@ RULES: tuple[Rule, ...] = (
     Rule("ESC", ("Temp",), "esc_temperature", "degC", index="Instance", unknown=(0,)),
     Rule("ESC", ("MotTemp",), "motor_temperature", "degC", index="Instance", unknown=(0,)),
     Rule("ESC", ("Err",), "esc_error_rate", index="Instance", convert=_error_rate),
+    Rule("EDT2", ("Status",), "esc_edt2", index="Instance", convert=_edt2_failures),
     Rule("ESC", ("RawRPM",), "esc_rpm", "rpm", index="Instance"),
     Rule("ESC", ("RPM",), "esc_rpm", "rpm", index="Instance", note=_SMOOTHED),
 )

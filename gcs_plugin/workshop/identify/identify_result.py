@@ -18,8 +18,6 @@ from thrustmargin.gcs_plugin.workshop.identify import identify_words as answers
 from thrustmargin.gcs_plugin.workshop.identify.asked_words import requested_actions
 from thrustmargin.gcs_plugin.workshop.identify.identify_words import answer
 from thrustmargin.models.checks.arms.arm_json import answer_json
-from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer
-from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer import held_out_errors
 from thrustmargin.models.identification.answer.model_update import (
@@ -28,10 +26,13 @@ from thrustmargin.models.identification.answer.model_update import (
     margin_changes,
     update_model,
 )
-from thrustmargin.models.identification.answer.result import Identification, ReportedEffect
+from thrustmargin.models.identification.answer.result import (
+    Identification,
+    ReportedEffect,
+    weak_rotors,
+)
 from thrustmargin.models.identification.next_flight.next_flight import NextFlight, plan_next_flight
 from thrustmargin.models.json_values import to_json_values
-from thrustmargin.models.model.flight_arms import flights_arm_answer
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -49,7 +50,6 @@ class Result:
     errors: tuple[held_out_errors.RotorErrors, ...]  # all rotors, then each
     margins: tuple[MarginChange, ...]  # of each effect
     margin: MarginChange  # of all effects, worst rotor
-    arms: ArmAnswer | None  # by power, heat, leads and vibration of the fitted flights
     following: NextFlight | None
     answer: tuple[str, ...]
     model_in: str
@@ -74,13 +74,6 @@ def make_result(
     are file names to be named in the result; `mission` is dropped if there is no next flight.
     """
     unseen = found.unseen
-    fitted = tracks[: found.problem.flights]
-    weak = {
-        one.term.rotor
-        for one in found.found
-        if one.term.rotor is not None and one.term.effect.name == ROTOR_DEGRADATION.name
-    }
-    arms = flights_arm_answer(found.model, fitted, sorted(weak))
     margins, margin = margin_changes(found)
     following = plan_next_flight(found, tracks)
     mission = "" if following is None else mission
@@ -93,9 +86,11 @@ def make_result(
         errors=held_out_errors.rotor_errors(unseen[-1]),
         margins=margins,
         margin=margin,
-        arms=arms,
         following=following,
-        answer=(*answer(found, margin, following, mission), *arm_sentences(arms, weak)),
+        answer=(
+            *arm_sentences(found.arms, weak_rotors(found.found)),
+            *answer(found, margin, following, mission),
+        ),
         model_in=model_in,
         model_out=model_out,
         mission=mission,
@@ -118,7 +113,7 @@ def json_text(result: Result) -> str:
         "all": _margin_json(result.margin),
         "effects": [_margin_json(m) for m in result.margins],
     }
-    whole["arms"] = answer_json(result.arms)
+    whole["arms"] = answer_json(result.found.arms)
     whole["answer"] = list(result.answer)
     whole["actions"] = requested_actions(result.found)
     whole["notes"] = list(result.update.notes)

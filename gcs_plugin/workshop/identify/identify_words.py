@@ -81,7 +81,7 @@ def answer(
     lines += [contradicted_words(found)] if found.contradicted else []
     open_mode = unexplained_words(found)
     only_open = not lines and bool(found.open_causes)
-    if not lines and not open_mode and not only_open:
+    if not lines and not open_mode and not only_open and not found.misread:
         lines.append(nothing_missing_words(found))
     lines += [open_mode] if open_mode else []
     lines += [unnamed_causes_words(found)] if found.open_causes else []

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer, ArmFinding
+from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer, ArmFinding, Shaken
 
 
 def answer_json(answer: ArmAnswer | None) -> dict[str, Any] | None:
     """Return an answer as a dict of JSON values; None without one.
 
-    Keys: `compared` (quantities), `earlier_flights` and `days` (their numbers), `findings` (each as
-    in `_finding_json`, with its `arm` from 1) and `aircraft` (a finding that is of no single arm,
-    or None).
+    `shaken` is the level of vibration over the usual one, where it is too high. Sizes are shares,
+    as `arm_causes` has them; `ci95` are the ends of their 95 % intervals.
     """
     if answer is None:
         return None
@@ -21,7 +20,16 @@ def answer_json(answer: ArmAnswer | None) -> dict[str, Any] | None:
         "earlier_flights": answer.flights,
         "days": answer.days,
         "findings": [{"arm": one.arm + 1} | _finding_json(one) for one in answer.findings],
-        "aircraft": None if answer.aircraft is None else _finding_json(answer.aircraft),
+        "shaken": None if answer.shaken is None else _shaken_json(answer.shaken),
+    }
+
+
+def _shaken_json(one: Shaken) -> dict[str, Any]:
+    """Return the level of vibration of a shaken aircraft as a dict of JSON values."""
+    return {
+        "ratio": one.ratio,
+        "ci95": [one.lower, one.upper],
+        "standard_deviations": one.deviations,
     }
 
 

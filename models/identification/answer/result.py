@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer
 from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
 from thrustmargin.models.effects.unnamed import CONSTANT, KNOTS, NAME, place_of
 from thrustmargin.models.flight import Floats
@@ -188,6 +189,7 @@ class Identification:
     model: RotorModel
     problem: Problem
     found: tuple[ReportedEffect, ...]
+    arms: ArmAnswer  # what the arms' own figures say, given the rotors of `found` and `misread`
     left: Unexplained | None  # unexplained residual, in the mode with most of it
     closest: tuple[Term, ...]  # effects that resemble it, which are not reported
     unseen: tuple[HeldOutResidual, ...]  # of the fitted flights, then of held-out flights if any
@@ -198,6 +200,9 @@ class Identification:
     residual_transferable_rpm: Floats
     floor_rpm: float
     sensor_noise_rpm: float
+    #: losses of rotors that by the arms' figures are speeds read too high: no part is bad, and they
+    #: do not enter the new model
+    misread: tuple[ReportedEffect, ...] = ()
     alternatives: tuple[SetWeight, ...] = ()  # most probable first
     one_of: tuple[OneOf, ...] = ()
     excluded: tuple[Excluded, ...] = ()
@@ -230,6 +235,7 @@ class Identification:
                 f"{self.before.rmse_rpm:.1f} -> {self.after.rmse_rpm:.1f} rpm, {flights}",
                 *(repr(f) for f in self.found),
                 *([] if self.found else ["no effect is named"]),
+                *(f"{f!r}, which its arm shows to be a wrong speed" for f in self.misread),
                 *(f"{f!r}, which a channel reports already" for f in self.followed),
                 *self._unexplained_words(),
             ]
@@ -311,6 +317,7 @@ class Identification:
                 "before": self.before,
                 "after": self.after,
                 "effects": effects,
+                "misread": [f.to_json(self.problem.names) for f in self.misread],
                 "alternatives": [
                     {"probability": w.probability, "effects": [_term_json(t) for t in w.terms]}
                     for w in self.alternatives
@@ -363,6 +370,12 @@ class Identification:
             else unexplained.rotor + 1,
             "closest": [term.words for term in self.closest],
         }
+
+
+def weak_rotors(found: Iterable[ReportedEffect]) -> frozenset[int]:
+    """Return the rotors, from 0, with a loss or gain of thrust among reported effects."""
+    of_loss = (one.term for one in found if one.term.effect.name == ROTOR_DEGRADATION.name)
+    return frozenset(term.rotor for term in of_loss if term.rotor is not None)
 
 
 def _term_json(term: Term) -> dict[str, Any]:

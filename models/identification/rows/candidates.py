@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thrustmargin.models.checks.arms.arm_posterior import LossEvidence
 from thrustmargin.models.effects.base import Effect, Parameter, Placed
 from thrustmargin.models.effects.demand_effects import PARASITE_DRAG
 from thrustmargin.models.effects.thrust_effects import LOSS
@@ -80,6 +81,7 @@ class Candidate:
     free: tuple[tuple[int, int | None], ...]
     log_prior: float
     reading: Reading | None = None
+    arm: LossEvidence | None = None  # of the rotor that it degrades, by power, output and vibration
 
     @property
     def key(self) -> str:
@@ -164,6 +166,22 @@ def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candida
                     one = replace(one, reading=delay_reading(delay_s, good, delay.resolution))
                 candidates.append(one)
     return candidates
+
+
+def with_arm_evidence(
+    candidates: Sequence[Candidate], arms: Sequence[LossEvidence]
+) -> tuple[Candidate, ...]:
+    """Return the candidates, those that degrade a rotor with the evidence of its arm.
+
+    `arms` has one entry a rotor; empty where no arm's figures are known. These are medians over
+    whole flights, so steps in time (`onsets`) have none.
+    """
+    return tuple(
+        one
+        if (rotor := one.term.degraded_rotor) is None or rotor >= len(arms)
+        else replace(one, arm=arms[rotor])
+        for one in candidates
+    )
 
 
 def unnamed_candidates(reduced: RowsToFit) -> list[Candidate]:

@@ -7,6 +7,9 @@ effect have a normal prior. The evidence is Laplace's approximation for k values
 
     log p(y | set) = log p(y | nothing) + gain + (k/2) log 2 pi - log|H| / 2 + log p(d)
 
+Where a rotor's arm reports power, output and vibration, p(d) of its loss is multiplied by the
+likelihood ratio of these figures to no loss (`LossEvidence`): they are other data than the speeds.
+
 Source: MacKay 2003, Information Theory, Inference, and Learning Algorithms, chapters 27 and 28.
 """
 
@@ -23,6 +26,7 @@ from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 from scipy.special import ndtr
 
+from thrustmargin.models.checks.arms.arm_posterior import LossEvidence
 from thrustmargin.models.effects.base import Parameter
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.identification.rows.candidates import (
@@ -60,6 +64,9 @@ class SetPrior:
     least: Floats  # (G,) largest scatter of a sound aircraft, as a share of the usual size
     constant: Floats  # (G,) part of the log prior density that the values do not change
     log_sets: float  # log prior probability of the set
+    #: (G',) of each rotor that the set degrades and whose arm shows its loss: weights (M,) of the
+    #: main values that add up to its loss, and the evidence
+    arms: tuple[tuple[Floats, LossEvidence], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -179,7 +186,26 @@ def _set_prior(candidates: tuple[Candidate, ...]) -> SetPrior:
         least=np.concatenate([np.zeros(0), *(one.least for one in own)]),
         constant=np.concatenate([np.zeros(0), *(one.constant for one in own)]),
         log_sets=sum(one.log_sets for one in own) + _first_rotor_log_odds(candidates),
+        arms=_arms_of(candidates, [one.main.size for one in own]),
     )
+
+
+def _arms_of(
+    candidates: Sequence[Candidate], counts: Sequence[int]
+) -> tuple[tuple[Floats, LossEvidence], ...]:
+    """Return, for each degraded rotor with arm evidence, the weights (M,) of the set's main values
+    in its loss, and that evidence.
+
+    `counts` are the main values of each candidate. A curve of losses has their mean.
+    """
+    ends = [0, *accumulate(counts)]
+    found: dict[int | None, tuple[Floats, LossEvidence]] = {}
+    for one, count, first in zip(candidates, counts, ends[:-1], strict=True):
+        if one.arm is None or not count:
+            continue
+        weights, _ = found.setdefault(one.term.rotor, (np.zeros(ends[-1]), one.arm))
+        weights[first : first + count] = 1.0 / count
+    return tuple(found.values())
 
 
 def prior_of(trials: Sequence[TrialEffect]) -> ValuePrior:
@@ -275,7 +301,9 @@ def _log_sizes(prior: ValuePrior, values: Floats, error: Floats) -> float:
     out = np.add.reduceat(possible, set_prior.first) + set_prior.constant
     out -= set_prior.dimensions * np.log(np.sqrt(square) + set_prior.least)
     free = np.logical_and.reduceat((lower < now) & (now < upper), set_prior.first)
-    return float(np.where(free, out, IMPOSSIBLE).sum())  # else held at the bound of the possible
+    by_arms = sum(arm.at(float(weights @ values)) for weights, arm in set_prior.arms)
+    # A value that is not free is at the bound of the possible.
+    return float(np.where(free, out, IMPOSSIBLE).sum()) + by_arms
 
 
 def log_range_integral(most: float, least: float) -> float:

@@ -12,12 +12,14 @@ from tests.models.identification.answer.test_model_update import found_by_hand, 
 from tests.models.identification.known_terms import known_term
 from tests.models.known_effects import known_effect
 from tests.models.made_flights import curve_model
+from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer
 from thrustmargin.models.effects.thrust_effects import (
     ROTOR_DEGRADATION,
     ROTOR_DEGRADATION_ONSET,
 )
 from thrustmargin.models.identification.answer.held_out_errors import Errors
 from thrustmargin.models.identification.answer.model_update import (
+    update_model,
     updated_background,
     updated_interval,
 )
@@ -66,6 +68,7 @@ def answer(problem: Any, held_out: Any = None, **given: Any) -> Identification:
         "model": curve_model(),
         "problem": problem,
         "found": (),
+        "arms": ArmAnswer(findings=(), quantities=(), flights=0, days=0),
         "left": None,
         "closest": (),
         "unseen": tuple(unseen),
@@ -149,6 +152,16 @@ def test_an_answer_in_a_line(problem, held_out, words):
     first, second = repr(answer(problem, held_out)).splitlines()
     assert first.startswith(f"{curve_model().airframe.name}, {words}")
     assert second == "no effect is named"
+
+
+def test_a_speed_that_reads_wrong_is_no_effect_and_does_not_enter_the_model():
+    read = found_by_hand(ROTOR_DEGRADATION, [[0.06, 0.5]], rotor=1)
+    found = answer(rows_of(3), misread=(read,))
+    assert found.to_json()["effects"] == []
+    assert [one["rotor"] for one in found.to_json()["misread"]] == [2]
+    assert "rotor 2: loss 0.06" in repr(found)
+    assert "a wrong speed" in repr(found)
+    assert update_model(curve_model(), found).model.effects == curve_model().effects
 
 
 def test_what_is_followed_or_unexplained_has_its_own_line():
