@@ -20,10 +20,9 @@ from importlib import import_module
 from typing import Any
 
 from thrustmargin.gcs_plugin.commands import HERE, extras
-from thrustmargin.gcs_plugin.commands.shared.options import QUIET, UsageError, refuse_renamed
+from thrustmargin.gcs_plugin.commands.shared.options import QUIET, UsageError
 from thrustmargin.gcs_plugin.commands.shared.typed import as_read, hide_none, plain_optionals
-from thrustmargin.gcs_plugin.mavlink.text import clean_lines
-from thrustmargin.gcs_plugin.wording.language import LANGUAGES
+from thrustmargin.gcs_plugin.wording.language import LANGUAGES, clean_lines
 from thrustmargin.gcs_plugin.wording.language import VARIABLE as LANGUAGE
 from thrustmargin.models.errors import ThrustMarginError
 
@@ -104,7 +103,10 @@ def command_function(name: str) -> Callable[..., Any]:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Run one subcommand and exit with its code."""
+    """Run the command that `argv` names, and exit with its code.
+
+    `argv` is the command line without the program's name; None means that of this process.
+    """
     # Either may be closed, and a name that the terminal cannot show is no reason to fail.
     sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115
     sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
@@ -119,9 +121,10 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def _end_as_by_ctrl_c() -> None:
-    """Make SIGTERM, SIGHUP and the closing of a window on Windows raise KeyboardInterrupt.
+    """Make SIGTERM, SIGHUP and the closing of a Windows console raise KeyboardInterrupt.
 
-    So files are complete when the program ends.
+    Files are then completed or left unchanged, as after Ctrl-C. Signals that already have a handler
+    keep it.
     """
     found = [getattr(signal, n) for n in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, n)]
     ours = [number for number in found if signal.getsignal(number) is signal.SIG_DFL]
@@ -150,7 +153,12 @@ def not_a_command(name: str) -> str:
 
 
 def run(argv: Sequence[str]) -> int:
-    """Run one subcommand; returns the exit code. Raises SystemExit(2) for a wrong command line."""
+    """Run the command that `argv` names and return the exit code.
+
+    It is 0 or what the command returns; 1 for an error, an unread log or a closed pipe, 2 for a
+    wrong usage, 130 after Ctrl-C; the error is printed. Raise SystemExit(2) for a command line that
+    cannot be parsed.
+    """
     if argv and argv[0] in RETIRED:
         now = shlex.join(RETIRED[argv[0]](argv[1:]))
         _complain(f"{argv[0]} is no command any more; type: thrustmargin {now}")
@@ -196,8 +204,10 @@ def _stopped(error: BaseException | None) -> bool:
 
 
 def _in_language(argv: Sequence[str]) -> list[str]:
-    """Set the language of --language and return the command line without it; exit if it is
-    unknown."""
+    """Set the language that --language names, and return the command line without that option.
+
+    Raise SystemExit(2) if the language is unknown.
+    """
     words = list(argv)
     if "--language" in words[: words.index("--")] if "--" in words else "--language" in words:
         at = words.index("--language")
@@ -213,8 +223,9 @@ def _in_language(argv: Sequence[str]) -> list[str]:
 def _answer(argv: Sequence[str]) -> Any:
     """Run the command that `argv` names and return its result; an int is the exit status.
 
-    Print the usage for no command (2, on stderr) and --help (0), and the version for --version (0).
-    Exit with 2 on an unknown command.
+    Without a command print the usage on stderr and return 2; print it for --help and the version
+    for --version and return 0. Raise SystemExit(2) for an unknown command or arguments that cannot
+    be parsed.
     """
     first = argv[0] if argv else ""
     if first in ("", "-h", "--help"):
@@ -228,7 +239,6 @@ def _answer(argv: Sequence[str]) -> Any:
     if first not in COMMANDS and not first.startswith("--tyro"):
         _complain(not_a_command(first))
         raise SystemExit(2)
-    refuse_renamed(argv)
     chosen = [first] if first in COMMANDS else [*COMMANDS]
     functions = {name: command_function(name) for name in chosen}
     import tyro  # takes half of the time of a help that needs nothing of it
@@ -248,7 +258,7 @@ def _complain(words: str) -> None:
 
 
 def _flush() -> None:
-    """Write buffered output. Drop it and raise OSError when that fails."""
+    """Flush standard output; if that fails, discard what is buffered and raise OSError."""
     try:
         sys.stdout.flush()
     except OSError:

@@ -99,10 +99,11 @@ def _order(fills: Fills) -> float:
 def _in_steady_flight(
     model: RotorModel, day: Day, airspeed: float, limit: float, rotor_lost: bool
 ) -> tuple[Fills, float, float]:
-    """Return the largest fills, kg, at `airspeed` m/s, the voltage under load, V, and `airspeed`.
+    """Return the largest fills, the battery's voltage under load, V, and the given `airspeed`, m/s.
 
     `limit` is the allowed utilisation; `rotor_lost`: the aircraft must stay up without one rotor.
-    Voltage depends on the fill, so both are iterated.
+    Voltage depends on the fill and the fill on voltage, so they are iterated, unless `day` states
+    the voltage under load.
     """
     most = model.airframe.tank_capacity_kg
 
@@ -160,7 +161,8 @@ def most_sensitive(
     one.
 
     Each assumed value is replaced by a plausible other one, separately: 10 °C, 500 m, a wind of 8
-    m/s, a full battery.
+    m/s, a full battery. The result names the value and has the change of the fill, kg, by one
+    `step` of it.
     """
 
     def kg(changed: Day) -> float:

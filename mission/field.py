@@ -87,11 +87,11 @@ def sprayed_field(
 
 
 def _spans(time_s: Floats, spraying: Floats, known: Bools) -> tuple[float, float]:
-    """Return two times, s: with the pump on or possibly on, and of it the part that is unknown.
+    """Return two times, s: with the pump on or unknown, and the part of it that cannot be mapped.
 
-    `spraying` (T,) is 1 on, 0 off, NaN unknown; `known` (T,) flags rows with a position. The pump
-    is unknown where NaN; the place is unknown where a row with the pump on has no position, or in a
-    pause of the log with the pump on at either end.
+    `spraying` (T,) is 1 on, 0 off, NaN unknown; `known` (T,) flags rows with a position. That part
+    is where the pump is unknown, where a row with the pump on has no position, and in a pause of
+    the log with the pump on at either end.
     """
     steps = np.diff(time_s)
     on, unsaid = spraying > 0.5, np.isnan(spraying)
@@ -140,9 +140,8 @@ def line_spacing(swaths_ned: tuple[Floats, ...]) -> float:
 
 
 def _straight_pieces(swaths_ned: tuple[Floats, ...]) -> Floats:
-    """Return start and end (P, 2, 2), north and east, of straight pieces long enough to be
-    lines.
-    """
+    """Return start and end (P, 2, 2), m north and east, of straight pieces of SHORTEST_LINE m or
+    more; P may be 0."""
     pieces = [np.empty((0, 2, 2))]
     for swath in swaths_ned:
         line = shapely.simplify(shapely.LineString(swath[:, :2]), STRAIGHTNESS)

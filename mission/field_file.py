@@ -181,8 +181,11 @@ def _kml_rings(boundary: Element) -> list[list[list[float]]]:
 
 
 def _of_isoxml(root: Element, name: str) -> Iterator[Named]:
-    """Yield the part fields (PFD) of ISO 11783-10: polygons (PLN) of rings (LSG) of points
-    (PNT).
+    """Yield name and polygon of the part fields (PFD) of ISO 11783-10: polygons (PLN) of rings
+    (LSG) of points (PNT).
+
+    Only boundaries are yielded, without their inner rings and the field's exclusion zones; an
+    outline that falls apart is yielded in parts. Raise PlanError without a part field.
     """
     fields = [e for e in root.iter() if _kind(e) == "PFD"]
     if not fields:
@@ -288,8 +291,10 @@ def _of_shapefile(data: bytes, path: Path) -> list[Named]:
 
 
 def _in_degrees(polygons: Sequence[Named], system: str, name: str) -> list[Named]:
-    """Convert polygons from the coordinate system of this name or text to longitude and
-    latitude.
+    """Convert named polygons from a coordinate system to longitude and latitude, degrees.
+
+    `system` is the name or text of the system, as pyproj reads it; `name` is the file's. Raise
+    PlanError if the system is not known, InstallError without pyproj.
     """
     try:
         import pyproj

@@ -75,10 +75,11 @@ class FieldOutline:
 def field_outline(
     name: str, polygons: Sequence[shapely.Polygon], plane: LocalPlane | None = None
 ) -> FieldOutline:
-    """Return the field called `name` of polygons in longitude, latitude, degrees, in `plane` or its
-    own.
+    """Return the field called `name` of polygons in longitude, latitude, degrees, as an area in
+    `plane`, m; None makes a plane at the field.
 
-    Raise PlanError if the polygons are not on Earth, cross themselves, or have no plausible size.
+    Raise PlanError if there is no polygon or too many corners, if the polygons are not on Earth or
+    cross themselves, or if the field is wider than WIDEST m (TooWide) or smaller than SMALLEST m².
     """
     corners = sum(int(shapely.get_num_coordinates(p)) for p in polygons)
     if not polygons or corners == 0:
@@ -109,8 +110,11 @@ def field_outline(
 
 
 def _plane_of(degrees: Floats) -> LocalPlane:
-    """Return the plane at the middle of the corners (N, 2), longitude and latitude in degrees;
-    longitudes may cross the date line."""
+    """Return the local plane about the middle of the corners (N, 2), longitude and latitude,
+    degrees.
+
+    The longitudes may cross the date line.
+    """
     first = degrees[0, 0]
     longitude = first + (degrees[:, 0] - first + 180.0) % 360.0 - 180.0
     middle = (longitude.min() + longitude.max()) / 2

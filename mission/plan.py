@@ -117,7 +117,11 @@ def _cut_short(text: str, error: json.JSONDecodeError) -> bool:
 
 
 def _newer(content: Any) -> Any:
-    """Return a `.mission` of version 1 with the keys of version 2; anything else unchanged."""
+    """Return the content of a `.mission` of version 1 with the keys of version 2; any other content
+    unchanged.
+
+    It is the parsed JSON. Firmware is generic if the content states none.
+    """
     if not isinstance(content, dict) or "fileType" in content:
         return content
     entries = content.get("items")
@@ -140,9 +144,11 @@ def _newer_item(entry: dict[str, Any]) -> dict[str, Any]:
 
 
 def _plan_of_waypoints(text: str, name: str) -> MissionPlan:
-    """Parse `QGC WPL 110` text: one item a line; a first waypoint above sea level is home.
+    """Parse `QGC WPL 110` text: one item a line; a first waypoint above sea level is home, else the
+    first place of the mission, with a note.
 
-    Raise PlanError, which begins with `name`, for another version or invalid lines.
+    Empty lines and comments (#) are skipped. Raise PlanError, which begins with `name`, for another
+    version, invalid lines, or items not numbered from 0.
     """
     head, _, rest = text.partition("\n")
     version = head[len(_WPL) :].strip()
@@ -211,7 +217,10 @@ def waypoints_text(plan: MissionPlan) -> str:
 
 def _word(value: float) -> str:
     """Format a number with all its digits and without an exponent, which some ground stations
-    reject."""
+    reject; `NaN` for NaN.
+
+    Very small and very large numbers have 15 decimals.
+    """
     if isinstance(value, int):
         return str(value)
     if math.isnan(value):

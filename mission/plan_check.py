@@ -180,10 +180,10 @@ def check_plan(
 
 
 def _heights(plan: MissionPlan, steps: PlanSteps) -> dict[PlanFault, dict[int, float]]:
-    """Map each fault of height to its items: item number to height, m above home.
+    """Map each kind of fault of height to the items with it: item number to height, m above home.
 
-    Take-offs and places flown to are checked, but not the end of a landing. Items in an unknown
-    height frame are left out.
+    Faults are heights at or below home's, and heights far above it. Take-offs and places flown to
+    are checked, but not the end of a landing. Items in an unknown height frame are left out.
     """
     faults: dict[PlanFault, dict[int, float]] = defaultdict(dict)
     flown = {step.index for step in steps.steps if step.kind in _WITH_HEIGHT}
@@ -208,8 +208,8 @@ def _heights(plan: MissionPlan, steps: PlanSteps) -> dict[PlanFault, dict[int, f
 def _legs(plan: MissionPlan, steps: Sequence[Step]) -> _Legs:
     """Return the straight legs between the plan's places, east, north, up, m about home.
 
-    The first begins at home; take-off and return are at home. Heights are ignored. Empty without a
-    place.
+    The first begins at home; take-off and return are at home. Altitudes are ignored, all places
+    count as at home's height. Empty without a place.
     """
     home = plan.home
     there = [home[:2] if s.kind in ("take-off", "return") else s.place for s in steps]
@@ -225,7 +225,12 @@ def _legs(plan: MissionPlan, steps: Sequence[Step]) -> _Legs:
 def _crossed(
     plan: MissionPlan, legs: _Legs, areas: Sequence[tuple[bool, shapely.Geometry]]
 ) -> list[int]:
-    """List the items to which a leg leaves the geofence; `areas` are (stay inside, shape)."""
+    """List the items to which a leg leaves the area that the geofence allows.
+
+    Each of `areas` is a pair: True if the vehicle must stay inside, False if outside; and the
+    shape, east and north, m about home. ArduPilot must be inside all areas to stay in, others in
+    any.
+    """
     inside = [shape for stay, shape in areas if stay]
     outside = [shape for stay, shape in areas if not stay]
     lines = shapely.linestrings(legs.flat)
@@ -252,10 +257,14 @@ def _shape(area: FencePolygon | FenceCircle, home: tuple[float, float, float]) -
 
 
 def _between_lines(legs: _Legs, faults: dict[PlanFault, list[int]]) -> None:
-    """Add to `faults` the mission items whose legs, pump on, join two parallel spray lines.
+    """Append to lists in `faults` the item of each leg with the pump on between two parallel spray
+    lines.
 
-    A leg longer than TURN times the median of these is "pump on between lines", any other "pump on
-    in turns". Add none where less than half the sprayed length is parallel."""
+    A leg joins two lines if the legs before and after it are lines and it is not. If longer than
+    TURN times the median length of all joining legs it is a "pump on between lines", else "pump on
+    in turns". Opposite directions are parallel; the way home does not count. Append nothing if
+    lines are less than half of the length with the pump on.
+    """
     on = np.array([bool(s.pump) and s.kind not in _HOMEWARD for s in legs.steps], dtype=np.bool_)
     vectors = (legs.end - legs.start)[:, :2]
     length = np.hypot(*vectors.T)

@@ -202,6 +202,9 @@ def too_many(source: str) -> PlanError:
 def check_item(item: PlanItem, where: str) -> None:
     """Raise PlanError, which begins with `where`, for an item with an invalid place or without a
     height.
+
+    An item without a place is valid, unless it has only one of latitude and longitude, or its
+    command needs a place. The frame of a place must be one of HEIGHT_FRAMES.
     """
     place = item.place
     if place is None:

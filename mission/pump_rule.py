@@ -160,7 +160,10 @@ def spray_lines(plan: MissionPlan, steps: PlanSteps) -> SprayLines:
 
 
 def _runs(plan: MissionPlan, steps: Sequence[Step]) -> _Runs:
-    """Join legs between places that keep heading and speed to straight runs."""
+    """Join successive legs of one heading and speed, flown from place to place, to straight runs.
+
+    Places are east and north of home, m.
+    """
     legs = _along_places(steps)
     placed = [k for k, s in enumerate(steps) if s.kind in _BETWEEN_PLACES and s.place is not None]
     degrees = np.array([(steps[k].place or ())[:2] for k in placed]).reshape(-1, 2)
@@ -197,10 +200,11 @@ def _runs(plan: MissionPlan, steps: Sequence[Step]) -> _Runs:
 
 
 def _neighbours(runs: _Runs) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:
-    """Return the pairs (P,), (P,) of neighbouring parallel runs, in both orders, and distances
+    """Return pairs of neighbouring parallel runs, as two index arrays (P,), and their distances
     (P,), m.
 
-    Runs 0.5 m apart or less, on one straight line, are not neighbours.
+    Each pair occurs in both orders. Neighbours overlap along their length and are at most WIDEST
+    apart; runs 0.5 m apart or less, on one straight line, are not neighbours.
     """
     lines = shapely.linestrings(np.stack([runs.start, runs.end], axis=1))
     shapes = np.array(lines, dtype=object)

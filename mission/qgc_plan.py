@@ -99,7 +99,11 @@ def plan_of_json(content: Any, name: str) -> MissionPlan:
 
 
 def _version_notes(content: dict[str, Any], known: tuple[int, ...], name: str) -> list[str]:
-    """Return notes on a missing version; raise PlanError for an unknown one."""
+    """Return a note if the file called `name` states no version; else an empty list.
+
+    Raise PlanError unless the stated version is in `known`, whose last one is taken without a
+    statement.
+    """
     if "version" not in content:
         return [f"{name} states no version and is read as version {known[-1]}"]
     if (version := content["version"]) is True or version not in known:
@@ -122,6 +126,7 @@ class _Items:
     def add(self, entry: Any, *, where: str) -> None:
         """Append one entry of "items": a simple item, or all items of a survey pattern.
 
+        A pattern that does not store its items is appended as drawn, if it has drawn waypoints.
         Raise PlanError, which begins with `where`, for another entry.
         """
         if not isinstance(entry, dict):

@@ -85,9 +85,10 @@ class Trail:
         self._piece = 0
 
     def add(self, time_s: Floats, position_ned: Floats, values: Floats) -> None:
-        """Append rows in order of time: (N,) s, (N, 3) m and (N, K).
+        """Append N rows in order of time: times (N,), s, places (N, 3), m NED, and values (N, K).
 
-        A pause or an unknown place breaks the trail.
+        A pause, a step back in time or a NaN place (whose row is dropped) begins a new piece of the
+        path. Above a limit of rows the path is decimated.
         """
         gap = np.diff(time_s, prepend=self._last_s)
         placed = np.all(np.isfinite(position_ned), axis=1)
@@ -101,9 +102,11 @@ class Trail:
 
     @property
     def route(self) -> Route:
-        """Return the straight segments of the path flown so far; each covers the same path
-        length, or the same time where it hardly moves, and at most `limit` segments are made by
-        lengthening them."""
+        """Return the straight segments of the path flown so far.
+
+        Each covers the same path length, or the same time where the vehicle hardly moves. They are
+        lengthened by powers of 2 until there are about `limit` at most.
+        """
         time_s, piece, position = self._rows[:, 0], self._rows[:, 1], self._rows[:, 2:5]
         moved = np.linalg.norm(np.diff(position, axis=0), axis=1) / LENGTH
         share = np.maximum(moved, np.diff(time_s) / SECONDS) * (np.diff(piece) == 0)
@@ -150,7 +153,6 @@ PLANNED = AirframeMatch()
 class Forecast:
     """The predicted remaining route, at ten rows a second."""
 
-    item: NDArray[np.intp]  # (N,) mission item being flown to
     analysis: FlightAnalysis  # of N predicted rows; time_s counts from now
 
     @property
@@ -159,12 +161,6 @@ class Forecast:
         predicted.
         """
         return np.min(self.analysis.margin_predicted, axis=1)
-
-    @property
-    def least_margin(self) -> float:
-        """Return the smallest margin, turns and climbs included; NaN if none is known."""
-        known = self.margin[np.isfinite(self.margin)]
-        return float(np.min(known)) if known.size else float("nan")
 
     @cached_property
     def lasting_margin(self) -> float:
@@ -183,12 +179,12 @@ def remaining_route(
     speed: float,
     spraying: bool = False,
 ) -> tuple[tuple[WayLeg, ...], FlightLimits]:
-    """Return the legs from `position_ned` (3,) m through the items from number `item` on, and the
+    """Return the legs from `position_ned` (3,) through the items from number `item` on, and the
     limits.
 
-    Legs are about home; empty if no item remains, or the rest cannot be flown. `parameters` are the
-    autopilot's; `speed` m/s and `spraying` apply until the mission changes them. Altitudes above
-    ground count as above home.
+    The position, m, is about `origin`, the legs about the plan's home. No legs if no item remains
+    or the rest cannot be flown. `parameters` are the autopilot's; `speed`, m/s, and `spraying` (the
+    pump is on) apply until the mission changes them. Altitudes above ground count as above home.
     """
     limits = flight_limits(parameters, px4=plan.firmware == FIRMWARE_PX4)
     limits = replace(limits, speed=max(speed, SLOWEST))
@@ -233,15 +229,17 @@ def forecast(
     analysis = analyse(
         replace(flight.track, voltage=volts), model, flight.density, airframe_match=PLANNED
     )
-    items = np.array([leg.item for leg in legs], dtype=np.intp)
-    return Forecast(item=items[flight.course.active], analysis=analysis)
+    return Forecast(analysis=analysis)
 
 
 def margin_at_fill(
     model: RotorModel, given: PlanConditions, fill_kg: float, airspeed: float
 ) -> float:
-    """Return the predicted thrust margin of the most used rotor with `fill_kg` in the tank; NaN if
-    unknown.
+    """Return the predicted thrust margin, a share, of the most used rotor with `fill_kg` in the
+    tank; NaN if unknown.
+
+    It is for steady level flight at `airspeed`, m/s, in the air and with the battery voltage of
+    `given`.
     """
     volts = given.battery.voltage
     filled = steady_flight(model, given.density, volts, airspeed, np.array([fill_kg]))

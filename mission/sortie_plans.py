@@ -26,7 +26,7 @@ from thrustmargin.mission.plan_items import (
 from thrustmargin.mission.steps import PlanSteps, PumpOutput, Step, pump_switch
 from thrustmargin.models.errors import PlanError
 
-#: m from the nearest place of the field beyond which a place to refill is none of it.
+#: m from the nearest place of the field beyond which home is no place to refill for it.
 REACH = 3000.0
 #: Degrees by which a way bends at least where a line ends.
 BEND = 30.0
@@ -62,15 +62,12 @@ def split_plan(
     refill_after: Sequence[int],
     *,
     pump: PumpOutput | None = None,
-    refill: tuple[float, float] | None = None,
 ) -> tuple[MissionPlan, ...]:
     """Split `plan`, flown as `steps`, into one plan per sortie.
 
-    `refill_after` are the indexes in `steps.steps` after which to refill, each one of `line_ends`;
-    `refill` is the latitude and longitude, degrees, where every sortie starts and ends, by default
-    home. `pump` is the output by which sorties switch the pump if the plan does. Raise PlanError
-    for another index, for a plan with a faulty jump, and for a refill place out of the field's
-    reach.
+    `refill_after` are the indexes in `steps.steps` after which to refill, each one of `line_ends`.
+    `pump` is the output by which sorties switch the pump if the plan does. Raise PlanError for
+    another index, for a plan with a faulty jump, and for a home out of the field's reach.
     """
     for item in steps.not_understood:
         if item.why in _JUMPS:
@@ -81,8 +78,7 @@ def split_plan(
         if index not in ends:
             number = flown[index].item if 0 <= index < len(flown) else index
             raise PlanError(f"item {number} is no line end; a refill is at the end of a line")
-    home = plan.home if refill is None else (refill[0], refill[1], math.nan)
-    _check_reach(home, flown)
+    _check_reach(plan.home, flown)
     cuts = sorted(set(refill_after))
     # What switches the pump of such a plan switches that of its sorties.
     switched = any(step.pump is not None for step in flown) and not steps.pump_by_rule
@@ -92,14 +88,14 @@ def split_plan(
     for begin, end in zip([None, *cuts], [*cuts, None], strict=True):
         body: list[PlanItem] = []
         if begin is not None:
-            body += _way_out(flown[begin], flown[begin + 1], plan, home, off)
+            body += _way_out(flown[begin], flown[begin + 1], plan, off)
             body += [on] if switched and flown[begin + 1].pump else []
         low = 0 if begin is None else flown[begin].index + 1
         body += items[low : len(items) if end is None else flown[end].index + 1]
         if end is not None:
             body += [*off, _order(RETURN_TO_LAUNCH)]
         numbered = tuple(replace(item, number=k) for k, item in enumerate(body, start=1))
-        sorties.append(replace(plan, items=numbered, home=home))
+        sorties.append(replace(plan, items=numbered))
     return tuple(sorties)
 
 
@@ -111,26 +107,23 @@ def _check_reach(home: tuple[float, float, float], steps: Sequence[Step]) -> Non
     nearest = float(np.min(np.linalg.norm(np.array(offsets), axis=0)))
     if not nearest <= REACH:
         raise PlanError(
-            f"the place to refill is {nearest / 1e3:.1f} km from the nearest place of the plan; "
-            f"name one within {REACH / 1e3:g} km"
+            f"home, where to refill, is {nearest / 1e3:.1f} km from the nearest place of the plan; "
+            f"set it within {REACH / 1e3:g} km"
         )
 
 
 def _way_out(
-    last: Step,
-    following: Step,
-    plan: MissionPlan,
-    home: tuple[float, float, float],
-    off: Sequence[PlanItem],
+    last: Step, following: Step, plan: MissionPlan, off: Sequence[PlanItem]
 ) -> list[PlanItem]:
-    """Return the items of the flight, pump off, from take-off to the line end `last`.
+    """Return the items of the flight, pump off, from take-off at `home` to the line end `last`.
 
-    They include the speeds in force in the step `following`.
+    They include the speeds in force in the step `following`, and the items `off` that switch the
+    pump off. Their numbers are 0.
     """
     assert last.place is not None  # a line end has one
     height = last.place[2]
     yaw = next((i.parameters[3] for i in plan.items if i.command == TAKEOFF), math.nan)
-    climb = (0.0, 0.0, 0.0, yaw, *home[:2], height)
+    climb = (0.0, 0.0, 0.0, yaw, *plan.home[:2], height)
     items = [PlanItem(number=0, command=TAKEOFF, frame=last.frame, parameters=climb)]
     for kind, speed in (
         (1.0, following.speed),

@@ -127,9 +127,10 @@ class PlanSteps:
 
 
 def pump_output(parameters: Mapping[str, float]) -> PumpOutput:
-    """Return the output of the sprayer by the parameters SERVOn_FUNCTION, with its limits.
+    """Return the servo output that switches the pump, found by the SERVOn_FUNCTION parameters.
 
-    `known` is True if any function is set.
+    With it come the pulses, µs, for off and on. `servo` of the result is None if no output has the
+    sprayer's function, and `known` is False if there are no such parameters at all.
     """
     switch = PumpOutput(known=any(n.endswith("_FUNCTION") for n in parameters))
     for output in range(1, 33):
@@ -237,7 +238,10 @@ class _Walk:
         self.heading_deg = None  # an ordered yaw ends at the next place
 
     def _order(self, item: PlanItem) -> None:
-        """Apply a command that does not move the vehicle."""
+        """Apply a command that does not move the vehicle (speed, pump, heading) to the state.
+
+        Commands whose influence is not modelled are listed as not understood.
+        """
         one, two, _, four, *_ = item.parameters
         if item.command == CHANGE_SPEED:
             self._speeds(item, one, two)
@@ -256,10 +260,12 @@ class _Walk:
             self.name(item, "unknown command", *ALL)
 
     def _speeds(self, item: PlanItem, which: float, speed: float) -> None:
-        """Apply a change of speed: -1 is no change, -2 the vehicle's own; `which` 2 is climb, 3
-        descent.
+        """Apply a change of speed to the state; `speed` in m/s, -1 no change, -2 the vehicle's own
+        speed, stored as None.
 
-        Airspeed (0) and ground speed (1) are equivalent to a Copter.
+        `which` is the command's type: 2 climb, 3 descent; 0 airspeed and 1 ground speed are
+        equivalent to a Copter. Any other type or speed is listed as not understood; the invalid
+        speed of a known type is then replaced by the vehicle's own.
         """
         if which not in (0.0, 1.0, 2.0, 3.0) or not (speed > 0.0 or speed in (-1.0, -2.0)):
             self.name(item, "unknown command", "time", "load")
@@ -339,7 +345,12 @@ def jumps_back(plan: MissionPlan) -> list[int]:
 
 
 def _executed(plan: MissionPlan, walk: _Walk) -> list[PlanItem]:
-    """Return the items in order of execution; jumps are followed, unless that takes too many."""
+    """Return the items in order of execution, without the jumps; jumps are followed.
+
+    A jump to nothing or to itself, or one without end, ends the list: at the jump, or for too many
+    repeats where the first jump that is followed back began. `walk` then lists the jump as not
+    understood.
+    """
     items = plan.items
     targets = _jump_targets(items)
     jumps_left: dict[int, float] = {}

@@ -93,9 +93,10 @@ def read_terrain(path: Path) -> Terrain:
 
 
 def _tile(data: bytes, path: Path) -> Terrain:
-    """Parse an SRTM tile (.hgt): heights, m AMSL, NaN in voids; the file name states its corner.
+    """Return the terrain in the bytes of an SRTM tile (.hgt): heights in m AMSL, NaN in voids.
 
-    Raise PlanError for another name or a size that is no square of heights.
+    The stem of `path` states the tile's south-west corner (N48E011). Raise PlanError for another
+    name, or if the bytes are no square of 16-bit heights.
     """
     corner = _TILE.match(path.stem)
     side = math.isqrt(len(data) // 2)
@@ -118,9 +119,11 @@ def _tile(data: bytes, path: Path) -> Terrain:
 
 
 def _grid(data: bytes, path: Path) -> Terrain:
-    """Parse an ESRI ASCII grid in degrees: heights, m, and the place of its north-west point.
+    """Return the terrain in the bytes of an ESRI ASCII grid in degrees: heights in m, NaN where it
+    has no data.
 
-    Raise PlanError for a damaged grid or one in metres.
+    `path` serves for messages only. The value of no data is -9999 if the header states none. Raise
+    PlanError for a damaged grid or one in metres.
     """
     lines = data.decode("ascii", errors="replace").splitlines()
     header: dict[str, float] = {}

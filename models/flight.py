@@ -240,7 +240,9 @@ class FlightTrack:
     def of(cls, *, name: str, time_s: Floats, rotor_count: int, **given: object) -> Self:
         """Build a track with the channels in `given` and NaN in all others (`flying`: all True).
 
-        `rotor_count` 0 is for a flight that reports nothing of its rotors. Raises as FlightTrack.
+        `time_s` (T,) is s. `rotor_count` sets the shape (T, R) of absent rotor channels; 0 is for a
+        flight that reports nothing of its rotors. Raise TrackError, as the class does, for channels
+        that do not fit.
         """
         rows = np.asarray(time_s).size
         for channel, shape in _shapes(rows, rotor_count).items():
@@ -270,10 +272,10 @@ class FlightTrack:
 
     @property
     def row_seconds(self) -> Floats:
-        """Return the s (T,) that each row represents: the step to the next, without the log's
-        pauses.
+        """Return the seconds (T,) that each row represents: the step to the next row.
 
-        The last one is 0, so that the parts of a log add up to the whole.
+        Steps are limited to LONGEST_STEP usual ones, so that pauses of the log do not count. The
+        last one is 0, so that the parts of a log add up to the whole.
         """
         if self.time_s.size < 2:
             return np.zeros(self.time_s.size)

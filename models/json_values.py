@@ -18,8 +18,12 @@ NOT_IN_JSON: Mapping[str, bool] = MappingProxyType({"not in JSON": True})
 
 
 def to_json_values(value: Any) -> Any:
-    """Convert a value to lists, dicts, text and numbers; NaN becomes None, because JSON has no
-    NaN."""
+    """Convert a value to lists, dicts, text and numbers; a dataclass becomes a dict by field name,
+    an enum its value.
+
+    NaN and infinity become None, because JSON has neither. Values of other types are returned
+    unchanged.
+    """
     if isinstance(value, Enum):
         return value.value
     if isinstance(value, float):
@@ -37,9 +41,10 @@ def to_json_values(value: Any) -> Any:
 def from_json_values(kind: Any, data: Any, where: str) -> Any:
     """Convert JSON values back to the type `kind`; None becomes NaN where a number is required.
 
-    A text where a dataclass is required becomes what the dataclass's `of_text` makes of it, if it
-    has one. Raises ValueError that names the place, from `where` on, when data is missing, unknown
-    or of another type.
+    `kind` is a number, text, enum or literal, a tuple, mapping or dataclass of them, or a union;
+    None stays where the union has it. A text where a dataclass is required becomes what the
+    dataclass's `of_text` makes of it, if it has one. Raise ValueError that names the place, from
+    `where` on, when data is missing, unknown or of another type.
     """
     of = get_args(kind)
     if get_origin(kind) is Literal:
@@ -70,7 +75,10 @@ def from_json_values(kind: Any, data: Any, where: str) -> Any:
 
 
 def _alternative(kinds: tuple[Any, ...], data: Any, where: str) -> Any:
-    """Return the first of several types that JSON `data` can be; raise ValueError for none."""
+    """Return the first of several types that JSON `data` can be; raise ValueError for none.
+
+    A dict fits a dataclass that has all its keys, a list any tuple, None and a number a float.
+    """
     for kind in kinds:
         if is_dataclass(kind):
             fits = isinstance(data, dict) and data.keys() <= {f.name for f in fields(kind)}
@@ -86,7 +94,8 @@ def _alternative(kinds: tuple[Any, ...], data: Any, where: str) -> Any:
 
 
 def _scalar(kind: Any, data: Any, where: str) -> Any:
-    """Convert a number, text or enum. Raises ValueError for another type."""
+    """Convert a number, text or enum; None for a float becomes NaN. Raise ValueError for another
+    type or an unknown enum value."""
     if kind is float and data is None:
         return math.nan
     if issubclass(kind, StrEnum):
@@ -103,7 +112,8 @@ def _scalar(kind: Any, data: Any, where: str) -> Any:
 
 
 def _dataclass(kind: Any, data: dict[str, Any], where: str) -> Any:
-    """Build a dataclass from its fields. Raises ValueError for missing, unknown or wrong ones."""
+    """Build a dataclass from its fields, of which those with a default may be missing. Raise
+    ValueError for missing, unknown or wrong ones."""
     expected = {f.name: f for f in fields(kind) if f.init}
     for name, field in expected.items():
         if name not in data and field.default is field.default_factory is MISSING:

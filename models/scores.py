@@ -140,9 +140,11 @@ def _over(top: Floats, bottom: Floats) -> Floats:
 def score(
     measured_rpm: Floats, predicted_rpm: Floats, flight: NDArray, *, seed: int | None = None
 ) -> Score:
-    """Score predictions (N, R) against measurements (N, R), rpm, of rows of `flight` (N,).
+    """Score predictions (N, R) against measurements (N, R), rpm; `flight` (N,) is each row's
+    flight.
 
-    With a `seed` the overall R² has its interval, from 3 flights on.
+    With a `seed` of the bootstrap, and 3 flights or more, the overall R² has its 95 % interval;
+    else the interval is NaN.
     """
     terms = error_terms(measured_rpm, predicted_rpm)
     whole = terms.sum(axis=0)
@@ -175,7 +177,8 @@ def by_flight(terms: Floats, flight: NDArray, *, seed: int = 0, draws: int = DRA
 def by_block(
     terms: Floats, block: NDArray, block_flight: NDArray, *, seed: int = 0, draws: int = 400
 ) -> Sums:
-    """Return sums (draws, ...) of terms (T, ...) over blocks, resampled within their flights.
+    """Return bootstrap sums (draws, ...) of `terms` (T, ...) by blocks resampled within their
+    flights.
 
     `block` (T,) numbers the rows' blocks, `block_flight` (B,) is the flight of each. Flights with
     only one block are resampled among themselves.
@@ -198,11 +201,11 @@ def by_block(
 def by_moving_block(
     terms: Floats, time_s: Floats, *, block_s: float, seed: int = 0, draws: int = DRAWS
 ) -> tuple[Sums, int]:
-    """Return sums (draws, ...) of terms (T, ...) of one flight, resampled in stretches of `block_s`
+    """Return bootstrap sums (draws, ...) of `terms` (T, ...) of one flight, by blocks of `block_s`
     s.
 
-    A block starts at any row that leaves room for it. Also return the number of blocks in the
-    flight; with fewer than FEWEST_BLOCKS the sums are NaN.
+    `time_s` (T,) are the rows' times. A block starts at any row that leaves room for it. Also
+    return the number of blocks in the flight; with fewer than FEWEST_BLOCKS the sums are NaN.
     """
     blocks = int((time_s[-1] - time_s[0]) // block_s)
     if blocks < FEWEST_BLOCKS:

@@ -92,7 +92,11 @@ class VehicleFacts:
 
     @property
     def statement(self) -> Statement:
-        """Return kind and number of rotors with their evidence."""
+        """Return the kind of vehicle with its evidence, and the number of rotors with its own, or
+        that none is reported.
+
+        The battery is added if reported. A vehicle without lifting rotors has its kind alone.
+        """
         kind = "vehicle by" if self.evidence else "vehicle not reported"
         if not self.has_lifting_rotors:
             return state(kind, vehicle=self.kind, evidence=self.evidence)

@@ -49,7 +49,8 @@ def _computer() -> str:
 
 
 def _remove_stale(folder: Path) -> None:
-    """Remove drafts in `folder` whose program, of this computer, no longer runs.
+    """Remove drafts in `folder` whose program, of this computer, no longer runs; on POSIX systems
+    only.
 
     Only a kill without warning leaves one. A draft whose process id was reused stays for a later
     run; a folder that cannot be read is left alone.

@@ -33,7 +33,7 @@ _HOMES = {
     "advise": "thrustmargin.models.model.advice",
     "analyse": "thrustmargin.models.model.analysis",
     "forecast": "thrustmargin.mission.forecast.plan_forecast",
-    "identify": "thrustmargin.gcs_plugin.workshop.identify.for_programs",
+    "identify": "thrustmargin.gcs_plugin.workshop.identify.explain",
     "load_model": "thrustmargin.models.model.model_file",
     "read_log": "thrustmargin.gcs_plugin.logs",
     "read_plan": "thrustmargin.gcs_plugin.commands.shared.plan_source",

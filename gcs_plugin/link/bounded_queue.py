@@ -25,7 +25,10 @@ class BoundedQueue(Generic[T]):
         self._closed = False
 
     def put(self, items: Sequence[T]) -> None:
-        """Append items in order and return at once; drop and count those beyond `limit`."""
+        """Append items in order and return at once; drop and count as many as are beyond `limit`.
+
+        These are the last of `items`, or with `keep_newest` the oldest in the queue.
+        """
         if not items:
             return
         with self._ready:
@@ -39,8 +42,9 @@ class BoundedQueue(Generic[T]):
             self._ready.notify()
 
     def take(self, timeout: float) -> list[T]:
-        """Remove and return all items, waiting up to `timeout` s for the first; empty if none
-        arrived.
+        """Remove and return all items; wait up to `timeout` s for the first.
+
+        Empty if none arrives, or at once if the queue is closed and empty.
         """
         with self._ready:
             if not self._items and not self._closed:

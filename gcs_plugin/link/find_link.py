@@ -49,7 +49,7 @@ class LinkFinder:
     def find(self, seconds: float) -> str | None:
         """Return the URL on which a vehicle is received within `seconds` s, None if there is none.
 
-        The URL's port is closed again before the return.
+        All ports are closed again before the return.
         """
         until = time.monotonic() + seconds
         try:

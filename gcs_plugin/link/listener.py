@@ -16,8 +16,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from thrustmargin.gcs_plugin.link.transport import Address, Chunk, Transport, open_transport
-from thrustmargin.gcs_plugin.mavlink.frame import Frame
-from thrustmargin.gcs_plugin.mavlink.scan import FrameCounts, FrameSplitter
+from thrustmargin.gcs_plugin.mavlink.frame import Frame, FrameCounts, FrameSplitter
 
 #: s that a thread waits for bytes before it checks whether it should stop.
 WAIT = 0.2
@@ -49,8 +48,11 @@ class Link:
         self._splitters: dict[Address | None, FrameSplitter] = {}
 
     def frames(self, chunk: Chunk, stamp_us: int) -> tuple[list[Frame], bytes]:
-        """Return the frames of a chunk received at `stamp_us`, Unix µs, and the bytes to forward
-        for it."""
+        """Return the frames of a chunk received at `stamp_us`, Unix µs, and bytes to forward.
+
+        The bytes of a stream are forwarded once a frame is whole, the bytes of a datagram as they
+        came.
+        """
         splitter = self._splitters.get(chunk.peer)
         if splitter is None:
             if len(self._splitters) >= SENDERS:
@@ -125,12 +127,15 @@ class Listener:
         return self._clock.now_us()
 
     def looked_us(self) -> int:
-        """Return the ground time, µs, up to which every open link has been read completely."""
+        """Return the ground's clock, µs, up to which every open link has been read completely.
+
+        The present if no link is open.
+        """
         looked = [link.looked_us for link in self.links if not link.finished]
         return min(looked, default=self.now_us())
 
     def send(self, data: bytes, *, system: int | None = None, forwards: bool = False) -> None:
-        """Send bytes to the link where `system` was last received, or to every link.
+        """Send bytes to link and address where `system` was last received, else to all.
 
         With `forwards` send them to the ground stations too.
         """

@@ -36,12 +36,12 @@ def play(
     loop: bool = False,
     progress: Callable[[Played], None] | None = None,
 ) -> Played:
-    """Send every frame of the log `speed` times as fast as it was recorded.
+    """Send every frame of the log `path` over `transport`, `speed` times as fast as recorded.
 
-    Each frame has its time from the start, so that delays do not add up. With `loop` it starts
-    again at the end, without end. `progress` is called about four times a second. Waits first until
-    the transport has a receiver; its answers are received and ignored. Raises LogError when the log
-    contains no frame.
+    Each frame has its time from the start, so that delays do not add up; pauses are cut to
+    LONGEST_PAUSE s. With `loop` it starts again at the end, without end. `progress` is called about
+    four times a second; return the final counts. Wait first until the transport has a receiver,
+    whose answers are ignored. Raise LogError if the log contains no frame.
     """
     stop = threading.Event()
 
@@ -78,7 +78,8 @@ def play(
 def _in_turn(path: Path, *, loop: bool) -> Iterator[tuple[int, int, bytes]]:
     """Yield, for each frame of the log: its stamp, the stamp before it (both µs), and its bytes.
 
-    With `loop` repeat for ever.
+    The first frame has its own stamp as the one before. With `loop` repeat for ever, each time as
+    from the start.
     """
     for _ in itertools.count() if loop else range(1):
         before: int | None = None

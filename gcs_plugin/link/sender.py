@@ -29,8 +29,12 @@ class Sender:
         self._packers: dict[int, Any] = {}
 
     def send(self, vehicle: int, message: Any, *, forwards: bool = False) -> None:
-        """Send `message` from the plugin, over the link where the vehicle was last received; with
-        `forwards` to the ground stations too."""
+        """Send a pymavlink `message` in the name of a vehicle: its system id, component COMPONENT.
+
+        It goes over the link on which the system id `vehicle` was heard, or over every link if it
+        was never heard. With `forwards` it also goes to the ground stations that receive forwarded
+        messages. The message is signed if a key is set.
+        """
         packer = self._packers.get(vehicle)
         if packer is None:
             packer = self.dialect.MAVLink(None, srcSystem=vehicle, srcComponent=COMPONENT)

@@ -35,8 +35,10 @@ class BootClocks:
         self._returns: list[float] = []
 
     def add(self, stamp_s: float, clock_s: float) -> None:
-        """Add one message, received at `stamp_s` of the ground's clock, with the sender's clock
-        since boot, `clock_s`, both s."""
+        """Add one message: the ground's clock at its arrival and the sender's clock in it, s.
+
+        The latter counts from the sender's boot.
+        """
         booted = stamp_s - clock_s
         same = [
             n for n, (line_s, _) in enumerate(self._lines) if abs(booted - line_s) <= SAME_CLOCK
@@ -56,7 +58,7 @@ class BootClocks:
         self._lines.append((booted, count))
 
     def shared(self, stamp_s: float) -> bool:
-        """Return True if the boot times of two vehicles have alternated recently."""
+        """Return True if boot times of two vehicles alternated in the 60 s up to `stamp_s`."""
         if not self._returns:
             return False
         recent = [
@@ -103,17 +105,20 @@ class SenderWatch:
         return len(recent) >= RETURNS
 
     def clocked(self, message: int, stamp_s: float, clock_s: float) -> None:
-        """Record the clock since boot, s, of a message with id `message`, received at `stamp_s`,
-        s."""
+        """Record one message's clock since boot, `clock_s`, s, by its id `message`.
+
+        `stamp_s`, s, is its arrival by the ground's clock.
+        """
         clocks = self._clocks.setdefault(message, BootClocks())
         clocks.add(stamp_s, clock_s)
         self._by_clocks = any(clock.shared(stamp_s) for clock in self._clocks.values())
 
     def look(self, sequence: int, data: bytes) -> Verdict:
-        """Count one frame; return NEW, DOUBLED (a copy of a recent frame) or LATE (overtaken by
-        newer ones).
+        """Count one frame; return NEW, DOUBLED (a copy) or LATE (overtaken by newer ones).
 
-        `sequence` is its MAVLink sequence number, 0 to 255, `data` its bytes.
+        `sequence` is its MAVLink sequence number, 0 to 255, `data` its bytes. Equal bytes within
+        the last 128 frames are a copy; a number up to 32 behind the last is late. While two
+        vehicles share the id, every frame that is no copy is NEW.
         """
         before = self._seen.get(sequence)
         if before is not None and before[0] == data and self.frames - before[1] < TWICE_WITHIN:

@@ -108,10 +108,10 @@ class SigningFilter:
         return self._latest
 
     def accept(self, frame: bytes, link: int = 0) -> bool:  # noqa: ARG002
-        """Return True if a frame (magic byte to signature) is the vehicle's own and new; count it.
+        """Return True if a frame is signed with the key and new; count it by its result.
 
-        `link`, the number of its socket, makes no difference: an accepted frame is a replay over
-        every other link too.
+        `frame` are its bytes from magic byte to signature. `link`, the number of its socket, makes
+        no difference: an accepted frame is a replay over every other link too.
         """
         verdict = self._verdict(frame)
         with self._lock:
@@ -121,7 +121,12 @@ class SigningFilter:
         return verdict == "accepted"
 
     def _verdict(self, frame: bytes) -> str:
-        """Classify a frame by its own bytes, without its age."""
+        """Classify a frame by its bytes, without its age; return a field of SigningCounts.
+
+        "accepted" if digest and id are good; "unsigned" for a whole MAVLink 1 frame or a MAVLink 2
+        frame without signature; "malformed" for a wrong length or unknown flags; "wrong_key" or
+        "unknown_id".
+        """
         if len(frame) >= 8 and frame[0] == V1 and len(frame) == frame[1] + 8:
             return "unsigned"
         if len(frame) < HEADER + 2 or frame[0] != V2:
@@ -141,7 +146,11 @@ class SigningFilter:
         return "accepted" if known else "unknown_id"
 
     def _age_verdict(self, frame: bytes) -> str:
-        """Classify a frame with a good digest by its age; store its time stamp if it is new."""
+        """Classify a frame with a good digest by its time stamp: "accepted", "replayed" or "stale".
+
+        It must be newer than the last of its stream (system, component, link id); the first of a
+        stream may be a minute behind the present. An accepted stamp is stored.
+        """
         link_id, stamp = frame[-SIGNATURE], int.from_bytes(frame[-12:-6], "little")
         stream = (frame[5], frame[6], link_id)
         last = self._last.get(stream)

@@ -66,7 +66,12 @@ class Endpoint:
 
 
 def parse_url(url: str) -> Endpoint:
-    """Parse a URL into its parts; raise LinkError for an unknown form."""
+    """Parse a URL into its parts; raise LinkError for an unknown form.
+
+    Forms: udpin, udpout, tcp or tcpin with host and port (udp counts as udpin), a recording
+    (.tlog), and a serial port, with the baud rate after a comma, 115200 without. A recording, and a
+    serial port under /dev, must exist.
+    """
     kind, _, rest = url.partition(":")
     if kind in ("udpin", "udpout", "udp", "tcp", "tcpin"):
         host, _, port = rest.rpartition(":")
@@ -382,7 +387,8 @@ class TelemetryLog(Transport):
 
 
 def open_transport(url: str) -> Transport:
-    """Open the transport of a URL; raise LinkError if it cannot be opened."""
+    """Open the transport of a URL in a form of `parse_url`; raise LinkError if it has none or
+    cannot be opened."""
     end = parse_url(url)
     try:
         if end.kind in ("udpin", "udpout"):

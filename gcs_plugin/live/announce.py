@@ -47,7 +47,7 @@ from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.live_monitor import OutputContext
 from thrustmargin.gcs_plugin.live.output import Output
 from thrustmargin.gcs_plugin.live.watch.update import Update
-from thrustmargin.gcs_plugin.telemetry.tank_source import MARGIN_ID, TANK_ID
+from thrustmargin.gcs_plugin.telemetry.battery_and_tank import MARGIN_ID, TANK_ID
 from thrustmargin.gcs_plugin.wording.advice_words import LAND_FIRST
 from thrustmargin.gcs_plugin.wording.alarm_words import EXTRA_BATTERIES, asked, change_words
 from thrustmargin.gcs_plugin.wording.language import say
@@ -84,9 +84,9 @@ class Announcer(Output):
     name = "--announce"
 
     def __init__(self, sender: Sender, *, limit: float = 0.5, battery: bool = False) -> None:
-        """Set the sender and `limit`, the smallest thrust margin that may last.
+        """Set the sender and `limit`, the smallest thrust margin, a share, that may last.
 
-        `battery`: margins are also sent as a battery (see the module).
+        `battery`: margin and tank level are also sent as two batteries, by share left.
         """
         self._sender = sender
         self._limit = limit
@@ -147,7 +147,10 @@ class Announcer(Output):
                 self._sender.send(number, message, forwards=True)
 
     def _landed(self, state: _Vehicle, update: Update) -> None:
-        """Queue the advice for the next flight once a flight has ended and its report is final."""
+        """Queue the text on the next flight once a flight has ended and its report is ready.
+
+        `state` stores whether a flight's report is awaited.
+        """
         flight = update.flight
         if flight is not None and state.flying and flight.settled and flight.answer.brief:
             grave = flight.advice.level in LAND_FIRST
@@ -209,8 +212,13 @@ def plain(text: str) -> str:
 
 
 def figures(update: Update) -> dict[str, float]:
-    """Return the last row's known figures by the names of their NAMED_VALUE_FLOAT; margins in %,
-    masses in kg."""
+    """Return the newest row's known figures by the names of their NAMED_VALUE_FLOAT.
+
+    MARGIN, MARGIN_PRE (predicted) and MARGIN_AHD (on the remaining route) are the least margins, %;
+    MARGIN_ROT is the worst rotor, from 1; REDUND the redundancy, a ratio; TANK_THR the load by
+    thrust and NEXT_FILL the next fill, kg; FLIGHT_LVL the level of the flight's answer. Unknown
+    figures are absent.
+    """
     analysis = update.analysis
     margins = analysis.margin[-1]
     placed = analysis.placed and np.isfinite(margins).all()

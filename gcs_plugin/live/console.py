@@ -60,7 +60,12 @@ class Screen:
 
 
 def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> RenderableType:
-    """Return the terminal's content, `width` characters wide; `page`: the 3D page is open too."""
+    """Return the terminal's content, `width` characters wide; `page`: the 3D page is open too.
+
+    Alarms of all vehicles come first, the gravest first, then the table of vehicles, remarks, and
+    the state of the monitor. Vehicles that have left are in the remarks only. Below WIDE some
+    columns are left out.
+    """
     from rich.box import HEAVY_HEAD, SIMPLE_HEAD
     from rich.console import Group
     from rich.table import Table
@@ -123,11 +128,13 @@ def answer_lines(watch: VehicleMonitor) -> tuple[str, ...]:
 def vehicle_cells(
     watch: VehicleMonitor, now_us: int, limit: float, old_s: float = OLD
 ) -> list[Text]:
-    """Return the cells of the table for a vehicle: its id, its figures and their age.
+    """Return the cells of the table for a vehicle, in the order of its columns: its id, its figures
+    and their age.
 
-    "-" is unknown; `problem` or the update's `remarks` give the reasons. Figures older than `old_s`
-    s are dim and begin with "~". Styles are set on the text and never written into it: the terminal
-    shows markup as it is.
+    `now_us` is the monitor's time, µs; `limit` the least margin allowed, a share. "-" is unknown:
+    `problem` or the update's `remarks` give the reasons; before the first update all figures are,
+    and the age is that of the last message. Figures older than `old_s` s are dim and begin with
+    "~". Styles are set on the text and never written into it: the terminal shows markup as it is.
     """
     from rich.text import Text
 
@@ -149,7 +156,12 @@ def vehicle_cells(
 
 
 def numbers(update: Update, limit: float) -> tuple[Text, *tuple[str, ...]]:
-    """Return the cells between the vehicle's number and the age of its last row."""
+    """Return the figures of the newest row, formatted for the cells between id and age.
+
+    They are: thrust margin, coloured by `limit` (a share); predicted margin; redundancy with one
+    rotor lost; tank, kg; tank by thrust, kg; time to empty; margin on the remaining route; margin
+    with a full tank. "-" where unknown.
+    """
     from rich.text import Text
 
     analysis, outlook = update.analysis, update.outlook
@@ -190,10 +202,11 @@ def _margin_cell(
     flying: bool,
     predicted: bool,
 ) -> Text:
-    """Return the worst rotor's margin and number, and how many rotors are unknown.
+    """Return the cell of the worst rotor: its margin and number, and how many rotors are unknown.
 
-    An inferred margin has its 90 % interval, and is green or red only if the whole interval is. A
-    `predicted` margin, without any rotor's speed, is never green. On the ground there is no margin.
+    `margin` (R,) and its 90 % interval `low`, `high` (R,) are shares, `limit` the least allowed.
+    The cell is green or red only if the whole interval is on that side. A `predicted` margin,
+    without any rotor's measured speed, is never green. Not `flying`, the cell says "on ground".
     """
     from rich.text import Text
 
@@ -219,7 +232,10 @@ def _any(values: np.ndarray) -> bool:
 
 
 def status_lines(status: MonitorStatus, *, page: bool = False) -> list[str]:
-    """Return the lines on link and recording; `page`: the 3D page is open."""
+    """Return the lines on delay, failed outputs, link and recording.
+
+    `page`: the 3D page is open.
+    """
     lines = [words.behind_words(status.behind_s, page=page)] if status.behind_s else []
     lines = [words.CUT_OFF] if status.cut_off else lines
     lines += [words.output_failed(name, error) for name, error in status.failed.items()]
@@ -235,7 +251,7 @@ def status_lines(status: MonitorStatus, *, page: bool = False) -> list[str]:
 
 
 def rowless_lines(fleet: Fleet) -> list[str]:
-    """Return the reasons why vehicles that send have no rows."""
+    """Return a line with the problem of each vehicle that sends messages but has no rows yet."""
     return [
         words.of_vehicle(n, w.problem)
         for n, w in fleet.vehicles.items()
@@ -368,8 +384,11 @@ class EventPrinter(Output):
         self.print()
 
     def look(self, *, page: bool = False) -> None:
-        """Print whether the analysis is late; called from another thread, because the compute
-        thread may hang."""
+        """Print a line if the analysis has fallen behind or caught up since the last call.
+
+        `page`: the 3D page is open. Called from another thread, because the compute thread may
+        hang.
+        """
         behind_s, now_s = self._monitor.status().behind_s, self._monitor.now_us() * 1e-6
         if self._lateness.changes(behind_s, now_s):
             late = words.behind_words(behind_s, page=page)

@@ -72,14 +72,19 @@ class Fleet:
         """Return system id -> monitor, in order of ids, of the systems with an autopilot's
         heartbeat.
 
-        Radios, gimbals and trackers have none. While no system has one, those with rows of a flight
-        are listed.
+        Radios, gimbals and trackers have none. While no system has one, the systems with rows of a
+        flight are listed.
         """
         seen = {n: w for n, w in sorted(self._watches.items()) if w.seen}
         return {n: w for n, w in seen.items() if w.vehicle} or seen
 
     def take(self, frames: Sequence[Frame]) -> None:
-        """Process frames of any sender in the order of arrival."""
+        """Pass frames of any sender, in the order of arrival, to the monitor of their system; a new
+        vehicle gets one.
+
+        Of a ground station only mission messages are used, by the vehicle that they are sent to. If
+        the settings name one vehicle, other vehicles are ignored.
+        """
         for frame in frames:
             if frame.verified and frame.id == HEARTBEAT and not self._is_vehicle(frame):
                 continue
@@ -131,11 +136,10 @@ class Fleet:
         return [(n, e) for n, w in self.vehicles.items() for e in w.tick(now_us)]
 
     def _is_vehicle(self, frame: Frame) -> bool:
-        """Return False for the heartbeat of a ground station, whose system then counts as a
-        station.
+        """Return False for a heartbeat of a ground station, else True; note the stations.
 
         A program on board, or a station, may have the vehicle's own id: a system with an autopilot
-        is a vehicle, whichever heartbeat comes first.
+        stays a vehicle, whichever heartbeat comes first.
         """
         columns = fields(frame)
         if columns is None:
@@ -177,8 +181,11 @@ class Presence:
         self._gone: dict[int, int] = {}  # vehicle -> when it was last heard
 
     def changes(self, fleet: Fleet, now_us: int) -> list[Happening]:
-        """Return vehicles that appeared, left or returned since the last call, and take their
-        notes."""
+        """Return events since the last call: vehicles that came, left or returned; notes.
+
+        `now_us` is the ground's clock, µs; a vehicle has left after GONE s of silence. The
+        monitors' notes are removed from them.
+        """
         made = []
         for number, watch in fleet.vehicles.items():
             if number not in self._known:

@@ -102,8 +102,10 @@ class Lateness:
         self._last_s = -math.inf
 
     def changes(self, behind_s: float, now_s: float) -> bool:
-        """Update `late` from the delay of the analysis, s, at a time, s; return True if `late`
-        changed."""
+        """Update `late` by a delay of `behind_s` s at `now_s`, s; return True if it changed.
+
+        A delay above 0 is late at once; `late` ends after CAUGHT_UP s without one.
+        """
         before = self.late
         self._last_s = now_s if behind_s > 0.0 else self._last_s
         self.late = now_s - self._last_s < CAUGHT_UP
@@ -208,7 +210,7 @@ class LiveMonitor:
     def close(self, patience: float | None = None) -> None:
         """Stop listening, analyse the frames received, and close the outputs.
 
-        With `patience` the analysis stops after that many s; the rest of the frames is only
+        With `patience` the analysis stops after that many s; frames not analysed by then are only
         recorded.
         """
         self._each(lambda output: output.on_links_closing())
@@ -356,8 +358,7 @@ class LiveMonitor:
         self._each(lambda output: output.on_round(self.fleet, now_us))
 
     def _found_us(self) -> int:
-        """Return the ground's clock, µs, up to which all data is analysed and the links were
-        checked."""
+        """Return the ground's clock, µs, up to which frames are analysed and links checked."""
         until_us = self._ticked_us
         first = self._queue.first()
         waiting = [until_us] if first is None else [until_us, first.stamp_us - 1]
@@ -450,17 +451,20 @@ OutputFactory = Callable[[OutputContext, Any], Output]
 
 
 def spacing(round_s: float, vehicles: int) -> float:
-    """Return s from the start of an analysis round, which took `round_s`, to the start of the next.
+    """Return the s from the start of an analysis round, which took `round_s` s, to the next start.
 
     With several vehicles at most 1/EACH analyses a second are made, however fast the computer is:
-    no alarm needs more, and the cost of an aircraft grows with their rate.
+    no alarm needs more, and the cost of an aircraft grows with their rate. At most RAREST.
     """
     longest = min(max(EACH * vehicles, LONGEST), RAREST)
     return min(max(round_s / DUTY, EACH * (vehicles - 1), SHORTEST), longest)
 
 
 def _pieces(frames: list[Frame]) -> list[list[Frame]]:
-    """Split frames of a recording into pieces of at most 256, and at pauses of a second."""
+    """Split frames of a recording into pieces of at most 256, and at pauses of over a second.
+
+    Without frames there is one empty piece.
+    """
     pieces: list[list[Frame]] = [[]]
     for frame in frames:
         last = pieces[-1]

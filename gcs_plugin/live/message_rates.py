@@ -109,9 +109,9 @@ class _Asked:
         return True
 
     def rate(self, number: int, window: float, since_s: float) -> float | None:
-        """Return the rate, Hz, of message id `number` over the last `window` s.
+        """Return the rate, Hz, of message id `number` over the last `window` s or a little more.
 
-        None before that many s after `since_s` have passed.
+        None if that time began before `since_s` (s, stamp of a message) or before the first count.
         """
         end_s, now = self.counts[-1]
         begin = next((c for c in reversed(self.counts) if end_s - c[0] >= window), None)
@@ -151,7 +151,12 @@ class RateRequester(Output):
                 asked.round_s = now_s
 
     def _ask(self, watch: VehicleMonitor, asked: _Asked, now_s: float) -> None:
-        """Queue the requests that are due, and note earlier ones without effect."""
+        """Queue the requests due at `now_s`, s; list requests without effect in
+        `watch.not_followed`.
+
+        A message is requested if it comes at less than half the needed rate, ever more rarely.
+        Parameters are requested from ArduPilot only.
+        """
         dialect, target = self._sender.dialect, watch.state.component or 1
         in_vain: dict[str, tuple[float, float]] = {}
         for name, (number, rate) in needed_messages(watch.state.autopilot, self._rotors).items():
@@ -179,8 +184,9 @@ class RateRequester(Output):
 
 
 def needed_messages(autopilot: int, rotor_count: int) -> dict[str, tuple[int, float]]:
-    """Return the needed messages by name, with id and Hz; rotor speeds, without which no margin is
-    measured, first.
+    """Return the messages that the monitor needs: name -> (id, Hz), rotor speeds first.
+
+    `autopilot` is the MAV_AUTOPILOT. Without rotor speeds no margin is measured.
     """
     if autopilot != ARDUPILOT:
         return OF_OTHERS | COMMON
@@ -189,11 +195,10 @@ def needed_messages(autopilot: int, rotor_count: int) -> dict[str, tuple[int, fl
 
 
 def needed_parameters(watch: VehicleMonitor) -> list[str]:
-    """Return the names of needed parameters that are unknown, the pump's range only with its output
-    known.
+    """Return the names of needed parameters that the vehicle has not sent yet.
 
-    The list is empty once the vehicle has sent all its parameters: one that is still unknown does
-    not exist.
+    The pump's range is among them once its output is known. Empty once the vehicle has sent all its
+    parameters: one that is still unknown does not exist.
     """
     if watch.state.parameters_whole:
         return []

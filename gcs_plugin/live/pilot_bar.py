@@ -44,9 +44,9 @@ class _Shown:
 
 
 class PilotBar(Output):
-    """An output that serves the bar on a port; `clock` gives the ground's time, µs.
+    """An output that serves the bar's page over HTTP; `clock` returns the ground's time, µs.
 
-    Raises LinkError from `start` when the port is taken.
+    `limit` is the least margin, a share. `start` raises LinkError if the port is taken.
     """
 
     name = "--bar"
@@ -84,7 +84,8 @@ class PilotBar(Output):
             self._server = None
 
     def answer(self, path: str) -> tuple[str, bytes] | None:
-        """Return media type and body for the path of a request; None for an unknown one."""
+        """Return media type and body for the path of an HTTP request: figures (/bar.json), page,
+        icon and the registration with BlueOS; None for an unknown path."""
         if path == "/bar.json":
             return "application/json", json.dumps(self.content()).encode()
         if path in ("/", "/index.html"):
@@ -95,7 +96,14 @@ class PilotBar(Output):
         return ("image/svg+xml", _file("icon.svg")) if path == "/icon.svg" else None
 
     def content(self) -> dict[str, Any]:
-        """Return the figures of each vehicle; margins are None once they are older than FRESH s."""
+        """Return the content of /bar.json: `schema`, `limit` (least margin, %) and `vehicles`, a
+        dict a vehicle.
+
+        Its keys: `vehicle` (system id), `age_s`, `margin`, `predicted` and `last_margin`, %, `low`,
+        `rotor` (from 1), `action` (text) and `flight` (the answer, or None). `margin`, `predicted`
+        and `rotor` are None, `low` False and `action` empty, once they are older than FRESH s;
+        `last_margin` stays.
+        """
         now_us, vehicles = self._clock(), []
         for number, shown in sorted(self._shown.items()):
             age_s = shown.update.age_s(now_us)

@@ -186,8 +186,12 @@ class PlanWatch(Output):
 
 
 def _rows(update: Update, home: tuple[float, float, float]) -> Floats:
-    """Return the new rows in flight (T, columns): clock, s; place (3), m NED about `home`;
-    speed, m/s; tank, kg; voltage; wind (3); density; utilisation (R). NaN where unknown."""
+    """Return the rows of an update that are new and in flight (T, 11 + R), NaN where unknown.
+
+    Columns: vehicle's clock, s; position (3), m NED from `home` (latitude, longitude, °; its
+    altitude is not used: down is from the track's origin); ground speed, m/s; tank, kg; voltage, V;
+    wind NED (3), m/s; air density, kg/m³; thrust utilisation of each rotor (R).
+    """
     analysis, track = update.analysis, update.analysis.track
     new = np.flatnonzero(track.flying[update.first :]) + update.first
     known_air = track.reports("pressure") or track.reports("altitude")

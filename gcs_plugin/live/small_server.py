@@ -94,7 +94,10 @@ class _Server(ThreadingHTTPServer):
         super().process_request(request, client_address)
 
     def _hang_up_on_one(self) -> None:
-        """End the oldest request of the client with the most requests; its thread then ends too."""
+        """End the oldest request of the client with the most requests, so that its thread ends too.
+
+        Nothing happens without a request.
+        """
         with self._change:
             if not self._peers:
                 return

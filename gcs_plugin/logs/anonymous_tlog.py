@@ -20,7 +20,7 @@ from thrustmargin.gcs_plugin.mavlink.decode import MAVLINK_RULES
 from thrustmargin.gcs_plugin.mavlink.frame import V2, checksum
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.scan import PADDING, STAMP, Frames, columns, read_bytes, scan
-from thrustmargin.gcs_plugin.mavlink.text import piece, printable
+from thrustmargin.gcs_plugin.wording.language import piece, printable
 from thrustmargin.models.errors import LogError
 
 #: Messages whose latitude and longitude (1e-7 °) and altitude (mm) are moved.
@@ -75,8 +75,11 @@ def anonymous_copy(path: Path) -> bytes:
 
 
 def _payloads(frames: Frames, of_vehicle: NDArray[np.bool_]) -> dict[int, bytes]:
-    """Return the payload of every frame to copy, by row number, with positions shifted to
-    NEW_PLACE. `of_vehicle` flags the frames of the chosen vehicle."""
+    """Return the payload of each frame to copy, by row number, with positions shifted to NEW_PLACE.
+
+    `of_vehicle` (n,) flags the frames of all vehicles. Messages that are not inputs of a margin,
+    and parameters of no use for it, are left out.
+    """
     payloads: dict[int, bytes] = {}
     origin: tuple[float, float] | None = None
     for number in np.unique(frames.id[of_vehicle]).tolist():
@@ -104,9 +107,12 @@ def _payloads(frames: Frames, of_vehicle: NDArray[np.bool_]) -> dict[int, bytes]
 def _move(
     values: NDArray[np.void], names: tuple[str, ...], origin: tuple[float, float] | None
 ) -> tuple[float, float] | None:
-    """Shift, in place, the positions in `values` so that the first fix `origin` is at NEW_PLACE.
+    """Shift latitude and longitude of messages, in place, by the same way that takes `origin` to
+    NEW_PLACE.
 
-    Return that fix, degrees; it is found in `values` if `origin` is None, and None without a fix.
+    `names` are the fields of latitude, longitude (1e-7 °) and altitude (mm) in `values` (n,); the
+    altitude stays. Latitude and longitude without a fix become 0. `origin` is the log's first fix,
+    °, None if not found yet: then the first in `values`. Return it, None if there is none so far.
     """
     latitude, longitude, altitude = (values[n] * s for n, s in zip(names, SCALES, strict=True))
     fixed = ((latitude != 0.0) | (longitude != 0.0)) & (np.abs(latitude) <= 90.0)

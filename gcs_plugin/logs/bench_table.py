@@ -40,9 +40,11 @@ class BenchTable:
 
 
 def read_bench(path: Path) -> BenchTable:
-    """Read a thrust bench table (CSV) and fit its curve.
+    """Read a thrust bench table (CSV with comma, semicolon or tab) and fit its curve; a column's
+    name states its quantity and thrust's unit.
 
-    Raise DataError, with the column or value to correct, for a file that cannot be fitted.
+    Rotor speed and thrust are required, throttle and voltage optional. Raise DataError, with the
+    column or value to correct, for a file that cannot be fitted.
     """
     try:
         text = regular(path).read_text(encoding="utf-8-sig")

@@ -55,13 +55,13 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.logs.read import Beginning, LogFormat, decoded
 from thrustmargin.gcs_plugin.mavlink.decode import attitude_from_quaternion
-from thrustmargin.gcs_plugin.mavlink.text import clean
+from thrustmargin.gcs_plugin.telemetry.airborne import airborne
 from thrustmargin.gcs_plugin.telemetry.flight_log import log_of_track
-from thrustmargin.gcs_plugin.telemetry.position import airborne
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
-from thrustmargin.gcs_plugin.telemetry.resample import plausible
+from thrustmargin.gcs_plugin.telemetry.signals import plausible
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options, stated_track
 from thrustmargin.gcs_plugin.wording.check_words import SENTENCES, statement_words
+from thrustmargin.gcs_plugin.wording.language import clean
 from thrustmargin.models.checks.motion_units import motion_units
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import (
@@ -96,10 +96,11 @@ class TheirColumn:
 
 
 def stated_columns(path: Path, unit_of: Callable[[str], str | None]) -> dict[str, TheirColumn]:
-    """Read the column rules from the file next to the table `path`; empty without a file.
+    """Read the rules of NAME.columns.toml, else columns.toml, in the folder of the table `path`.
 
-    `unit_of` returns the unit of a column of this program, None for an unknown name. Raise
-    LogError, naming the wrong line.
+    Return each column name of this program with its rule; empty without a file. `unit_of` returns a
+    column's unit ("" for a number without unit, None for an unknown name). Raise LogError, naming
+    the file and the wrong column.
     """
     places = (path.with_name(f"{path.stem}.{FILE}"), path.with_name(FILE))
     file = next((place for place in places if place.exists()), None)
@@ -157,9 +158,10 @@ def _their(file: str, name: str, line: Any, own: str | None) -> TheirColumn:
 def in_our_columns(
     stated: Mapping[str, TheirColumn], table: Mapping[str, Floats], rows: int
 ) -> dict[str, Floats]:
-    """Convert a table with foreign headings to this program's columns (T,), by the stated rules.
+    """Convert foreign columns to this program's names and units, each (T,), T = `rows`.
 
-    A quaternion becomes three angles, rad.
+    `stated` maps a name of this program to its rule, `table` a heading of the file to numbers (T,).
+    A complete quaternion is replaced by roll, pitch and yaw, rad, NaN where it is zero or NaN.
     """
     columns = {
         name: np.full(rows, one.offset)
@@ -176,7 +178,11 @@ def in_our_columns(
 
 
 def check_headings(path: Path, stated: Mapping[str, TheirColumn], names: Sequence[str]) -> None:
-    """Raise LogError if a stated column is missing, or only part of a quaternion is stated."""
+    """Raise LogError if a stated column is missing, or only part of a quaternion is stated.
+
+    `stated` maps columns of this program to their rules, `names` are the headings of the table
+    `path`.
+    """
     absent = [one.column for one in stated.values() if one.column and one.column not in names]
     if absent:
         missing = clean(", ".join(names)[:200])
@@ -195,8 +201,9 @@ def column_source(name: str) -> Provenance:
 
 
 def written_sources(path: Path, written: Any) -> dict[str, Provenance]:
-    """Return the channel sources written in the file's comment line; raise LogError if they are
-    malformed.
+    """Return the source of each channel from `written`, the `sources` of the file's comment line.
+
+    Empty if `written` is no JSON object; raise LogError if a source in it is malformed.
     """
     if not isinstance(written, dict):
         return {}
@@ -211,12 +218,16 @@ def written_sources(path: Path, written: Any) -> dict[str, Provenance]:
 
 
 def _as_written(text: str) -> Statement:
-    """Return a text that a table contains, with unprintable characters removed."""
+    """Return a text that a table contains as a Statement, with unprintable characters as spaces."""
     return Statement.of_text(clean(text))
 
 
 def _cleaned_remark(remark: Statement) -> Statement:
-    """Return the remark with unprintable characters removed from its names."""
+    """Return the remark with unprintable characters in all its texts, also of nested ones, replaced
+    by spaces.
+
+    A remark of a kind that this program does not know becomes plain text.
+    """
 
     def cleaned(value: Value) -> Value:
         if isinstance(value, Statement):
@@ -231,7 +242,7 @@ def _cleaned_remark(remark: Statement) -> Statement:
 
 
 def _cleaned(source: Provenance) -> Provenance:
-    """Return the source with unprintable characters removed, for display."""
+    """Return the source with unprintable characters in all texts replaced by spaces."""
     return replace(
         source,
         name=clean(source.name),
@@ -245,10 +256,11 @@ def _cleaned(source: Provenance) -> Provenance:
 
 
 def plausible_channels(track: FlightTrack) -> tuple[dict[str, Floats], list[Statement]]:
-    """Return the channels with values out of range as NaN, and notes on columns in another unit.
+    """Return each channel in its shape, with NaN for values out of range, and notes on wrong units.
 
-    A column mostly out of range becomes NaN throughout: its values in range are wrong too, as per
-    cent near idle look like a share.
+    Ranges are those of TRACK_CHANNELS. If more than 20 % of a column's numbers other than 0 are out
+    of range, it probably has another unit: all of it becomes NaN, and one note for its channel is
+    added.
     """
     passed, notes = {}, []
     for name, limit in TRACK_CHANNELS.items():
@@ -298,8 +310,9 @@ _ROWS = 4096  # that are held as text at a time
 
 
 def _likeness(begins: Beginning) -> float:
-    """Return the likelihood of a flight table: it begins with comment lines, or a heading of
-    time.
+    """Return 0.9 for the beginning of a flight table, else 0.0 of any other file.
+
+    A table is text named .csv, or beginning with comment lines, or with a heading time_s.
     """
     if begins.text is None:
         return 0.0
@@ -309,16 +322,16 @@ def _likeness(begins: Beginning) -> float:
 
 def _read(path: Path, _vehicle: int | None, options: Options) -> tuple[FlightLog, ...]:
     craft = options.airframe
-    track, unread = _read_first(path, 0 if craft is None else craft.rotor_count)
+    track, unread = read_csv(path, 0 if craft is None else craft.rotor_count)
     return (replace(table_log(track, path, options, format=FORMAT.name), unflown=unread),)
 
 
 def table_log(track: FlightTrack, path: Path, options: Options, *, format: str) -> FlightLog:
-    """Return the FlightLog of a track that was read from a table, with the options applied.
+    """Return the FlightLog of a track read from the table `path`, with the options applied.
 
-    `format` is the name of its LogFormat. Channels of impossible values are left out and listed in
-    `other_units`. Rows in flight are detected if the track does not state them. Raises
-    AirframeError if the airframe has another number of rotors.
+    `format` is the name of its LogFormat. Values out of range become NaN; columns that seem to have
+    another unit are listed in `other_units`. Rows in flight are detected if the track does not
+    state them. Raise AirframeError if the airframe has another number of rotors.
     """
     craft = options.airframe
     if craft is not None and track.rotor_count != craft.rotor_count:
@@ -346,18 +359,11 @@ FORMAT = LogFormat(
 )
 
 
-def read_csv(path: Path, *, rotor_count: int = 0) -> FlightTrack:
-    """Read the track of a CSV file; `rotor_count` is for a file without rotor columns.
+def read_csv(path: Path, rotor_count: int) -> tuple[FlightTrack, tuple[Statement, ...]]:
+    """Read the first flight of a CSV file; also return a note on how many flights follow, if any.
 
-    Raise LogError, naming the wrong column or row.
-    """
-    return _read_first(path, rotor_count)[0]
-
-
-def _read_first(path: Path, rotor_count: int) -> tuple[FlightTrack, tuple[Statement, ...]]:
-    """Read the first flight of a CSV file; also return notes on its other flights.
-
-    Raise LogError, naming the wrong column or row.
+    `rotor_count` is for a file without rotor columns. Raise LogError, naming the wrong column or
+    row.
     """
     comments, names, body, separator = _parts(decoded(path.read_bytes()))
     stated = stated_columns(path, unit_of_column)
@@ -399,8 +405,8 @@ def _known(name: str) -> bool:
 
 
 def unit_of_column(name: str) -> str | None:
-    """Return the unit of a column of this program, empty if it has none; None for any other
-    name."""
+    """Return the unit of a column of this program, "" without one (a flag or a plain number); None
+    for any other name."""
     if rotor := _ROTOR.fullmatch(name):
         return TRACK_CHANNELS[rotor[1]].unit
     if name in ("time_s", "flying"):
@@ -413,9 +419,11 @@ def unit_of_column(name: str) -> str | None:
 def _columns(
     body: str, separator: str, names: Sequence[str], used: Sequence[str], states: set[str]
 ) -> tuple[dict[str, Floats], int]:
-    """Return the used columns as numbers (T,), NaN where empty, and the count of incomplete rows.
+    """Return the columns `used` as numbers (T,), NaN where empty, and the count of skipped rows.
 
-    Raise ValueError or csv.Error if the text is no table of numbers.
+    `body` is the table with its heading line, `names` all its headings; columns in `states` may
+    hold true and false. A row with another number of cells is skipped. Raise ValueError if these
+    are more than 1 + 1 % of the rows, or a cell is no number; csv.Error if the text is no table.
     """
     first_rows = csv.reader(body.split("\n", _SHOWN)[1:_SHOWN], delimiter=separator)
     comma = any(_DECIMAL_COMMA.fullmatch(cell.strip()) for row in first_rows for cell in row)
@@ -440,7 +448,10 @@ def _columns(
 
 
 def _number(cell: str, comma: bool, name: str) -> float:
-    """Parse a cell as a number, NaN if empty; raise ValueError for anything else."""
+    """Parse a cell of the column `name`, NaN if empty; raise ValueError for anything else.
+
+    `comma`: the table has decimal commas, so that a point is an error.
+    """
     cell = cell.strip()
     if cell in _NULLS:
         return math.nan
@@ -459,8 +470,12 @@ def _state(cell: str, comma: bool, name: str) -> float:
 
 
 def _parts(text: str) -> tuple[list[str], list[str], str, str]:
-    """Return the comment lines, the columns' names in this program, the table with heading, and
-    its separator."""
+    """Return a table's comment lines, headings, text from the heading line on, and separator.
+
+    Comment lines lose their first character; headings lose a unit in brackets if it is this
+    program's. The separator is the most frequent of comma, semicolon and tab. No headings if they
+    cannot be parsed.
+    """
     comments: list[str] = []
     while text.startswith(("#", "sep=")):
         line, _, text = text.partition("\n")
@@ -482,8 +497,9 @@ def _without_unit(heading: str) -> str:
 
 
 def _statements(comments: Sequence[str], path: Path) -> dict[str, Any]:
-    """Return the JSON object of the comment lines, empty if none; raise LogError if it is not
-    JSON.
+    """Return the JSON object of the last comment line that begins with "{"; empty if there is none.
+
+    Raise LogError if one is not JSON.
     """
     statements: dict[str, Any] = {}
     for text in comments:
@@ -496,8 +512,11 @@ def _statements(comments: Sequence[str], path: Path) -> dict[str, Any]:
 
 
 def _first_flight(columns: Mapping[str, Floats]) -> tuple[dict[str, Floats], tuple[Statement, ...]]:
-    """Return the rows of the first flight of a report, without empty columns, and a note on
-    others."""
+    """Return the rows of the first row's flight, and a note with the count of flights if several.
+
+    `columns`, each (T,), must include flight_number, which is left out of the result, as are
+    columns without a finite value in these rows, except time_s.
+    """
     numbers = columns["flight_number"]
     first = numbers == numbers[0] if numbers.size else numbers == numbers
     count, unread = 1 + np.unique(numbers[~first]).size, ()

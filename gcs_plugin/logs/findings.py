@@ -76,8 +76,10 @@ def gravest_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 
 def loss_findings(log: FlightLog) -> list[Finding]:
-    """Return findings of lost, or nearly lost, control, with the attitude and rates that show
-    it; empty without."""
+    """Return a finding of lost control and one of control nearly lost, each if there are signs.
+
+    `values` has time and value of each sign, an attitude or a rate.
+    """
     kinds = (
         ("control", Severity.GRAVE, loss_of_control(log.track), loss_words),
         ("recovered", Severity.WARNING, recovered_signs(log.track), recovered_words),
@@ -99,10 +101,10 @@ _OF_LOSS = ("time_s", "value")
 
 
 def takeoff_findings(track: FlightTrack, airframe: Airframe | None) -> list[Finding]:
-    """Return the findings of every run-up of a flight; one without deviations is a finding that
-    says so.
+    """Return the findings of every run-up of a flight; one without deviations is a finding too.
 
-    If `airframe` is None only the rotors are compared.
+    If `airframe` is None only the rotors are compared with each other. UNKNOWN is the severity of a
+    motor that reports nothing.
     """
     places = () if airframe is None else airframe.rotor_names
     made = []
@@ -120,8 +122,10 @@ def takeoff_findings(track: FlightTrack, airframe: Airframe | None) -> list[Find
 
 
 def event_findings(events: Iterable[VehicleEvent]) -> list[Finding]:
-    """Return one finding for each kind and subject of the vehicle's events: the first, with the
-    count."""
+    """Return one finding for each kind and subject of the vehicle's events.
+
+    It has the time of the first, and the count of all. Arming and resolved faults are left out.
+    """
     equal_events: dict[tuple[EventKind, str], list[VehicleEvent]] = {}
     for event in events:
         if event.kind not in _PLAIN:
@@ -140,10 +144,10 @@ def event_findings(events: Iterable[VehicleEvent]) -> list[Finding]:
 
 
 def report_findings(findings: Iterable[Finding]) -> list[Finding]:
-    """List the findings to show next to a report's verdict.
+    """Return the findings to show next to a report's verdict: grave ones and warnings.
 
-    They are severe ones that the vehicle reported, or that make rotor names or numbers wrong; lost
-    control is excluded.
+    They must have a time, or make rotor names or numbers wrong; lost control is excluded, since the
+    verdict says it.
     """
     return [
         one

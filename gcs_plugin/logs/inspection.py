@@ -18,7 +18,6 @@ from thrustmargin.gcs_plugin.logs.findings import (
     loss_findings,
     takeoff_findings,
 )
-from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.recording import channel_source, channel_values
 from thrustmargin.gcs_plugin.wording.check_words import (
     no_verdict_words,
@@ -29,7 +28,7 @@ from thrustmargin.gcs_plugin.wording.check_words import (
     value_words,
 )
 from thrustmargin.gcs_plugin.wording.flight_words import LEFT_OUT, TOO_SELDOM
-from thrustmargin.gcs_plugin.wording.language import say
+from thrustmargin.gcs_plugin.wording.language import clean, say
 from thrustmargin.models.checks.held import attitude_denied
 from thrustmargin.models.checks.instruments import INSTRUMENTS, sprayed_by_thrust
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
@@ -117,8 +116,8 @@ def inspect_log(
 ) -> Inspection:
     """Check a log's quality, its fit to the airframe, motor order and rotor speed scale.
 
-    `airframe_match` is the decision if the flight is of the airframe; None: the user stated the
-    airframe. A flight of an unknown airframe is not compared with one.
+    `airframe_match` is the decision whether the flight is of `airframe`; None: the user stated the
+    airframe, and it is decided here. A flight of an unknown airframe is not compared with one.
     """
     findings = [*loss_findings(log), *event_findings(log.events)]
     units = map(statement_words, log.other_units)
@@ -177,7 +176,8 @@ def _compared(one: Comparison) -> Finding:
 
 
 def _vehicles(log: FlightLog) -> list[Finding]:
-    """Return a warning if the log contains several vehicles, of which only one is read."""
+    """Return one warning if the log contains several vehicles, of which only one is read; else an
+    empty list."""
     if len(log.vehicles) < 2:
         return []
     words = say(
@@ -292,8 +292,10 @@ def _tank(track: FlightTrack, airframe: Airframe) -> list[Finding]:
 
 
 def _pump(log: FlightLog, airframe: Airframe) -> list[Finding]:
-    """Return one warning if the pump ran and the thrust shows no loss of mass; else an empty
-    list."""
+    """Return one warning if the pump ran and the thrust shows no loss of mass; else an empty list.
+
+    No loss is at most LEAST_FLOW of the airframe's largest flow.
+    """
     source = sprayed_by_thrust(log.track, airframe, log.parameters)
     least_l_s = LEAST_FLOW * airframe.pump_max_flow_l_min / 60.0
     if source is None or not source.most_kg < least_l_s * airframe.liquid_density * source.pump_s:
@@ -308,8 +310,11 @@ def _pump(log: FlightLog, airframe: Airframe) -> list[Finding]:
 
 
 def _sensor(track: FlightTrack) -> Finding:
-    """Compare the mean specific force in steady flight with gravity, which vibration does not
-    change."""
+    """Return a finding on the accelerometer: mean specific force in steady flight against gravity.
+
+    The mean is not changed by vibration. UNKNOWN without readings in steady flight, or with too few
+    for the vibration; strong vibration is a warning too.
+    """
     turning = np.linalg.norm(track.angular_rate_frd, axis=1) > _STEADY_RATE  # no: not known either
     known = np.isfinite(track.specific_force_frd).all(axis=1)
     force = track.specific_force_frd[track.flying & known & ~turning]
@@ -341,8 +346,10 @@ def _sensor(track: FlightTrack) -> Finding:
 
 
 def _gyro(track: FlightTrack) -> list[Finding]:
-    """Return one warning if the attitude turns while accelerometer and barometer show no motion;
-    else an empty list."""
+    """Return one warning if the attitude turns while accelerometer and barometer show no motion.
+
+    Else an empty list.
+    """
     height = pressure_altitude(track.pressure)
     denied = attitude_denied(track.time_s, track.attitude, track.specific_force_frd, height)
     seconds = float(track.row_seconds[denied].sum())
@@ -362,7 +369,7 @@ def _gyro(track: FlightTrack) -> list[Finding]:
 
 
 def instrument_offsets(log: FlightLog) -> list[str]:
-    """Return a sentence on each ESC whose voltage differs from the others' by a constant."""
+    """Return a sentence on each ESC whose voltage differs from the other ESCs' by a constant."""
     below = (
         "the ESC of motor {motor} reads {volts} V below the others, loaded or not: an offset of "
         "its instrument, not of its motor"
@@ -402,7 +409,12 @@ def _absent(log: FlightLog) -> list[Finding]:
 
 
 def as_json(inspection: Inspection) -> dict[str, Any]:
-    """Return the inspection as JSON values; None where unknown."""
+    """Return the inspection as JSON values; None where unknown.
+
+    It has the log (file, format, vehicle, sortie), the airframe and its basis, the times, s, the
+    `channels`, the `quality` of the log, `motor_order` and `speed_scale` (None if not checked), and
+    `findings`. Motors count from 1.
+    """
     log, values = inspection.log, to_json_values(inspection.log.quality)
     order, scale = inspection.motor_order, inspection.speed_scale
     return {

@@ -1,6 +1,6 @@
 """Read a log as flights that are matched with an airframe, and answer each of them.
 
-Every command that analyses a file reads it by `claimed_flights`; report, replay and live share
+Every command that analyses a file reads it by `matched_flights`; report, replay and live share
 `answer_log`: findings, the answer of the flight, and the estimates for an unknown aircraft.
 """
 
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,29 +36,28 @@ from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.model.advice import Advice, Advised, advise
 from thrustmargin.models.model.airframe_match import AirframeMatch, match_airframe
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.model.inferred.prepared import fill_channels
+from thrustmargin.models.model.inferred.load_inference import fill_channels
 from thrustmargin.models.model.model_misfit import Caveat
 from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LogAnswer:
-    """The findings on one sortie and its answer (advice, analysis, fill)."""
+class LogAnswer(Advised):
+    """The answer of one sortie (advice, analysis, fill), with the findings on its log."""
 
     findings: tuple[Finding, ...]  # the gravest first
-    made: Advised
     contact: FirstContact | None  # None of an aircraft that is known
     statements: tuple[VehicleStatement, ...] = ()  # of the vehicle, with what the log shows of each
 
 
-def claimed_flights(
+def matched_flights(
     path: Path, model: RotorModel, *, given: bool, **options: Any
 ) -> list[tuple[FlightLog, AirframeMatch]]:
-    """Return every sortie of a log, with inferred channels, and the decision if it is the
-    airframe's.
+    """Return every sortie of a log with its match: whether it was flown by the model's airframe.
 
-    `given` is True if the user stated the airframe; `options` are those of `read_sorties`. A log
-    that does not match is read without an airframe. Raise the errors of `read_sorties`.
+    `given` is True if the user stated the airframe; `options` are those of `read_sorties`. A sortie
+    that matches has inferred channels filled in; one of an unknown aircraft is read without an
+    airframe. Raise the errors of `read_sorties`.
     """
     craft = identified_airframe(model)
 
@@ -111,28 +110,28 @@ def answer_log(log: FlightLog, analysis: FlightAnalysis, limit: float) -> LogAns
         other_order=bool(names_wrong(findings)),
         open_pairs=() if order is None else order.open_pairs,
     )
-    made = advise(replace(analysis, airframe_match=airframe_match), limit=limit)
-    said = vehicle_statements(
+    advised = advise(replace(analysis, airframe_match=airframe_match), limit=limit)
+    statements = vehicle_statements(
         log.events,
         log.track,
-        faults=made.advice.faults,
-        losses=made.advice.losses,
+        faults=advised.advice.faults,
+        losses=advised.advice.losses,
         yaw_reserve=None if analysis.no_verdict else analysis.yaw_reserve,
     )
     return LogAnswer(
-        findings=with_statements(findings, said, made.advice),
-        made=made,
+        **{one.name: getattr(advised, one.name) for one in fields(advised)},
+        findings=with_statements(findings, statements, advised.advice),
         contact=first_contact_of(log, analysis.airframe_match),
-        statements=said,
+        statements=statements,
     )
 
 
 def with_statements(
     findings: Sequence[Finding], statements: Sequence[VehicleStatement], advice: Advice | None
 ) -> tuple[Finding, ...]:
-    """Append to each finding of a vehicle's report what the log shows of the reported fault.
+    """Append to each finding on a vehicle's report what the log shows of the reported fault.
 
-    `advice` is None where no verdict is given.
+    Other findings are returned unchanged. `advice` is None where no verdict is given.
     """
     log_shows = {
         (one.kind, one.subject): words
@@ -148,8 +147,10 @@ def with_statements(
 
 
 def statement_words(one: VehicleStatement, advice: Advice | None) -> str:
-    """Return in words if the log confirms a report of the vehicle; empty if it shows nothing of
-    it."""
+    """Return what the log shows of a fault that the vehicle reported, in words; empty if nothing.
+
+    `advice` is None where no verdict is given.
+    """
     return corroboration_words(
         one.corroboration,
         named=one.named,

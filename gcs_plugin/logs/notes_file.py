@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
-from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.recording import EngineerNote, FlightLog
+from thrustmargin.gcs_plugin.wording.language import clean
 from thrustmargin.models.errors import LogError
 
 NOTES_NAME = "notes.csv"  # name of the notes file in a log's folder
@@ -65,14 +65,18 @@ def with_notes(logs: Sequence[FlightLog], path: Path) -> list[FlightLog]:
 
 
 def _of_sortie(line: _Line, log: FlightLog, start_s: float) -> EngineerNote:
-    """Convert a line to a note, at s from the first row of a sortie."""
+    """Convert a line to a note, at s from the first row of the sortie `log`.
+
+    `start_s` is the vehicle's clock at the first row of the first sortie. NaN for a date, if `log`
+    has none.
+    """
     if math.isfinite(line.unix_s):
         return EngineerNote(line.unix_s - (log.track.start_unix_s or math.nan), line.text)
     return EngineerNote(line.seconds + start_s - log.clock_start_s, line.text)
 
 
 def _read(path: Path) -> list[_Line]:
-    """Return the lines of a file of notes; raise LogError if it is no such file."""
+    """Return the notes in a file; raise LogError without UTF-8 text and the header time,text."""
     try:
         text = path.read_text("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:

@@ -20,7 +20,12 @@ _MOST_BYTES = 4 << 20
 
 
 def read_parameters(path: Path) -> dict[str, float]:
-    """Read a parameter file; return values by name in capitals. Raise LogError if there is none."""
+    """Read a parameter file (NAME,VALUE or the columns of QGroundControl); return finite values by
+    name in capitals, the last of several.
+
+    Lines of another form are skipped. Raise LogError if the file cannot be read, is too large or
+    has no parameter.
+    """
     try:
         if regular(path).stat().st_size > _MOST_BYTES:
             raise LogError(f"{path.name} is too large for a parameter file")

@@ -74,8 +74,8 @@ def read_sorties(
     vehicles than multirotors are read too. The other `options` are those of
     `telemetry.vehicle_events.Options`: `airframe` gives the number of rotors, the tank and the
     liquid; `sampling` puts other channels onto the rows by interpolation ("linear") or as a live
-    listener would ("hold"); `tank` names the source of the tank level as `telemetry.tank_source`
-    lists them; `tank_start_kg` is the mass in a tank without a gauge at the start of the log.
+    listener would ("hold"); `tank` names the source of the tank level, as in `battery_and_tank`;
+    `tank_start_kg` is the mass in a tank without a gauge at the start of the log.
     `load` and `load_end`, kg on board at the start and at the end, replace any gauge,
     `air_temperature` in K replaces the autopilot's own reading. Raises LogError when the file
     contains no flight or is of another vehicle, AirframeError when the airframe has another number
@@ -108,9 +108,9 @@ def read_sorties(
 
 
 def _fitting_vehicle(path: Path, options: Options) -> int | None:
-    """Return the vehicle in the log with the airframe's number of rotors; None if there is none.
+    """Return the system id of the vehicle in the log with the airframe's number of rotors.
 
-    Raise LogError if several vehicles fit.
+    None if there is none. Raise LogError if several vehicles fit.
     """
     _, logs = _read_as(path, None, replace(options, airframe=None))
     fits: list[int] = []
@@ -127,8 +127,10 @@ def _fitting_vehicle(path: Path, options: Options) -> int | None:
 def _read_as(
     path: Path, vehicle: int | None, options: Options
 ) -> tuple[LogFormat, tuple[FlightLog, ...]]:
-    """Return the first format that can read the log, and its sorties; raise LogError if none
-    can."""
+    """Return the most probable format that can read the log, and the log's sorties.
+
+    `vehicle` is a system id, None for the most probable one. Raise LogError if no format can.
+    """
     for kind in formats(path):
         try:
             return kind, kind.read(path, vehicle, options)
@@ -143,7 +145,8 @@ def _read_as(
 def formats(path: Path) -> list[LogFormat]:
     """Return the formats to try, most probable first.
 
-    Raise LogError for a folder, an empty file or text of no known format.
+    They are ranked by the first bytes and the name's ending; others are left out. Raise LogError
+    for a folder, an empty file or text of no known format.
     """
     if path.is_dir():
         raise LogError(f"{path} is a folder; give a log file in it")
@@ -176,8 +179,10 @@ def _named(*, is_text: bool) -> str:
 
 
 def decoded(data: bytes) -> str:
-    """Decode UTF-8 or UTF-16 to text with `\\n` line ends; invalid bytes become replacement
-    marks.
+    """Decode UTF-8 or UTF-16 to text in which every line ends in a single newline character.
+
+    The encoding is recognised by the mark at the start, or a zero among the first two bytes.
+    Invalid bytes become replacement characters.
     """
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         encoding = "utf-16"

@@ -14,7 +14,6 @@ from thrustmargin.gcs_plugin.mavlink.decode import MAVLINK_RULES
 from thrustmargin.gcs_plugin.mavlink.layouts import message_ids
 from thrustmargin.gcs_plugin.mavlink.rules import Columns
 from thrustmargin.gcs_plugin.mavlink.scan import PADDING, Frames, named, read_bytes, scan
-from thrustmargin.gcs_plugin.mavlink.text import piece, printable
 from thrustmargin.gcs_plugin.mavlink.who_sends import (
     FLIGHT_DATA,
     GROUND_STATION,
@@ -24,12 +23,12 @@ from thrustmargin.gcs_plugin.mavlink.who_sends import (
     two_of_one_id,
 )
 from thrustmargin.gcs_plugin.telemetry.clock import Clock, unix_minus_clock, vehicle_clocks
+from thrustmargin.gcs_plugin.telemetry.flight_log import sorties_of
 from thrustmargin.gcs_plugin.telemetry.recording import (
     FlightLog,
     LogQuality,
     NotThisFormat,
     Recording,
-    Stream,
     damage_of,
     mission_item,
     pauses,
@@ -39,12 +38,13 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import sent_values
 from thrustmargin.gcs_plugin.telemetry.signals import (
     Signals,
+    Stream,
     hud_airspeed,
     mavlink_signals,
     pitot_present,
 )
-from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options, parameter_events
+from thrustmargin.gcs_plugin.wording.language import piece, printable
 from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Bools
@@ -58,11 +58,11 @@ _MISSION = ("MISSION_ITEM_INT", "MISSION_ITEM", "MISSION_COUNT", "MISSION_CLEAR_
 def tlog_boots(
     path: Path, *, vehicle: int | None = None, on_arrival: bool = False
 ) -> Iterator[Recording]:
-    """Yield a recording of one vehicle of a .tlog for each run between restarts.
+    """Yield a recording of one vehicle of a .tlog for each run of its clock between restarts.
 
     `vehicle` is a system id; None takes the one that reports rotor speeds, else the one with most
-    messages. `on_arrival` dates each message as a live listener would. Raise LogError if there is
-    no MAVLink in the file or no such vehicle.
+    frames. `on_arrival` dates each message as a live listener would. Raise LogError if there is no
+    MAVLink in the file, no such vehicle, no time stamps, or two vehicles share the id.
     """
     data, size = read_bytes(path, PADDING)
     frames = scan(data, size)
@@ -119,8 +119,12 @@ def tlog_boots(
 def _boot(
     path: Path, frames: Frames, mine: Bools, pilot: int, clock: Clock, came_twice: int
 ) -> Recording:
-    """Return the recording of one vehicle, whose frames `mine` (n,) flags, in one run of its
-    clock."""
+    """Return the recording of one vehicle in one run of its clock.
+
+    `mine` (n,) flags the vehicle's frames, `pilot` is its autopilot's component id, `came_twice`
+    the number of copies dropped. Of a message that the autopilot sends, those of other components
+    are left out. Unix time is by GPS, else by the log's stamps.
+    """
     component, chosen = frames.component, int(frames.system[np.argmax(mine)])
     inside = mine.copy()
     inside[: clock.first_row] = False
@@ -176,8 +180,9 @@ def _boot(
 
 
 def _hardware_id(frames: Frames, mine: Bools) -> str:
-    """Return the serial number of AUTOPILOT_VERSION, the longer if it contains two; empty if
-    none.
+    """Return the serial number, hexadecimal, in the last AUTOPILOT_VERSION with one; else empty.
+
+    `mine` (n,) flags the vehicle's frames. The longer number is preferred where a message has two.
     """
     for version in reversed(named(frames, "AUTOPILOT_VERSION", mine)[1]):
         long, short = version["uid2"].tobytes().hex(), version["uid"].tobytes().hex()
@@ -187,7 +192,7 @@ def _hardware_id(frames: Frames, mine: Bools) -> str:
 
 
 def vehicle_systems(frames: Frames) -> list[int]:
-    """Return the system ids with a heartbeat of a vehicle's autopilot.
+    """Return the system ids with a heartbeat of a vehicle's autopilot, ascending.
 
     If the log has none: the ids that send flight data and are no ground station.
     """
@@ -219,10 +224,11 @@ def _choose(path: Path, frames: Frames, vehicles: list[int], number: int | None)
 def _main_component(
     frames: Frames, mine: Bools, component: NDArray[np.uint8], autopilots: list[int]
 ) -> int:
-    """Return the component id of a vehicle's autopilot: the one that sends most ATTITUDE, else most
-    GLOBAL_POSITION_INT, among `autopilots`; if these send neither, among all of `mine`.
+    """Return the component id of a vehicle's autopilot, the one that sends most ATTITUDE.
 
-    If nobody sends either: the first of `autopilots`, else most HEARTBEAT, else most frames.
+    Without ATTITUDE, most GLOBAL_POSITION_INT; both first among `autopilots`, then among all frames
+    that `mine` (n,) flags. If nobody sends either: the first of `autopilots`, else the sender of
+    most HEARTBEAT, else of most frames. `component` (n,) are the frames' component ids.
     """
     for candidates in (mine & np.isin(component, autopilots), mine):
         for name in ("ATTITUDE", "GLOBAL_POSITION_INT"):
@@ -236,9 +242,10 @@ def _main_component(
 
 
 def _parameters(frames: Frames, mine: Bools, last_row: int) -> tuple[dict[str, float], bool]:
-    """Return the parameters by name, last values up to the row; also True if the list is complete.
+    """Return the parameters' last values up to frame `last_row` by name, and if all are there.
 
-    Parameters sent only after the row have their first value.
+    A parameter sent only after that frame has its first value. `mine` (n,) flags the vehicle's
+    frames.
     """
     rows, fields = named(frames, "PARAM_VALUE", mine)
     fields = np.concatenate([fields[rows > last_row][::-1], fields[rows <= last_row]])
@@ -247,18 +254,17 @@ def _parameters(frames: Frames, mine: Bools, last_row: int) -> tuple[dict[str, f
 
 
 def _named_values(fields: Columns | NDArray[np.void]) -> Iterator[tuple[str, float]]:
-    """Yield name and value of each PARAM_VALUE."""
+    """Yield name and value of each PARAM_VALUE, whose fields (n,) `fields` maps by name."""
     values = sent_values(fields["param_value"], fields["param_type"])
     for name, value in zip(fields["param_id"], values.tolist(), strict=True):
         yield printable(name), value
 
 
 def _waypoints(frames: Frames, chosen: int, last_row: int) -> tuple[PlanItem, ...]:
-    """Return the mission last transferred completely up to row `last_row`, by item number; empty if
-    none was.
+    """Return the mission last transferred completely up to frame `last_row`, in order.
 
-    `chosen` is the vehicle's system id. An item whose MISSION_COUNT was not received replaces the
-    known item of its number.
+    Empty if there was none. `chosen` is the vehicle's system id. An item whose MISSION_COUNT was
+    not received replaces the known item of its number.
     """
     system = frames.system
     events: list[tuple[int, str, np.void]] = []
@@ -283,7 +289,8 @@ def _waypoints(frames: Frames, chosen: int, last_row: int) -> tuple[PlanItem, ..
 
 
 def _texts(streams: dict[str, Stream]) -> tuple[tuple[float, str], ...]:
-    """Return (time in s, text) of each STATUSTEXT; pieces of a long text are joined."""
+    """Return (time in s, text) of each STATUSTEXT; pieces of a long text are joined. Empty without
+    such a message."""
     stream = streams.get("STATUSTEXT")
     if stream is None:
         return ()
@@ -300,7 +307,11 @@ def _texts(streams: dict[str, Stream]) -> tuple[tuple[float, str], ...]:
 
 
 def _missing(component: NDArray[np.uint8], sequence: NDArray[np.uint8]) -> int:
-    """Count the frames missing by sequence number, separately for each component."""
+    """Count the frames missing by sequence number, from `component` and `sequence` (n,).
+
+    They are in file order. Each component counts its own frames. A step back is a late frame and
+    counts as none.
+    """
     lost = 0
     for sender in np.unique(component):
         step = np.diff(sequence[component == sender].astype(np.int16)) % 256

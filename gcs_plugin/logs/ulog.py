@@ -33,7 +33,7 @@ from thrustmargin.gcs_plugin.logs.ulog_topics import (
     ulog_signals,
     with_vectors,
 )
-from thrustmargin.gcs_plugin.mavlink.text import clean
+from thrustmargin.gcs_plugin.telemetry.flight_log import sorties_of
 from thrustmargin.gcs_plugin.telemetry.recording import (
     LogQuality,
     Recording,
@@ -46,8 +46,8 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
 )
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import whole_number
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, signals_by_channel
-from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import parameter_events
+from thrustmargin.gcs_plugin.wording.language import clean
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.statement import state
 
@@ -107,8 +107,10 @@ class _Rows:
         self.least[number], self.most[number], self.needs[number] = least, most, needed
 
     def behind(self, start: int, kept: bytearray) -> int:
-        """Return the offset after the consecutive valid data rows from `start`, and record the
-        needed ones."""
+        """Return the offset after the consecutive valid rows from `start`; note needed ones.
+
+        The first needed row of each topic is appended to `kept` as a message, for pyulog.
+        """
         begun = None
         while begun != start and self.data[start + 2 : start + 3] == b"D":
             begun = start
@@ -128,7 +130,7 @@ class _Rows:
         return start
 
     def _look(self, start: int) -> None:
-        """Find candidate rows, which may overlap, from an offset on.
+        """Find candidate rows, which may overlap, from the offset `start` on.
 
         The window is twice the length over which the last one was valid, so that the time grows
         linearly.
@@ -177,7 +179,8 @@ class _Log:
     formats: dict[bytes, list[tuple[bytes, int, bytes]]] = field(default_factory=dict)
 
     def end(self, begin: int) -> int:
-        """Return the offset behind the message at `begin`; 0 if it is invalid."""
+        """Return the offset after the message at offset `begin`; 0 if it is incomplete, of an
+        unknown type, or contradicts the definitions so far."""
         data = self.data
         if begin + 3 > len(data):
             return 0
@@ -215,8 +218,11 @@ class _Log:
         return end if good else 0
 
     def size_of(self, name: bytes, depth: int = 0) -> tuple[int, int] | None:
-        """Return the row size of a topic, bytes, without and with padding at its end; None if
-        unknown."""
+        """Return the row size of the topic `name`, bytes, without and with padding at its end.
+
+        None if a type in it is unknown, it is too large, or types are nested more than _DEEPEST
+        deep (`depth` is the present level).
+        """
         total = padding = 0
         for kind, count, field_name in self.formats.get(name, ()):
             one = _BYTES.get(kind)
@@ -233,7 +239,11 @@ class _Log:
 
 
 def whole_messages(data: bytes, topics: Container[str]) -> WholeMessages:
-    """Return the valid messages of a log, with data of `topics` only."""
+    """Return the valid messages of a log, with data of `topics` only, and the damaged parts as
+    (offset, length), bytes.
+
+    `data` are the bytes of the file; topics without a timestamp are left out.
+    """
     table, kept, start = _Rows(data), bytearray(data[:HEADER]), HEADER
     log = _Log(data, table)
     skipped: list[tuple[int, int]] = []
@@ -274,8 +284,10 @@ def whole_messages(data: bytes, topics: Container[str]) -> WholeMessages:
 
 
 def _next_whole(log: _Log, start: int) -> int:
-    """Return the first offset from which several consecutive messages, or all to the end, are
-    valid."""
+    """Return the first offset from `start` at which _CHAIN messages, or all to the end, are valid.
+
+    The end of the data if there is none.
+    """
     size = len(log.data)
     for match in _TYPE.finditer(log.data, start + 2):
         place = end = match.start() - 2
@@ -289,7 +301,7 @@ def _next_whole(log: _Log, start: int) -> int:
 
 
 def _keyed(body: bytes) -> bool:
-    """Return True if a body begins with a key, followed by a value of the size of its type.
+    """Return True if a body is a byte of length, a key with its type, and a value of its size.
 
     A false key would swallow thousands of the bytes after it.
     """
@@ -385,15 +397,19 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
 
 
 def _columns(first: Topic, rows: NDArray[np.uint8]) -> Topic:
-    """Return the columns of all `rows` (n, bytes) of a topic, by the layout of its `first` row."""
+    """Return the columns of all `rows` (n, bytes), uint8, of a topic, by name.
+
+    `first` are the columns of its first row, as pyulog read them, which give names and types.
+    """
     form = np.dtype([(name, column.dtype) for name, column in first.items()])
     table = np.ascontiguousarray(rows[:, : form.itemsize]).view(form)[:, 0]
     return {name: table[name] for name in first}
 
 
 def _ordered(data: Topic, name: str) -> Topic:
-    """Return one topic without incomplete rows and, after a restart of time, only its longest
-    run.
+    """Return a topic's complete rows, without damaged times; after a restart only the longest run.
+
+    `name` is the log's. Raise LogError if two clocks alternate.
     """
     size = min(len(column) for column in data.values())
     time_s = without_leaps(data["timestamp"][:size].astype(np.float64) * 1e-6)

@@ -17,14 +17,13 @@ from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.mavlink.decode import attitude_from_quaternion, commanded_by_quaternion
 from thrustmargin.gcs_plugin.mavlink.rules import Columns, Rule, Signal, in_si, quantity
-from thrustmargin.gcs_plugin.telemetry.resample import in_time_order
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import (
     ranges_of_span,
     ranges_remark,
     span_of,
     whole_number,
 )
-from thrustmargin.gcs_plugin.telemetry.signals import Signals, signals_by_channel
+from thrustmargin.gcs_plugin.telemetry.signals import Signals, in_time_order, signals_by_channel
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 from thrustmargin.models.statement import Statement, state
@@ -53,7 +52,12 @@ class UlogMotors:
 
 
 def ulog_motors(topics: Mapping[str, list[Topic]], parameters: Mapping[str, float]) -> UlogMotors:
-    """Return the motor signals of the topics (each a list of its instances, in order)."""
+    """Return the signals of motor outputs and ESCs, numbered by motor from 0, with notes on them.
+
+    `topics` maps a topic's name to its instances, in order. Of `actuator_motors` and `esc_status`
+    only the first instance is used. Without outputs in `actuator_motors` they are those of
+    `actuator_outputs`; without either there are none.
+    """
     motors = UlogMotors(motor_order=state("by actuator functions"))
     for topic in topics.get("actuator_motors", [])[:1]:
         motors = _throttle(topic, motors)
@@ -82,8 +86,10 @@ def _throttle(topic: Topic, so_far: UlogMotors) -> UlogMotors:
 
 
 def _outputs(instances: Sequence[Topic], parameters: Mapping[str, float]) -> UlogMotors:
-    """Return the motor outputs of the topic instance with most of them; none if fewer than
-    _FEWEST."""
+    """Return the motor outputs of that instance of actuator_outputs which has most of them.
+
+    None of them, and the reason in `unused`, if it has fewer than _FEWEST motors.
+    """
     best: tuple[list[Signal], Statement | None] = ([], None)
     for number, topic in enumerate(instances):
         signals = _of_instance(topic, number, parameters)
@@ -98,8 +104,12 @@ def _outputs(instances: Sequence[Topic], parameters: Mapping[str, float]) -> Ulo
 def _of_instance(
     topic: Topic, number: int, parameters: Mapping[str, float]
 ) -> tuple[list[Signal], Statement]:
-    """Return the output of each motor in one topic instance, and in words the order of its
-    outputs."""
+    """Return each motor's output, 0 to 1, in instance `number` of actuator_outputs, and the order.
+
+    The order states how outputs were matched to motors: by PX4's PWM_MAIN_FUNCn (PWM_AUX_FUNCn for
+    other instances than 0), else motor n on output n for those that are driven. Empty if the values
+    fit no ESC protocol.
+    """
     bank = "MAIN" if number == 0 else "AUX"
     names = [name for k in range(_MOST_OUTPUTS) if (name := f"output[{k}]") in topic]
     values = [in_si(topic, name, "1") for name in names]
@@ -138,9 +148,11 @@ _ESC_FIELDS = (
 
 
 def _with_escs(motors: UlogMotors, topic: Topic) -> UlogMotors:
-    """Add ESC channels by motor (0-based), wherever the motor stands in the message.
+    """Return `motors` with the ESC signals of the topic esc_status added, numbered by motor from 0.
 
-    Copies of another motor are dropped with a note.
+    ESCs are matched to motors by their functions, if any is set; else by place, and then only ESCs
+    that turned. Speeds are NaN while an ESC is not online. An ESC that repeats the speeds of
+    another one is dropped with a note. If no ESC turned, `unused` has the reason.
     """
     signals: list[Signal] = []
     notes: list[Statement] = []
@@ -321,7 +333,7 @@ TOPICS = (
 
 
 def with_vectors(topic: Topic) -> Topic:
-    """Return the topic with vectors as columns (n, k), besides the columns of their elements."""
+    """Return the topic with vectors as columns (n, k) too; the columns of their elements stay."""
     vectors = {}
     for vector, width in VECTORS.items():
         elements = [f"{vector}[{i}]" for i in range(width)]
@@ -331,7 +343,10 @@ def with_vectors(topic: Topic) -> Topic:
 
 
 def ulog_signals(topics: Mapping[str, list[Topic]]) -> Signals:
-    """Return the signals of every topic (each a list of its instances) except the motors'."""
+    """Return the signals of every topic except the motors', by channel.
+
+    `topics` maps a topic's name to its instances, in order.
+    """
     signals = [signal for rule in RULES for signal in _by_rule(rule, topics)]
     return signals_by_channel(signals)
 

@@ -77,8 +77,9 @@ def vehicle_statements(
 ) -> tuple[VehicleStatement, ...]:
     """Return the vehicle's reports in order of their first time, each compared with its log.
 
-    `faults` and `losses` are those found in the flight, `yaw_reserve` (T,) the unused share of yaw
-    authority; None where no airframe is known.
+    Arming, disarming, resolved faults and parameters are no reports. `faults` and `losses` are
+    those found in the flight; `yaw_reserve` (T,) is the unused share of yaw authority, None without
+    airframe.
     """
     alike: dict[tuple[EventKind, str], list[VehicleEvent]] = {}
     for event in events:
@@ -90,7 +91,11 @@ def vehicle_statements(
 
 
 def _doubled(same: Sequence[VehicleEvent], groups: Iterable[Sequence[VehicleEvent]]) -> bool:
-    """Return True if error codes repeat texts of the same kind at the same times."""
+    """Return True if each event of `same` is an error code that only repeats a text.
+
+    The text must be of the same kind, in any of `groups`, and within TOGETHER_S. An error code's
+    event has a text that begins with "ERR ".
+    """
     if not all(event.text.startswith("ERR ") for event in same):
         return False
     texts = [
@@ -109,8 +114,11 @@ def _statement(
     losses: Sequence[LossOfControl],
     yaw_reserve: Floats | None,
 ) -> VehicleStatement:
-    """Compare the vehicle's events `same`, all of one kind and subject, with the log at the time of
-    the first."""
+    """Compare the vehicle's events `same` with the log at the time of the first of them.
+
+    They are of one kind and one subject. `faults` and `losses` are those found in the flight;
+    `yaw_reserve` (T,) is the unused share of yaw authority, None without airframe.
+    """
     first = same[0]
     named = ()
     if first.kind in _OF_MOTORS and first.subject.isdigit():
@@ -138,10 +146,12 @@ def _statement(
 def _of_motors(
     time_s: float, named: tuple[int, ...], track: FlightTrack, faults: Sequence[FaultEpisode]
 ) -> tuple[Corroboration, tuple[int, ...], float]:
-    """Compare a report on motors with the log.
+    """Compare a report at `time_s`, s, with the log; `named` are the motors it names, from 0.
 
-    Return the result, the motors that the log shows as faulty, and the output of the first named
-    one (NaN without a name).
+    Return the result, the motors that the log shows as faulty or exchanged, and the output, 0 to 1,
+    of the first named motor (NaN without one). Without a fault or an exchange the motors are empty,
+    and the result says if motors could be compared, if all outputs were high, or if the named one
+    was the highest.
     """
     seen = motor_evidence(track, time_s)
     value = seen.outputs[named[0]] if named else math.nan
@@ -163,8 +173,11 @@ def _of_motors(
 
 
 def _found(time_s: float, seen: MotorEvidence, faults: Sequence[FaultEpisode]) -> tuple[int, ...]:
-    """Return the faulty motors at about a time: by the flight's faults, else those stopped or
-    slow."""
+    """Return the faulty motors, from 0, at `time_s`, s; empty if the log shows none.
+
+    They are those of the first fault episode within NEAR_S of it; else the motors that stand still
+    by `seen`; else the slow motor, if exactly one is slow.
+    """
     for episode in faults:
         end_s = math.inf if episode.end_s is None else episode.end_s
         if episode.begin_s - NEAR_S <= time_s <= end_s + NEAR_S:
@@ -178,8 +191,10 @@ def _found(time_s: float, seen: MotorEvidence, faults: Sequence[FaultEpisode]) -
 def _of_yaw(
     time_s: float, track: FlightTrack, yaw_reserve: Floats | None
 ) -> tuple[Corroboration, float]:
-    """Return if the yaw reserve near a report at `time_s`, s, is known, and its mean, 0 to 1;
-    NaN unknown."""
+    """Return YAW and the mean unused yaw authority, 0 to 1, in flight within YAW_S of `time_s`, s.
+
+    NOT_COMPARED and NaN where it is unknown. `yaw_reserve` (T,) is on the track's rows.
+    """
     if yaw_reserve is None:
         return Corroboration.NOT_COMPARED, math.nan
     near = np.abs(track.time_s - time_s) <= YAW_S

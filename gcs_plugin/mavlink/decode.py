@@ -24,7 +24,10 @@ from thrustmargin.models.provenance import Meaning
 
 
 def attitude_from_quaternion(w: Floats, x: Floats, y: Floats, z: Floats) -> Floats:
-    """Return roll, pitch, yaw (n, 3), rad (Z-Y-X), of the quaternion that rotates body into NED."""
+    """Return roll, pitch, yaw (n, 3), rad (Z-Y-X), of unit quaternions that rotate body into NED.
+
+    `w`, `x`, `y` and `z` are their components (n,).
+    """
     roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
     pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
     yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
@@ -32,8 +35,9 @@ def attitude_from_quaternion(w: Floats, x: Floats, y: Floats, z: Floats) -> Floa
 
 
 def commanded_by_quaternion(wxyz: Floats) -> Floats:
-    """Return the demanded roll and pitch (n, 2), rad, of quaternions (n, 4); NaN for zero, no
-    demand.
+    """Return the demanded roll and pitch (n, 2), rad, of quaternions w, x, y, z (n, 4).
+
+    NaN for a zero quaternion, which is no demand.
     """
     stated = np.any(wxyz != 0.0, axis=1, keepdims=True)
     return np.where(stated, attitude_from_quaternion(*wxyz.T)[:, :2], np.nan)
@@ -74,8 +78,10 @@ def _downward_distance(columns: Columns) -> Floats:
 
 
 def esc_rpm(columns: Columns) -> Floats:
-    """Return the speeds (n, 4), rpm, of ESC_TELEMETRY; NaN while the ESC has never answered
-    (count and rpm 0).
+    """Return the speeds (n, 4), rpm, of n ESC_TELEMETRY messages, whose fields `columns` maps by
+    name.
+
+    NaN while an ESC has never answered (count and rpm 0).
     """
     rpm = columns["rpm"].astype(np.float64)
     return np.where((rpm == 0) & (columns["count"] == 0), np.nan, rpm)
@@ -84,7 +90,8 @@ def esc_rpm(columns: Columns) -> Floats:
 def esc_silent(columns: Columns) -> Bools:
     """Flag (n, 4) where ESC_TELEMETRY has rpm 0 and an unchanged counter: the ESC did not answer.
 
-    The first row has no earlier counter and is never flagged.
+    `columns` maps the messages' fields by name, in order of time. The first row has no earlier
+    counter and is never flagged.
     """
     rpm, count = columns["rpm"], columns["count"]
     still = np.zeros(rpm.shape, dtype=np.bool_)
@@ -165,7 +172,10 @@ _ESCS = tuple(
 
 
 def _by_id(message: str, *rows: tuple[str, str, str, tuple[int, ...]]) -> tuple[Rule, ...]:
-    """Return rules of one field each, from field name, channel, unit and values for "not known"."""
+    """Return one rule for each of `rows`: field, channel, unit and values for "not known".
+
+    The channel is indexed by the message's field `id`.
+    """
     return tuple(
         Rule(message, (field,), channel, unit, index="id", unknown=unknown)
         for field, channel, unit, unknown in rows

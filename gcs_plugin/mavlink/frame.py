@@ -1,5 +1,7 @@
 """Recognise MAVLink frames, by one rule for bytes as they arrive and for whole files.
 
+`FrameSplitter` cuts bytes into frames as they arrive; `scan.py` finds those of whole files.
+
 A frame of a known id is good if its checksum is correct. Of two that overlap, the first is kept. A
 frame of an id in no dialect here cannot be checked. It is kept, marked as unverified, only if no
 frame with a good checksum begins inside it and another frame can begin where it ends. After damage
@@ -74,7 +76,8 @@ class Header(NamedTuple):
 def header(data: Any, start: Any, sizes: Any) -> Header:
     """Return the header at offset `start` of bytes, or at each offset (n,) of a uint8 array.
 
-    `data` must extend HEADER_PADDING bytes beyond; `sizes` is the payload size by id, -1 unknown.
+    `data` must extend HEADER_PADDING bytes beyond; `sizes` is the payload size by message id, -1
+    for an unknown id.
     """
     version2 = data[start] == V2
     payload = data[start + 1]
@@ -140,11 +143,12 @@ def examine(
     closed: bool = False,
     cleared: Cleared | None = None,
 ) -> tuple[FrameKind, Header | None]:
-    """Classify the bytes from `start` of the first `size`; `data` has HEADER_PADDING more.
+    """Return the class of the bytes from `start`, of the first `size`, and the header there.
 
-    `gap` is the number of bytes between two frames (the time stamp in a .tlog). `closed`: another
-    frame may begin after the last byte, as after a datagram or a file. `cleared` is the state from
-    examining the bytes before `start`, and is updated.
+    `data` must have HEADER_PADDING more bytes. `gap` is the number of bytes between two frames (the
+    time stamp in a .tlog). `closed`: another frame may begin after the last byte, as after a
+    datagram or a file. `cleared` is the state from examining the bytes before `start`, and is
+    updated. The header is None if it is incomplete or there is none.
     """
     verdict, head = _checked(data, start, size)
     if verdict is not FrameKind.UNVERIFIED or head is None:
@@ -169,11 +173,10 @@ def examine(
 def _inner_frame(
     data: bytes, low: int, high: int, size: int, closed: bool, cleared: Cleared
 ) -> FrameKind:
-    """Return GOOD or UNFINISHED for the first such frame that begins at offsets `low` to `high` of
-    `data`, else NOTHING.
+    """Return GOOD or UNFINISHED for the first such frame that begins from `low` to before `high`.
 
-    With `closed` an unfinished frame does not count. `cleared` keeps the offset up to which none
-    begins.
+    Else NOTHING. Both are offsets of `data`, of which `size` bytes count. With `closed` an
+    unfinished frame does not count. `cleared` keeps the offset up to which none begins.
     """
     inner = max(low, cleared.end)
     while inner < high and (magic := _MAGIC.search(data, inner, high)):
@@ -188,10 +191,10 @@ def _inner_frame(
 
 
 def _checked(data: bytes, start: int, size: int) -> tuple[FrameKind, Header | None]:
-    """Classify bytes by header and checksum alone, without the frame after: any frame of unknown id
-    is UNVERIFIED.
+    """Return the class of the bytes from `start`, by header and checksum alone, and the header.
 
-    The header is None if it is incomplete or has no magic byte.
+    Any frame of unknown id is UNVERIFIED, since the frame after it is not looked at. `size` bytes
+    count. The header is None if it is incomplete or has no magic byte.
     """
     magic = data[start]
     if magic not in (V1, V2):
@@ -230,11 +233,12 @@ class Walk:
     def frames(
         self, data: bytes, stop: int, size: int, *, gap: int = 0, closed: bool, wait: bool
     ) -> Iterator[tuple[FrameKind, int, Header]]:
-        """Yield class, offset (of the stamp, else the frame) and header of frames starting before
-        `stop`.
+        """Yield class, offset and header of frames from before `stop`, of `size` bytes.
 
-        They are good and unverified frames, and those with a wrong checksum where a frame was
-        expected. With `wait`, stop at the first that more bytes may complete.
+        The offset is that of the stamp of `gap` bytes, if any. Yielded are good and unverified
+        frames, and frames with a wrong checksum where a frame was expected. `closed`: another frame
+        may begin after the last byte. With `wait`, stop at the first frame that more bytes may
+        complete.
         """
         while self.position + gap < stop:
             start = self.position + gap
@@ -261,7 +265,7 @@ class Walk:
 
 
 def frame_of(data: bytes, *, stamp_us: int = 0, link: int = 0) -> Frame | None:
-    """Return the Frame of these bytes.
+    """Return the Frame of these bytes, with its arrival `stamp_us`, µs, and its `link` number.
 
     None unless they are exactly one frame, with a correct checksum or an unknown id.
     """
@@ -281,9 +285,97 @@ def build_frame(data: bytes, verdict: FrameKind, head: Header, stamp_us: int, li
     return Frame(data, head.id, system, component, sequence, good, stamp_us, link)
 
 
+@dataclass(slots=True)
+class FrameCounts:
+    """The counts of frames and bytes of one link, by result."""
+
+    bytes: int = 0
+    frames: int = 0
+    unknown: int = 0  # among `frames`: of an id that is not known, unchecked
+    bad_checksum: int = 0  # whole frames whose checksum is wrong
+    bytes_skipped: int = 0  # bytes that belong to no frame kept
+
+
+class FrameSplitter:
+    """A splitter of one sender's bytes into frames; it buffers an unfinished frame for the next
+    call.
+
+    `feed` returns frames in order. `passed` is then every byte that this call has finished with
+    (frames and bytes between), unchanged, to be forwarded in whole frames. A frame of unknown id in
+    a stream is returned once the header of the next one has arrived.
+    """
+
+    def __init__(self, link: int = 0, counts: FrameCounts | None = None) -> None:
+        self.link = link
+        self.counts = FrameCounts() if counts is None else counts
+        self.passed = b""
+        self._rest = b""
+        self._expected = 0  # where in `_rest` a frame should begin
+        self._cleared = 0  # before which place in `_rest` no good frame begins
+
+    @property
+    def waiting(self) -> int:
+        """Return the number of buffered bytes of an unfinished frame."""
+        return len(self._rest)
+
+    def feed_datagram(self, data: bytes, stamp_us: int) -> list[Frame]:
+        """Return the frames of one datagram, received at `stamp_us` of the ground's clock, µs.
+
+        It begins a new frame, unless it can only continue an unfinished one: a frame cut short in
+        the datagram before must not delay a good one in this.
+        """
+        if not self._rest and (frame := frame_of(data, stamp_us=stamp_us, link=self.link)):
+            # As almost every datagram: nothing to search, and nothing left over.
+            counts = self.counts
+            counts.bytes += len(data)
+            counts.frames += 1
+            counts.unknown += not frame.verified
+            self.passed, self._expected, self._cleared = data, 0, 0
+            return [frame]
+        if self._rest and data and data[0] in (V1, V2):
+            verdict, _ = examine(data + bytes(HEADER_PADDING), 0, len(data), closed=True)
+            if verdict in (FrameKind.GOOD, FrameKind.UNVERIFIED):
+                self.counts.bytes_skipped += len(self._rest)
+                self._rest, self._expected, self._cleared = b"", 0, 0
+        return self.feed(data, stamp_us, closed=True)
+
+    def feed(self, data: bytes, stamp_us: int, *, closed: bool = False) -> list[Frame]:
+        """Return the frames completed by the next bytes of a stream (TCP, serial), and add to the
+        counts of the link.
+
+        `stamp_us` is their arrival by the ground's clock, µs. The bytes passed by are in `passed`;
+        an unfinished frame waits for the next call. `closed`: the bytes after these begin a new
+        frame, so that an unfinished one will never be completed.
+        """
+        counts, link = self.counts, self.link
+        counts.bytes += len(data)
+        buffer = self._rest + data
+        size = len(buffer)
+        frames: list[Frame] = []
+        kept = 0
+        walk = Walk(0, self._expected, self._cleared)
+        padded = buffer + bytes(HEADER_PADDING)
+        for verdict, start, head in walk.frames(padded, size, size, closed=closed, wait=True):
+            if verdict is FrameKind.BAD_CHECKSUM:
+                counts.bad_checksum += 1
+                continue
+            end = start + head.length
+            frames.append(build_frame(buffer[start:end], verdict, head, stamp_us, link))
+            kept += head.length
+            counts.unknown += verdict is FrameKind.UNVERIFIED
+        counts.frames += len(frames)
+        counts.bytes_skipped += walk.position - kept
+        self.passed, self._rest = buffer[: walk.position], buffer[walk.position :]
+        self._expected = walk.expected - walk.position
+        # Where the bytes were closed, frames that were cut short are not looked for behind them.
+        self._cleared = 0 if closed else max(walk.cleared.end - walk.position, 0)
+        return frames
+
+
 def fields(frame: Frame) -> NDArray[np.void] | None:
-    """Return the fields of a frame as a structured array (1,) in wire units; None for an unknown
-    id.
+    """Return the fields of a frame as a structured array (1,) in wire units.
+
+    None for a frame of unknown id, or that is not verified.
     """
     layout = layouts().get(frame.id)
     if layout is None or not frame.verified:
@@ -315,9 +407,10 @@ def checksum(covered: bytes, extra: int) -> int:
 
 
 def checksum_rows(rows: Bytes, extra: Bytes) -> Words:
-    """Return checksums (n,) of rows (n, L) of equal length, each followed by its `extra` byte (n,).
+    """Return the checksums (n,) of n frames with an equal number L of covered bytes, `rows` (n, L).
 
-    The extra byte is the message's CRC_EXTRA, which ties the checksum to the field layout.
+    `extra` (n,) is each message's CRC_EXTRA byte, which is added at the end and ties the checksum
+    to the field layout.
     """
     count, length = rows.shape
     register = np.full(count, 0xFFFF, dtype=np.uint16)

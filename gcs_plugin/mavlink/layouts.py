@@ -73,7 +73,7 @@ _ADDED = {"MISSION_CURRENT": "u4 mission_id, u4 fence_id, u4 rally_points_id"}
 
 @cache
 def layouts() -> Mapping[int, Layout]:
-    """Return the layout of every known message by id."""
+    """Return the Layout of every known message by message id; computed once, read-only."""
     known: dict[int, Layout] = {}
     for number, message in ardupilotmega.mavlink_map.items():
         name, names = message.msgname, message.ordered_fieldnames

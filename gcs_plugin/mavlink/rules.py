@@ -92,8 +92,8 @@ def in_si(columns: Columns, name: str, unit: str) -> Floats:
 def quantity(rule: Rule, columns: Columns, si: Callable[[Any, str, str], Floats] = in_si) -> Floats:
     """Return the rule's channel in SI, (n,) for one field or (n, k) for several; NaN where unknown.
 
-    `si` converts a field to SI; columns with units of their own, as DataFlash has, pass their
-    method.
+    `si(columns, field, unit)` converts a field to SI; columns that state their own units, as
+    DataFlash's, have such a method.
     """
     if rule.convert is not None:
         return rule.convert(columns)
@@ -110,8 +110,10 @@ def quantity(rule: Rule, columns: Columns, si: Callable[[Any, str, str], Floats]
 
 
 def _of_one_unit(rule: Rule, unit: str, columns: Columns) -> Floats:
-    """Return the rule's channel in SI, (n,) or (n, k), as `quantity` does for fields of one
-    unit; wire values in `unknown` become NaN."""
+    """Return the rule's channel in SI, (n,) for one field or (n, k) for several, all in `unit`.
+
+    Wire values in the rule's `unknown` become NaN.
+    """
     value = np.array([columns[name] for name in rule.fields], dtype=np.float64)
     for code in rule.unknown:
         value[value == code] = np.nan
@@ -124,9 +126,11 @@ def _of_one_unit(rule: Rule, unit: str, columns: Columns) -> Floats:
 def decode(
     rule: Rule, columns: Columns
 ) -> Iterator[tuple[int | None, NDArray[np.bool_] | slice, Floats]]:
-    """Yield index, rows and values in SI of each source that the rule's message contains.
+    """Yield index, rows and values of each source that the rule's n messages contain.
 
-    The index is None and the rows are all for a rule without `index`. Infinite values become NaN.
+    Rows are a mask (n,), and values, in SI, are those rows' alone. For a rule without `index` the
+    index is None and the rows are all, as a slice; a rule with `only` yields that one index.
+    Infinite values become NaN.
     """
     with np.errstate(invalid="ignore"):
         values = quantity(rule, columns)

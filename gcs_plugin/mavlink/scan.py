@@ -1,10 +1,8 @@
-"""Find every frame of a telemetry log or a byte stream, and return messages of a type as columns.
+"""Find every frame of a telemetry log, and return messages of a type as columns.
 
 A .tlog is a sequence of frames, each after eight bytes of big-endian Unix microseconds. Frames of
 known id and good checksum are found all at once. The bytes between are then searched for frames of
 unknown id, frames with a wrong checksum, and damage. `mavlink.frame` defines both.
-
-A stream is cut into frames as its bytes arrive.
 
 Stamps of a recording are corrected where its computer's clock was set. A listener stamps by a clock
 that nobody sets; other programs write the computer's own. There a jump of an hour looks like a
@@ -27,13 +25,9 @@ from thrustmargin.gcs_plugin.mavlink.frame import (
     V1,
     V2,
     Bytes,
-    Frame,
     FrameKind,
     Walk,
-    build_frame,
     checksum_rows,
-    examine,
-    frame_of,
     header,
 )
 from thrustmargin.gcs_plugin.mavlink.layouts import Layout, layout_table, layouts, message_ids
@@ -138,7 +132,7 @@ def read_bytes(path: Path, padding: int = PADDING) -> tuple[Bytes, int]:
 
 
 def stamped_frames(path: Path) -> Generator[tuple[int, bytes]]:
-    """Yield stamp, Unix µs, and bytes of each frame of a .tlog in file order, unknown ids included.
+    """Yield (stamp, Unix µs; bytes) of each frame of a .tlog in file order, unknown ids included.
 
     Stamps are corrected where the clock was set during recording. Raise LogError if the file has no
     frame.
@@ -166,9 +160,10 @@ def stamped_frames(path: Path) -> Generator[tuple[int, bytes]]:
 
 
 def scan(data: Bytes, size: int, *, stamp: int = STAMP) -> Frames:
-    """Return all frames in the first `size` bytes of `data`, which ends with PADDING more.
+    """Return all frames in the first `size` bytes of `data`, which must be followed by PADDING
+    more.
 
-    `stamp` is the number of bytes before each frame: 0 for the bytes of a raw link.
+    `stamp` is the number of bytes of a time stamp before each frame: 0 for the bytes of a raw link.
     """
     parts = [_good_in_chunk(data, size, low, stamp) for low in range(0, size, _CHUNK)]
     parts = parts or [_good_in_chunk(data, 0, 0, stamp)]
@@ -204,9 +199,9 @@ def _good_in_chunk(
 def _checked(data: Bytes, start: Index, covered: Index, extra: Bytes) -> NDArray[np.bool_]:
     """Flag frames (n,) whose checksum is correct.
 
-    `start` (n,) are the indices of their first bytes in `data`; `covered` (n,) how many bytes
-    after the first one the checksum covers; `extra` (n,) the CRC_EXTRA of their messages.
-    Frames with equal `covered` are computed together.
+    `start` (n,) are the offsets of their first bytes in `data`; `covered` (n,) how many bytes after
+    the first one the checksum covers; `extra` (n,) the CRC_EXTRA of their messages. Frames with
+    equal `covered` are computed together.
     """
     good = np.zeros(start.size, dtype=np.bool_)
     order = np.argsort(covered.astype(np.int16), kind="stable")
@@ -224,8 +219,10 @@ def _checked(data: Bytes, start: Index, covered: Index, extra: Bytes) -> NDArray
 
 
 def _without_overlap(start: Index, end: Index) -> NDArray[np.bool_] | None:
-    """Return a mask (n,) without frames that begin inside another (chance matches); None if
-    there are none. `start` and `end` (n,) are offsets."""
+    """Return a mask (n,) that drops frames which begin inside another, as chance matches do.
+
+    None if no frames overlap. `start` and `end` (n,) are offsets, ascending.
+    """
     clash = start[1:] < end[:-1]
     if not clash.any():
         return None
@@ -240,7 +237,10 @@ def _without_overlap(start: Index, end: Index) -> NDArray[np.bool_] | None:
 
 
 def gaps_between(start: Index, end: Index, size: int, stamp: int = 0) -> list[tuple[int, int]]:
-    """Return start and end of every stretch outside the frames and their stamps."""
+    """Return (start, end) offsets of every stretch of a file outside the frames and their stamps.
+
+    Frames are from `start` to `end` (n,), each after `stamp` bytes; the file has `size` bytes.
+    """
     edges = np.concatenate([[0], end]), np.concatenate([start - stamp, [size]])
     return [(int(edges[0][i]), int(edges[1][i])) for i in np.flatnonzero(edges[1] > edges[0])]
 
@@ -248,11 +248,11 @@ def gaps_between(start: Index, end: Index, size: int, stamp: int = 0) -> list[tu
 def _explain_gaps(
     data: Bytes, gaps: list[tuple[int, int]], size: int, stamp: int
 ) -> tuple[list[tuple[int, int]], int, list[tuple[int, int]]]:
-    """Examine the bytes between good frames, the `gaps` (start, end), for frames of unknown id or a
-    wrong checksum.
+    """Search the `gaps` (start, end) between good frames for frames with unknown id or wrong
+    checksum.
 
-    Return the skipped (offset, length), the count of wrong checksums, and (offset, id) of frames of
-    unknown id.
+    Return the stretches without a frame kept, (offset, length); the count of wrong checksums; and
+    (offset, id) of each frame of unknown id. The offset is that of the frame's first byte.
     """
     skipped: list[tuple[int, int]] = []
     unverified: list[tuple[int, int]] = []
@@ -277,104 +277,17 @@ def _explain_gaps(
     return skipped, bad, unverified
 
 
-_PADDING = bytes(HEADER_PADDING)
-
-
-@dataclass(slots=True)
-class FrameCounts:
-    """The counts of frames and bytes of one link, by result."""
-
-    bytes: int = 0
-    frames: int = 0
-    unknown: int = 0  # among `frames`: of an id that is not known, unchecked
-    bad_checksum: int = 0  # whole frames whose checksum is wrong
-    bytes_skipped: int = 0  # bytes that belong to no frame kept
-
-
-class FrameSplitter:
-    """A splitter of one sender's bytes into frames; it buffers an unfinished frame for the next
-    call.
-
-    `feed` returns frames in order. `passed` is then every byte that this call has finished with
-    (frames and bytes between), unchanged, to be forwarded in whole frames. A frame of unknown id in
-    a stream is returned once the header of the next one has arrived.
-    """
-
-    def __init__(self, link: int = 0, counts: FrameCounts | None = None) -> None:
-        self.link = link
-        self.counts = FrameCounts() if counts is None else counts
-        self.passed = b""
-        self._rest = b""
-        self._expected = 0  # where in `_rest` a frame should begin
-        self._cleared = 0  # before which place in `_rest` no good frame begins
-
-    @property
-    def waiting(self) -> int:
-        """Return the number of buffered bytes of an unfinished frame."""
-        return len(self._rest)
-
-    def feed_datagram(self, data: bytes, stamp_us: int) -> list[Frame]:
-        """Return the frames of one datagram, which begins a new frame unless it can only be a
-        continuation.
-
-        A frame cut short in the datagram before must not delay a good one in this.
-        """
-        if not self._rest and (frame := frame_of(data, stamp_us=stamp_us, link=self.link)):
-            # As almost every datagram: nothing to search, and nothing left over.
-            counts = self.counts
-            counts.bytes += len(data)
-            counts.frames += 1
-            counts.unknown += not frame.verified
-            self.passed, self._expected, self._cleared = data, 0, 0
-            return [frame]
-        if self._rest and data and data[0] in (V1, V2):
-            verdict, _ = examine(data + _PADDING, 0, len(data), closed=True)
-            if verdict in (FrameKind.GOOD, FrameKind.UNVERIFIED):
-                self.counts.bytes_skipped += len(self._rest)
-                self._rest, self._expected, self._cleared = b"", 0, 0
-        return self.feed(data, stamp_us, closed=True)
-
-    def feed(self, data: bytes, stamp_us: int, *, closed: bool = False) -> list[Frame]:
-        """Return the frames completed by these bytes of a stream (TCP, serial).
-
-        `closed`: the bytes after these begin a new frame.
-        """
-        counts, link = self.counts, self.link
-        counts.bytes += len(data)
-        buffer = self._rest + data
-        size = len(buffer)
-        frames: list[Frame] = []
-        kept = 0
-        walk = Walk(0, self._expected, self._cleared)
-        padded = buffer + _PADDING
-        for verdict, start, head in walk.frames(padded, size, size, closed=closed, wait=True):
-            if verdict is FrameKind.BAD_CHECKSUM:
-                counts.bad_checksum += 1
-                continue
-            end = start + head.length
-            frames.append(build_frame(buffer[start:end], verdict, head, stamp_us, link))
-            kept += head.length
-            counts.unknown += verdict is FrameKind.UNVERIFIED
-        counts.frames += len(frames)
-        counts.bytes_skipped += walk.position - kept
-        self.passed, self._rest = buffer[: walk.position], buffer[walk.position :]
-        self._expected = walk.expected - walk.position
-        # Where the bytes were closed, frames that were cut short are not looked for behind them.
-        self._cleared = 0 if closed else max(walk.cleared.end - walk.position, 0)
-        return frames
-
-
 LEAP_US = 2_000_000  # by which stamps may part from the vehicle's clock: a slow link, two links
 
 
 def steadied(
     stamps_us: NDArray[np.int64], boot_ms: Floats, system: NDArray[np.uint8]
 ) -> NDArray[np.int64]:
-    """Return stamps (n,), µs, corrected where the computer's clock was set; unchanged if it was
-    not.
+    """Return stamps (n,), µs, corrected where the computer's clock was set during recording.
 
-    `boot_ms` (n,) is the clock since boot that a message of `system` (n,) contains, NaN without
-    one. Without any only a step back is recognised, and it is counted as no time.
+    `boot_ms` (n,) is the clock since boot, ms, in a message of `system` (n,), NaN without one. A
+    step of more than LEAP_US is replaced by the vehicle's time between. Where that is unknown only
+    a step back is corrected, to 0.
     """
     steps = np.diff(stamps_us)
     clocked = np.flatnonzero(np.isfinite(boot_ms))
@@ -394,10 +307,11 @@ def _went_by(
     clocked: NDArray[np.intp],
     row: int,
 ) -> int | None:
-    """Return the time, µs, between row `row` and the next by the clock of a vehicle.
+    """Return the time, µs, from row `row` to the next by the clock of a vehicle; None if unknown.
 
-    `clocked` are the rows with a boot time, `boot_ms`. The vehicle must have been received before
-    and after; None without one.
+    `boot_ms` (n,), ms, is the clock since boot in a message of `system` (n,); `clocked` are its
+    rows that are not NaN, ascending. The vehicle of the last such row up to `row` must be received
+    after it.
     """
     place = int(np.searchsorted(clocked, row, side="right"))
     if place == 0:

@@ -50,9 +50,9 @@ def of_vehicles(heartbeats: Columns) -> Bools:
 def copies(frames: Frames) -> Bools:
     """Flag frames (n,) that repeat an earlier frame of their sender, in sequence number and bytes.
 
-    Sequence numbers wrap at 256, and a vehicle at rest may then send equal bytes. So the numbers
-    are unwrapped, by the shorter way from each frame to the next: a copy up to 127 frames late has
-    the unwrapped number of the first.
+    Both must be stamped within COPY_WITHIN s. Sequence numbers wrap at 256, and a vehicle at rest
+    may then send equal bytes. So the numbers are unwrapped, by the shorter way from each frame to
+    the next: a copy up to 127 frames late has the unwrapped number of the first.
     """
     sender = frames.system.astype(np.uint16) << 8 | frames.component
     order = np.argsort(sender, kind="stable")
@@ -136,10 +136,9 @@ _SIGNS = (
 
 
 def two_of_one_id(frames: Frames, where: Bools) -> str:
-    """Return, in words, the value that alternates between two levels, as with two vehicles of one
-    id.
+    """Return the name of a value that alternates between two levels, as of two vehicles.
 
-    Empty if none does. `where` (n,) flags the frames of its autopilot.
+    Empty if none does. `where` (n,) flags the frames of the vehicle's autopilot, without copies.
     """
     for sign in _SIGNS:
         fields = named(frames, sign.message, where)[1]

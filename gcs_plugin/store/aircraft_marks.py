@@ -43,11 +43,6 @@ class Marks:
     accelerometer: Mapping[str, float] = field(default_factory=dict)  # calibration
     compass: Mapping[str, float] = field(default_factory=dict)
 
-    @property
-    def any(self) -> bool:
-        """Return True if the log shows anything but a system id and a layout."""
-        return bool(self.board or self.sensors or self.accelerometer or self.compass)
-
 
 class MarksMatch(StrEnum):
     """Result of comparing the marks of a log with those of a known aircraft."""
@@ -71,7 +66,11 @@ class Recognition:
 
 
 def marks_of(log: FlightLog) -> Marks:
-    """Return the marks of the aircraft that a log shows."""
+    """Return a log's marks, by which its aircraft is recognised.
+
+    They are serial number, system id, motor layout, device ids and calibrations; empty where
+    missing.
+    """
     parameters = log.parameters
     number = whole_number(parameters, "BRD_SERIAL_NUM")
     try:
@@ -109,11 +108,11 @@ def serial_of_texts(log: FlightLog) -> str:
 
 
 def match(log: Marks, known: Marks) -> MarksMatch:
-    """Compare the marks of a log (serial number, device ids, calibration) with those of a known
-    aircraft.
+    """Compare the marks of a log with the marks of an earlier log of a known aircraft.
 
-    SAME: equal serial number, or calibration. COPIED, RECALIBRATED, OTHER_LAYOUT, UNMARKED: the
-    user must choose. OTHER: another aircraft.
+    SAME: equal serial number or calibration. OTHER: another aircraft. In the other cases the user
+    must choose: COPIED (equal calibration, another serial number), RECALIBRATED (equal sensors,
+    another calibration), OTHER_LAYOUT, UNMARKED (nothing to compare).
     """
     boards = log.board and known.board
     layouts = log.layout and known.layout and log.layout != known.layout
@@ -139,7 +138,11 @@ def match(log: Marks, known: Marks) -> MarksMatch:
 def _equal(
     one: Mapping[str, float], other: Mapping[str, float], *, fewest: int = FEWEST_VALUES
 ) -> bool | None:
-    """Return True if the values that two logs share are equal; None with fewer than `fewest`."""
+    """Return True if the values that both mappings have under a name are equal within 1e-6 of the
+    value of `other`, else False.
+
+    None if they share fewer than `fewest` names.
+    """
     shared = one.keys() & other.keys()
     if len(shared) < fewest:
         return None
@@ -147,11 +150,11 @@ def _equal(
 
 
 def recognise(log: Marks, known: Iterable[tuple[str, tuple[Marks, ...]]]) -> Recognition:
-    """Return which known aircraft a log belongs to; `known` gives each name and the marks of its
-    earlier logs.
+    """Return which of the known aircraft a log's marks belong to.
 
-    The best match of an aircraft's marks counts. If exactly one aircraft is the SAME, its name is
-    returned; else all that match are `open`. With neither, the log is of a new aircraft.
+    `known` gives each aircraft's name and the marks of its logs, of which the best match counts. If
+    exactly one aircraft matches as SAME, its name is returned. Else all that match are returned as
+    `open`, for the user to choose from; if none does, the aircraft is new.
     """
     found: dict[str, MarksMatch] = {}
     for name, marks in known:

@@ -36,11 +36,9 @@ from thrustmargin.models.model.mode_walk import (
     FlightOffsets,
     ModeState,
     WalkSizes,
-    WalkStep,
     fit_steps,
     local_day,
     state_before,
-    walk,
 )
 from thrustmargin.models.model.model_file import load_model
 from thrustmargin.models.model.model_misfit import Caveat
@@ -122,8 +120,9 @@ class AircraftFlight:
     bad_arms: tuple[int, ...] = ()  # arms, from 0, of which a part may have been bad
 
     def __post_init__(self) -> None:
-        """Take the rotors of the faults from `suspects` in rows of earlier versions, which kept
-        only those there."""
+        """Fill the rotors of the faults from `suspects` in records of versions that stored only
+        these.
+        """
         if self.fault_kinds and not self.fault_rotors:
             object.__setattr__(self, "fault_rotors", self.suspects)
 
@@ -135,8 +134,9 @@ class AircraftFlight:
 
     @property
     def trusted(self) -> bool:
-        """Return True if the flight may be used to learn the power and the missions of the sound
-        aircraft."""
+        """Return True if power and missions may be learnt from the flight, because nothing was bad
+        in it.
+        """
         return self.not_taught not in UNTRUSTED
 
 
@@ -223,10 +223,10 @@ class KnownAircraft:
     def clearance(self) -> Clearance:
         """Return the consequence of the last RECENT flights for the next take-off.
 
-        A flight that grounds the aircraft does so until a repair is noted or a later flight
-        teaches; after lost control until a repair is noted. From then on its fault is a condition,
-        until both are there. A grounded aircraft has no other conditions; else those of the last
-        flight are added.
+        A flight with a grounding verdict grounds the aircraft until a repair is noted, or until a
+        later fault-free flight updates the state; the latter does not suffice after lost control.
+        With only one of the two, its fault is a condition; with both it is settled. A grounded
+        aircraft has no other condition; else the caveats of the last flight are conditions too.
         """
         rows = self.flights[-RECENT:]
         conditions: list[Condition] = []
@@ -253,8 +253,10 @@ class KnownAircraft:
         return Clearance(conditions=tuple(conditions))
 
     def power_before(self, start_unix_s: float = math.inf) -> PowerLaw | None:
-        """Return the power law by the flights before a Unix time, s; None if none of them has a
-        current."""
+        """Return the law of electric power by the flights before `start_unix_s`, Unix time.
+
+        None if none of these flights has a measured current.
+        """
         return power_law(
             [
                 FlightPower(
@@ -267,8 +269,8 @@ class KnownAircraft:
         )
 
     def arms_before(self, start_unix_s: float = math.inf) -> ArmLaw | None:
-        """Return the figures of each arm in the flights before a Unix time, s, since the last
-        repair.
+        """Return the figures of each arm in flights before `start_unix_s`, Unix time, since the
+        last repair.
 
         Flights in which a part of an arm may have been bad are left out: a fault must not become
         the reference. None without such a flight.
@@ -288,10 +290,10 @@ class KnownAircraft:
         rows = (row for row in self.flights if row.started_unix_s >= since)
         return tuple(row.arms for row in rows if row.arms is not None)
 
-    def experience_before(self, start_unix_s: float = math.inf) -> Experience | None:
-        """Return how missions before a Unix time differed from their forecasts; None if too few
-        were flown."""
-        rows = self.flights_before(start_unix_s)
+    @property
+    def experience(self) -> Experience | None:
+        """Return how missions differed from their forecasts; None if too few were flown."""
+        rows = self.flights_before(math.inf)
         return experience([row.mission for row in rows if row.mission is not None])
 
     def battery_before(self, start_unix_s: float = math.inf) -> KnownBattery:
@@ -304,15 +306,22 @@ class KnownAircraft:
         )
 
     def steps(self, before_unix_s: float = math.inf) -> WalkSizes:
-        """Return the standard deviations of the random walk of the offsets, fitted to flights
-        before a Unix time, s."""
+        """Return how much rotor speed offsets vary, as standard deviations of a random walk.
+
+        They are fitted to the flights before `before_unix_s`, Unix time.
+        """
         lessons = [one for one in self.lessons if one.start_unix_s < before_unix_s]
         return fit_steps(lessons, last_training=self.last_training, repairs=self.repairs)
 
     def state_before(
         self, start_unix_s: float, rotors: int, longitude_deg: float = NAN
     ) -> ModeState:
-        """Return the mode state with which to predict a flight that starts at a Unix time, s."""
+        """Return the state (rotor speed offsets by mode, with errors) with which to predict a
+        flight.
+
+        The flight starts at `start_unix_s`, Unix time, s, with `rotors` rotors. `longitude_deg`, by
+        which its local day is known, is NaN if unknown.
+        """
         return state_before(
             self.lessons,
             self.steps(start_unix_s),
@@ -329,10 +338,11 @@ class KnownAircraft:
         return load_model(self.model_file)
 
     def model_before(self, start_unix_s: float, longitude_deg: float = NAN) -> RotorModel:
-        """Load the model with the state and power law that apply to a flight starting at a Unix
-        time, s.
+        """Load the aircraft's model with the state and power law that apply at `start_unix_s`, Unix
+        time.
 
-        Without a state if the model has no interval that it could widen.
+        `longitude_deg` gives the local day; NaN means that of the last flight. Without an interval,
+        which the state would widen, the model has no state.
         """
         made = self.model()
         model = replace(
@@ -346,12 +356,6 @@ class KnownAircraft:
             longitude_deg = self.flights[-1].longitude_deg
         rotors = model.airframe.rotor_count
         return replace(model, state=self.state_before(start_unix_s, rotors, longitude_deg))
-
-    def walk(self) -> tuple[WalkStep, ...]:
-        """Return the random walk's filter steps over all flights that update the state."""
-        return walk(
-            self.lessons, self.steps(), last_training=self.last_training, repairs=self.repairs
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -374,7 +378,10 @@ class Hangar:
         return self.folder / "aircraft" / checked_name(name)
 
     def load(self, name: str) -> KnownAircraft:
-        """Read an aircraft. Raises DataError where it is unknown or a file is damaged."""
+        """Return the aircraft `name` with its flights and events, both by time.
+
+        Raises DataError if it is unknown or a file is damaged.
+        """
         folder = self.aircraft_folder(name)
         if not (folder / "aircraft.json").exists():
             known = ", ".join(self.names()) or "none yet"
@@ -406,9 +413,10 @@ class Hangar:
     def keep(
         self, name: str, marks: Sequence[Marks], *, made_unix_s: float, training: Sequence[str]
     ) -> None:
-        """Write the record of an aircraft, replacing an older one.
+        """Write the record of an aircraft, replacing an older one; equal marks are stored once.
 
-        `made_unix_s` is when its model was trained, `training` the keys of the flights used.
+        `made_unix_s` is the Unix time at which its model was trained, `training` the keys of the
+        flights that it was trained on.
         """
         distinct = tuple(one for k, one in enumerate(marks) if one not in marks[:k])
         record = _Record(
@@ -448,7 +456,10 @@ def checked_name(name: str) -> str:
 
 
 def open_hangar(folder: Path | None = None) -> Hangar:
-    """Return the hangar of a folder, else of THRUSTMARGIN_HANGAR, else of the user's data."""
+    """Return the hangar in `folder`; if None in that of the variable THRUSTMARGIN_HANGAR.
+
+    Without the variable it is in the user's data folder. The folder need not exist.
+    """
     if folder is not None:
         return Hangar(folder)
     if named := os.environ.get(VARIABLE):
@@ -464,8 +475,10 @@ def _files(folder: Path) -> list[Path]:
 
 
 def _read(path: Path, kind: type[Kind], schema: str) -> Kind:
-    """Read a JSON file of the hangar into the dataclass `kind`. Raises DataError if it is damaged
-    or of another schema."""
+    """Read a JSON file of the hangar into the dataclass `kind`.
+
+    Raises DataError if the file is damaged, or not of the `schema` stated.
+    """
     try:
         data = json.loads(regular(path).read_text("utf-8"))
         if not isinstance(data, dict) or data.get("schema") != schema:

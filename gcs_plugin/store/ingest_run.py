@@ -75,7 +75,10 @@ def is_address(path: str) -> bool:
 
 @contextmanager
 def local_file(path: str) -> Iterator[Path]:
-    """Yield the path of a log; one at an address is fetched into a temporary folder first."""
+    """Yield the path of a log on this computer.
+
+    A log at an fsspec address is first copied to a temporary folder, which is deleted at the end.
+    """
     if not is_address(path):
         yield Path(path)
         return
@@ -103,8 +106,8 @@ def content_of(path: str) -> str:
 def known_contents(store: SeasonStore) -> set[str]:
     """Return the digests of all logs whose flights are stored or staged.
 
-    A log's last flight to be staged is named by the digest alone; the others have a suffix. So a
-    log whose reading was interrupted is not yet known.
+    The last flight to be staged of a log is named by the digest alone, the other flights have a
+    suffix. So a log whose reading was interrupted is not among them.
     """
     names = store.table("flights", columns=["flight"])["flight"].to_pylist()
     names += [Path(key).stem for keys in staged_partitions(store).values() for key in keys]
@@ -124,14 +127,15 @@ def ingest_logs(
     hide: Callable[[str], str] | None = None,
     again: bool = False,
 ) -> IngestOutcome:
-    """Store the flights of every log that is not in the store yet, or of all logs if `again`.
+    """Store the flights of each log that is not in the store yet, or of all logs if `again`; return
+    what was stored, rejected and already there.
 
-    `read` gets a log and its digest, stages the log's flights and returns their names. It and the
-    store are pickled for other processes. `executor` starts the processes, and restarts them after
-    one died; `at_once` is the number of logs in work. `show` gets a log's name, the bytes done and
-    the bytes of all logs. The store must be locked; `check_lock` raises DataError if the lock is
-    lost. `refused` are names and reasons of logs to list as rejected. `hide` maps digests to
-    pseudonyms in an anonymous store.
+    `read(log, digest)` stages a log's flights and returns their names; it is pickled for other
+    processes, which `executor` starts, again after one died. `at_once` logs are in work at a time.
+    `show(name, bytes done, bytes of all logs)` reports progress. The store must be locked;
+    `check_lock` raises DataError if the lock is lost. `refused` are (name, reason) of logs to list
+    as rejected. A log that cannot be read is rejected too, but OSError is raised if the store
+    cannot be written. `hide` maps a digest to its pseudonym in an anonymous store.
     """
     begun = time.monotonic()
     if store.on_disk and Path(store.path(DRAFTS)).exists():
@@ -213,8 +217,8 @@ def ingest_logs(
 def store_flights(store: SeasonStore, flights: Sequence[SeasonFlight], *, wait_s: float) -> None:
     """Write flights to the tables of a store, replacing earlier data of these flights.
 
-    Waits up to `wait_s` s for another writer. Raises DataError if it still writes then, or the disk
-    refuses.
+    Waits at most `wait_s` s while another process writes. Raises DataError if that process still
+    writes then, or if the disk refuses.
     """
     try:
         with writer_lock(store, wait_s=wait_s):
@@ -229,7 +233,11 @@ def store_flights(store: SeasonStore, flights: Sequence[SeasonFlight], *, wait_s
 
 
 def _reject(outcome: IngestOutcome, task: _Task, reason: str) -> None:
-    """Add a log to the rejected ones, with the reason without the log's name at its beginning."""
+    """Append a log to the outcome's rejected ones, with its content's digest, the reason and the
+    time.
+
+    The log's path or name at the beginning of `reason` is cut.
+    """
     for named in (task.log.path, task.log.name):
         reason = reason.removeprefix(f"{named}: ").removeprefix(f"{named} ")
     outcome.rejected.append(
@@ -250,7 +258,8 @@ def _merge_all(
 ) -> None:
     """Merge all staged flights into the tables, one job of `pool` for each aircraft and month.
 
-    Raises DataError if a process dies or the lock is lost.
+    `show(text, flights done, all flights)` reports progress. Raises DataError if a process dies,
+    or, by `check_lock`, if the lock is lost.
     """
     waiting = staged_partitions(store)
     total, done = sum(map(len, waiting.values())), 0
@@ -268,9 +277,10 @@ def _merge_all(
 def _write_rejected(
     store: SeasonStore, outcome: IngestOutcome, known: set[str], *, hidden: bool
 ) -> None:
-    """Write the table of rejected logs of all runs, each once, without those stored since.
+    """Write the table of the rejected logs of this run and earlier runs, each once.
 
-    `known` are the digests of stored logs. `hidden`: names and reasons are left out.
+    Logs of earlier runs that are stored by now, with a digest in `known`, are dropped. `hidden`:
+    names and reasons are left out.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq

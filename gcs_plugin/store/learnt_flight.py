@@ -24,7 +24,7 @@ from thrustmargin.models.model.mode_walk import FlightOffsets, WalkStep, walk
 from thrustmargin.models.model.model_misfit import Caveat
 from thrustmargin.models.model.offset_total import rotor_total
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.physics.resistance import battery_resistance
+from thrustmargin.models.physics.known_battery import battery_resistance
 from thrustmargin.models.physics.smoothing import known_median
 
 NAN = float("nan")
@@ -49,11 +49,12 @@ def learnt_flight(
     flight: str,
     limit: float = 0.5,
 ) -> LearntFlight:
-    """Analyse a flight of a known aircraft by its state before the flight, and make the flight's
+    """Analyse a flight of a known aircraft in its state before the flight, and make the flight's
     record.
 
-    `model` is the aircraft's own; `flight` is the digest of the log. A log without a date is
-    predicted by the state after the last flight, and does not update the state.
+    `model` is the aircraft's model, `flight` the log's digest, `limit` the largest share of a
+    rotor's thrust that may be used for long. A flight without a date is predicted in the state
+    after the last flight, and does not update the state.
     """
     track = log.track
     start_unix_s = NAN if track.start_unix_s is None else track.start_unix_s
@@ -128,7 +129,10 @@ def _after_last(aircraft: KnownAircraft) -> float:
 
 
 def step_of(aircraft: KnownAircraft, offsets: FlightOffsets) -> WalkStep:
-    """Return the walk's step at a flight of an aircraft, from the flights before it."""
+    """Return the random walk's step at a flight: rotor speed offsets before and after it.
+
+    The walk runs over the earlier flights of the aircraft that update its state, and this one.
+    """
     earlier = [
         one
         for one in aircraft.lessons
@@ -144,11 +148,12 @@ def step_of(aircraft: KnownAircraft, offsets: FlightOffsets) -> WalkStep:
 def change_of(
     step: WalkStep, analysis: FlightAnalysis, aircraft: KnownAircraft, log_name: str
 ) -> AircraftChange | None:
-    """Return how a flight differs from earlier flights of its aircraft.
+    """Return how a flight differs from the earlier flights of its aircraft.
 
-    None where it does not, or where its model has no interval. A change is reported until somebody
-    notes it, as long as flights differ from the state before it by more than the walk allows since
-    then. The offsets are summed from the last noted repair on.
+    `step` is the flight's step in the random walk of rotor speed offsets. None if it does not
+    differ, or if the model has no interval. An earlier change is reported again until a repair is
+    noted, as long as flights differ from the state before it by more than the walk allows.
+    `log_name` names this flight's log.
     """
     model, flight = analysis.model, step.flight
     if model.interval is None:
@@ -184,8 +189,12 @@ def change_of(
 
 
 def _against(step: WalkStep, aircraft: KnownAircraft, since_unix_s: float) -> WalkStep:
-    """Return the step of a flight, compared with the state of the aircraft before the flight at
-    `since_unix_s`, Unix time; its `surprise` is in standard errors."""
+    """Return a flight's step in the random walk, compared with an older state of its aircraft.
+
+    That is the state before the flight at `since_unix_s`, Unix time. `surprise` is then the
+    difference from it, in standard errors for each mode; the variance that the walk allows since
+    then is included.
+    """
     flight = step.flight
     earlier = [one for one in aircraft.lessons if one.start_unix_s < flight.start_unix_s]
     walked = walk(
@@ -205,7 +214,11 @@ def _against(step: WalkStep, aircraft: KnownAircraft, since_unix_s: float) -> Wa
 
 
 def not_taught(advice: Advice, offsets: FlightOffsets | None) -> NotTaught | None:
-    """Return the reason why a flight does not update the state of its aircraft; None if it does."""
+    """Return why a flight does not update the state of its aircraft; None if it does.
+
+    The reasons are a fault, lost control, no verdict, a wrong motor order, wrong rotor speeds, an
+    uncertain load, and too little data (`offsets` None), in this order.
+    """
     if advice.faults:
         return NotTaught.FAULT
     if advice.losses or FlightLevel.LOST in advice.levels:
@@ -222,18 +235,24 @@ def not_taught(advice: Advice, offsets: FlightOffsets | None) -> NotTaught | Non
 
 
 def bad_arms(advice: Advice, rotors: int) -> tuple[int, ...]:
-    """Return the arms, from 0, of `rotors`, of which a part that flies may be bad, not a reading
-    alone. All of them where the aircraft shakes and no arm shows why."""
+    """Return the arms, from 0, in which a part may be bad: propeller, motor, ESC or lead.
+
+    A wrong sensor reading does not count. Empty if arms were not checked. All `rotors` arms are
+    returned if the aircraft shakes and no arm shows why.
+    """
     if advice.arms is None:
         return ()
-    if advice.arms.aircraft is not None:
+    if advice.arms.shaken is not None:
         return tuple(range(rotors))
     return tuple(one.arm for one in advice.arms.findings if not one.only_sensors)
 
 
 def coverage(analysis: FlightAnalysis) -> float:
-    """Return the share of measured speeds in flight inside the interval of their prediction; NaN
-    without any."""
+    """Return the share of measured rotor speeds in flight that are inside the prediction's
+    interval.
+
+    NaN without a measured speed.
+    """
     track, prediction = analysis.track, analysis.prediction
     speed = track.measured("rotor_speed_rpm")
     known = track.flying[:, None] & np.isfinite(speed) & np.isfinite(prediction.lower_rpm)
@@ -255,9 +274,9 @@ def _mean_power(analysis: FlightAnalysis) -> float:
 
 
 def _charge_used(analysis: FlightAnalysis) -> float:
-    """Return the charge used in flight, Ah, by the current.
+    """Return the charge used in flight, Ah, integrated from the current.
 
-    NaN where less than nine tenths of the flight have one.
+    NaN if the current is known in less than LEAST_KNOWN of the flight time, or without a flight.
     """
     track = analysis.track
     seconds = np.where(track.flying, np.gradient(track.time_s), 0.0)

@@ -66,9 +66,10 @@ def day_file() -> Path:
 
 
 def read_day(path: Path) -> Day:
-    """Read a day from a TOML or JSON file with the keys KEYS, each a number.
+    """Read the conditions of a day (air, wind, battery) from a TOML or JSON file.
 
-    Raises DataError for another file, an unknown key, or a value that no day has.
+    Each key is one of KEYS, each value a number in the unit of its key. Raises DataError for
+    another file, an unknown key, an impossible value, or a file without a value.
     """
     if path.suffix.lower() not in (".toml", ".json"):
         raise DataError(f"cannot read a day from {path}; end its name in .toml or .json")
@@ -94,7 +95,10 @@ def read_day(path: Path) -> Day:
 
 
 def _in_si(name: str, written: Any, where: str) -> float:
-    """Return a written value in SI. Raises DataError unless it is a number that a day can have."""
+    """Return the value `written` for the field `name` of Day, converted to SI.
+
+    Raises DataError, beginning with `where`, unless it is a number within the field's limits.
+    """
     how = DAY_FIELDS[name]
     if isinstance(written, bool) or not isinstance(written, int | float):
         raise DataError(f"{where} is {written!r:.40}; it must be a number in {how.unit}")
@@ -106,10 +110,11 @@ def _in_si(name: str, written: Any, where: str) -> float:
 
 
 def remembered_day(now_s: float | None = None) -> Day:
-    """Return the values that the user stated within KEPT_S, with the local time of each.
+    """Return the conditions that the user stated within the last KEPT_S s, each with its local
+    time.
 
-    `now_s` is s since 1970; without it the present. Raises DataError when the file of the
-    remembered day is damaged.
+    `now_s` is the Unix time, s; None means now. Conditions not stated are unknown; all are without
+    a file. Raises DataError if the file is damaged.
     """
     now_s = time.time() if now_s is None else now_s
     found: dict[str, DayValue] = {}
@@ -123,9 +128,12 @@ def remembered_day(now_s: float | None = None) -> Day:
 
 
 def remember(day: Day, now_s: float | None = None) -> None:
-    """Store the values that the user stated of a day, with those stated within KEPT_S before.
+    """Store the conditions of `day` that the user stated, with those stored within the last KEPT_S
+    s.
 
-    Raises OSError when the file cannot be written, DataError when the present one is damaged.
+    Values of one single battery are not stored. A new value replaces a stored one that contradicts
+    it. `now_s` is the Unix time, s; None means now. Raises OSError if the file cannot be written,
+    DataError if the present one is damaged.
     """
     now_s = time.time() if now_s is None else now_s
     stated = {one.name: value for one in fields(day) if (value := getattr(day, one.name)).known}
@@ -151,8 +159,10 @@ def remember(day: Day, now_s: float | None = None) -> None:
 
 
 def _read(path: Path) -> dict[str, _Kept]:
-    """Return the stored values by key; empty without a file. Raises DataError for a damaged
-    file."""
+    """Return the stored values, each with the time it was stated at, by key; empty without a file.
+
+    Raises DataError for a damaged file.
+    """
     if not path.exists():
         return {}
     try:

@@ -49,7 +49,12 @@ OF_VEHICLE = {
 
 
 def column_units(rotors: int) -> dict[str, str]:
-    """Return the unit of each column of the rows, by its name and in order, for `rotors` rotors."""
+    """Return column name -> unit of the stored rows, in order, for an aircraft with `rotors`
+    rotors.
+
+    After the channels come the errors of inferred ones (`..._error`), `flying`, and the columns of
+    each rotor, from 1, and of the vehicle.
+    """
     units: dict[str, str] = {}
     for channel, column in TRACK_CHANNELS.items():
         units |= dict.fromkeys(column.column_names(channel, rotors), column.unit)
@@ -63,7 +68,9 @@ def column_units(rotors: int) -> dict[str, str]:
 
 
 def analysis_columns(analysis: FlightAnalysis, rows: slice) -> Columns:
-    """Return the columns of `column_units` for the samples `rows` of a flight, each (rows,)."""
+    """Return column name -> values of the rows selected by the slice `rows`, as `column_units`
+    names them.
+    """
     track, prediction = analysis.track, analysis.prediction
     rotors = track.rotor_count
     table: Columns = {}
@@ -255,7 +262,7 @@ time_s | number | s | since the flight's first row
 
 
 def arrow_schema(columns: tuple[StoredColumn, ...]) -> pa.Schema:
-    """Return the Arrow schema of columns, without their units and meanings."""
+    """Return the Arrow schema of `columns`, with names and types but without units and meanings."""
     import pyarrow as pa
 
     array = pa.struct({"name": pa.string(), "shape": pa.list_(pa.int32()), "data": pa.binary()})
@@ -276,7 +283,7 @@ def arrow_schema(columns: tuple[StoredColumn, ...]) -> pa.Schema:
 
 
 def row_columns() -> Iterator[StoredColumn]:
-    """Yield the columns of the 10 Hz rows, for ROTORS rotors.
+    """Yield name, unit and type of each column of the stored 10 Hz rows, for ROTORS rotors.
 
     Flight data are in single precision: no sensor has more.
     """

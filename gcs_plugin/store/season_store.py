@@ -61,9 +61,11 @@ class AircraftIdentity:
 
 
 def aircraft_identity(log: FlightLog, given: str | None = None) -> AircraftIdentity:
-    """Return the aircraft's name: `given`, or one made of serial number, board number or system id.
+    """Return the aircraft's name in the store, and what it is made of.
 
-    A system id is an unreliable name: it is 1 on every aircraft whose owner did not change it.
+    It is `given`, or made of the log's serial number, board number or MAVLink system id, the first
+    that the log has. A system id is unreliable: it is 1 on every aircraft whose owner did not
+    change it.
     """
     if given is not None:
         return AircraftIdentity(given, "given")
@@ -103,12 +105,12 @@ FILL_COLUMNS = ("fill_kg", "fill_limit_kg", "fill_low_kg")
 
 
 def safe_fill(fill_kg: Any, fill_limit_kg: Any, fill_low_kg: Any) -> Any:
-    """Return the safe fills, kg, an Arrow array (F,) of F stored flights; null for flights stored
-    by older versions.
+    """Return the safe fill of each stored flight, kg, as an Arrow array (F,); null for older
+    versions.
 
-    The arguments are columns (F,) of `flights`. Before `fill_limit_kg` existed, `fill_kg` was the
-    fill at the limit. Such a row has a `fill_low_kg` and no `fill_limit_kg`; its safe fill is
-    unknown.
+    The arguments are columns (F,) of the table `flights`. In versions without `fill_limit_kg`,
+    `fill_kg` was the fill at the limit, which is not safe. Such a row has a `fill_low_kg` but a
+    null `fill_limit_kg`.
     """
     import pyarrow.compute
 
@@ -123,9 +125,10 @@ NO_WORDS: Mapping[str, Callable[[str], Any]] = MappingProxyType({})
 def _create_flights(
     connection: duckdb.DuckDBPyConnection, words: Mapping[str, Callable[[str], Any]]
 ) -> None:
-    """Create the view `flights` of `stored_flights`, with safe fills and words.
+    """Create the SQL view `flights` of the table `stored_flights`.
 
-    duckdb calls these functions only for columns that a query names.
+    Its column `fill_kg` has the safe fills, and the columns in `words` are made by these functions
+    of the column `answer`. duckdb calls a function only if a query names its column.
     """
     create: Any = connection.create_function  # it takes names of types, too
     numbers = ["DOUBLE"] * len(FILL_COLUMNS)
@@ -144,12 +147,12 @@ def _create_flights(
 def query(
     store: SeasonStore, sql: str, words: Mapping[str, Callable[[str], Any]] = NO_WORDS
 ) -> pa.Table:
-    """Return the result of one SELECT over `flights`, `rows`, `sums` and `rejected`.
+    """Return the result of one SELECT over the tables `flights`, `rows`, `sums` and `rejected`.
 
-    `words` maps columns of `flights` to functions that make them from the column `answer` (JSON);
-    where these return None, or there is no `answer`, the stored text is used. Raises DataError with
-    duckdb's reason where `sql` is no SELECT, and for a result of more than MOST_ROWS rows. Ctrl-C
-    ends a query that runs too long.
+    `words` maps columns of `flights` to functions of the column `answer` (JSON) that return the
+    column's text; where one returns None, or `answer` is null, the stored text is used. Raises
+    DataError with duckdb's reason if `sql` is no SELECT or fails, and for more than MOST_ROWS rows.
+    Ctrl-C ends the query.
     """
     require("--sql", "duckdb")
     import duckdb
@@ -174,9 +177,10 @@ def query(
 
 
 def _run_interruptibly(connection: duckdb.DuckDBPyConnection, sql: str) -> pa.Table:
-    """Return the result of `sql`, at most MOST_ROWS + 1 rows, and let Ctrl-C interrupt it.
+    """Run the SELECT `sql` in a thread and return at most MOST_ROWS + 1 rows.
 
-    duckdb blocks the thread that runs it, so the main thread, which receives Ctrl-C, only waits.
+    duckdb blocks its thread; the main thread, which receives Ctrl-C, can so interrupt it.
+    KeyboardInterrupt is raised then.
     """
     with ThreadPoolExecutor(max_workers=1) as worker:
         answer = worker.submit(lambda: connection.sql(sql).limit(MOST_ROWS + 1).to_arrow_table())
@@ -212,9 +216,10 @@ class SeasonStore:
 
     @classmethod
     def open(cls, url: str) -> Self:
-        """Open the store at a folder or address; neither has to exist.
+        """Return the store at a folder or an fsspec address; neither has to exist yet.
 
-        Raises DataError for an address that fsspec cannot read, InstallError without the libraries.
+        Raises DataError for an address with an unknown protocol, InstallError if a library is
+        missing.
         """
         require("a season's store", "fsspec", "pyarrow", "filelock")
         from fsspec.core import url_to_fs
@@ -259,9 +264,10 @@ class SeasonStore:
         return content if isinstance(content, bytes) else content.encode()
 
     def naming_key(self) -> str | None:
-        """Return the name of the key by which flights have pseudonyms; None if they have none.
+        """Return the name of the key with which the flights' pseudonyms were made; None without
+        pseudonyms.
 
-        Raises DataError if the object `_store.json` is damaged.
+        None too in an empty store. Raises DataError if the object `_store.json` is damaged.
         """
         key = self.path(NAMES)
         if not self.files.exists(key):
@@ -279,9 +285,11 @@ class SeasonStore:
         return names
 
     def put(self, key: str, write: Callable[[Path], Any]) -> None:
-        """Call `write` with the path of a draft, then put the draft at `key` in one step.
+        """Call `write` with the path of a temporary file, then move that file to the object `key`
+        at once.
 
-        Readers see the old object or the new one, never a part. Raises OSError if a bucket refuses.
+        Readers see the old object or the new one, never a part. Raises OSError if a disk or bucket
+        refuses.
         """
         if self.on_disk:
             path = Path(self.path(key))
@@ -313,10 +321,12 @@ class SeasonStore:
     def table(
         self, name: str, aircraft: str | None = None, *, columns: list[str] | None = None
     ) -> pa.Table:
-        """Read `flights`, `rows`, `sums` or `rejected`, with the aircraft and month of each row.
+        """Read the table `name`: `flights`, `rows`, `sums` or `rejected`.
 
-        `fill_kg` is the safe fill in every row, as `safe_fill` returns it. Raises DataError for a
-        store of another version whose columns do not fit the schema.
+        `aircraft` limits it to one aircraft, `columns` to some columns. Each row also has aircraft
+        and month, except in `rejected`. `fill_kg` is the safe fill, null where `safe_fill` does not
+        know it. Raises DataError for a damaged file, and for another version whose columns do not
+        fit.
         """
         import pyarrow as pa
 
@@ -337,9 +347,11 @@ class SeasonStore:
             raise DataError(damaged_table(f"{self.url}/{name}", error)) from error
 
     def dataset(self, name: str, aircraft: str | None = None) -> pa_dataset.Dataset:
-        """Return a table as its files contain it, without reading rows.
+        """Return the table `name` as an Arrow dataset, without reading its rows; empty if it has no
+        file.
 
-        `fill_kg` of rows by older versions is still the fill at the limit.
+        `aircraft` limits it to one aircraft. In rows by older versions `fill_kg` is the fill at the
+        limit, not the safe fill.
         """
         import pyarrow as pa
         import pyarrow.dataset as ds
@@ -385,10 +397,10 @@ def read_flights(store: SeasonStore, aircraft: str | None = None) -> pa.Table:
 
 
 def read_sums(store: SeasonStore, aircraft: str | None = None) -> Iterator[dict[str, Any]]:
-    """Yield each flight's row of `sums`, sorted by aircraft and start time.
+    """Yield each flight's row of the table `sums`, sorted by aircraft and start time.
 
-    A row has the columns of `schema.SUMS`, and `aircraft` and `month`; its `arrays` are a dict of
-    name -> float64 array.
+    `aircraft` limits them to one aircraft. A row has the columns of `schema.SUMS`, and `aircraft`
+    and `month`; its `arrays` are a dict of name -> float64 array.
     """
     found = store.table("sums", aircraft)
     for row in found.sort_by(
@@ -403,10 +415,10 @@ def _decode_array(stored: Mapping[str, Any]) -> np.ndarray:
 
 
 def array_cells(arrays: Arrays) -> list[dict[str, Any]]:
-    """Return a dict for each array: its `name`, `shape` and `data`.
+    """Return a list of dicts, one for each named array, to be stored in a column.
 
-    `shape` is a list of int, `data` the values as bytes: little-endian float64 in C order. Arrays
-    of other types are converted.
+    `name` is the array's name, `shape` a list of int, and `data` its values as bytes: little-endian
+    float64 in C order. Arrays of other types are converted.
     """
     return [
         {

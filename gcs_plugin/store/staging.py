@@ -63,10 +63,10 @@ class SeasonFlight:
 
     @property
     def rows_file(self) -> str:
-        """Return the name of the file for the flight's rows, one file for each third of a month.
+        """Return the name of the file in which the flight's 10 Hz rows are stored.
 
-        That is large enough to be read fast and small enough to be rewritten. Undated flights are
-        divided by the first digit of their name.
+        Flights of one third of a month share a file: large enough to be read fast, small enough to
+        be rewritten. Undated flights are divided by the first digit of their name.
         """
         started = _start_time(self.summary)
         part = self.summary["flight"][0] if started is None else min((started.day - 1) // 10, 2) + 1
@@ -82,7 +82,7 @@ def _start_time(summary: dict[str, Any]) -> datetime | None:
 
 
 def stage(store: SeasonStore, flight: SeasonFlight) -> None:
-    """Write one flight as one staged object, for `merge`."""
+    """Write one flight as an archive into the store's staging area, from which `merge` takes it."""
     import pyarrow as pa
 
     name = flight.summary["flight"]
@@ -107,9 +107,9 @@ def stage(store: SeasonStore, flight: SeasonFlight) -> None:
 
 
 def _nan_as_none(values: dict[str, Any]) -> dict[str, Any]:
-    """Return values with None for NaN and infinity, in lists too.
+    """Return the values with None in place of NaN and infinity, also inside lists.
 
-    Databases treat NaN as a number, for example in a mean.
+    Databases take NaN for a number, for example in a mean.
     """
 
     def known(value: Any) -> Any:
@@ -121,7 +121,10 @@ def _nan_as_none(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def _rows_table(flight: str, rows: Columns) -> pa.Table:
-    """Return the rows of one flight as a table with all columns of the schema; null if missing."""
+    """Return a flight's rows as a table with all columns of the schema, in its types.
+
+    A column that `rows` lacks is null, and so is NaN. `flight` is the flight's name.
+    """
     import pyarrow as pa
 
     size = rows["time_s"].size
@@ -150,10 +153,11 @@ def staged_partitions(store: SeasonStore) -> dict[tuple[str, str], list[str]]:
 
 
 def drop_replaced(store: SeasonStore, waiting: dict[tuple[str, str], list[str]]) -> None:
-    """Delete stored data that staged flights replace and that `merge` would not overwrite.
+    """Delete stored data that the staged flights replace, but that `merge` would not overwrite.
 
-    These are a flight stored under another aircraft or month, sums of a flight that has none now,
-    and sorties of a log that is divided into other sorties now. `waiting` is `staged_partitions`.
+    These are flights stored under another aircraft or month, sums of flights that now have none,
+    and sorties of a log that is now divided differently. `waiting` maps (aircraft, month) to the
+    keys of staged flights.
     """
     new = {Path(key).stem: key for keys in waiting.values() for key in keys}
     stored = store.table("flights", columns=["flight", "aircraft", "month"]).to_pylist()
@@ -172,7 +176,7 @@ def drop_replaced(store: SeasonStore, waiting: dict[tuple[str, str], list[str]])
 
 
 def drop_flight(store: SeasonStore, flight: str) -> None:
-    """Delete one flight from all tables and from the staged flights."""
+    """Delete the flight named `flight` from all tables and from the staging area, if present."""
     for key in store.keys(STAGED):
         if Path(key).stem == flight:
             store.delete(key)
@@ -183,7 +187,10 @@ def drop_flight(store: SeasonStore, flight: str) -> None:
 
 
 def _drop_flight(store: SeasonStore, target: str, flight: str) -> None:
-    """Rewrite a file of a month without one flight; delete the file if nothing remains."""
+    """Rewrite the object `target` of a table without one flight; delete it if no row remains.
+
+    Nothing is written if the flight is not in it.
+    """
     import pyarrow.compute as pc
 
     with _open_table(store, target) as file:
@@ -205,7 +212,11 @@ def _drop_flight(store: SeasonStore, target: str, flight: str) -> None:
 
 
 def merge(store: SeasonStore, aircraft: str, month: str, keys: list[str]) -> int:
-    """Merge the staged flights `keys` of one aircraft and month; return their number."""
+    """Move the staged flights `keys`, all of one aircraft and month, into the tables.
+
+    Return their number. Rows and sums are written before the table `flights`, in which a flight
+    counts as stored.
+    """
     members: dict[str, list[str]] = {}
     for key in keys:
         with _open_staged(store, key) as whole:
@@ -227,7 +238,8 @@ def merge(store: SeasonStore, aircraft: str, month: str, keys: list[str]) -> int
 
 @contextmanager
 def _damage_as_data_error(store: SeasonStore, key: str) -> Iterator[None]:
-    """Raise DataError with the object's path for errors of damaged data within the context.
+    """Raise DataError, with the object's path, for an error of damaged data within the `with`
+    block.
 
     pyarrow raises OSError without an errno for a damaged file; errors of disks and networks have
     one. A damaged archive may seek before its start (EINVAL) or name an unknown compression.
@@ -265,7 +277,10 @@ def _staged_table(store: SeasonStore, key: str, member: str) -> pa.Table:
 
 @contextmanager
 def _open_table(store: SeasonStore, key: str) -> Iterator[Any]:
-    """Yield the Parquet file at a key; None if it is missing. Raises DataError if it is damaged."""
+    """Yield the Parquet file at `key`; None if there is no such object.
+
+    Raises DataError if it is damaged.
+    """
     import pyarrow.parquet as pq
 
     if not store.files.exists(store.path(key)):
@@ -278,10 +293,10 @@ def _open_table(store: SeasonStore, key: str) -> Iterator[Any]:
 def _merge_table(
     store: SeasonStore, draft: Path, target: str, member: str, keys: list[str]
 ) -> None:
-    """Write to `draft` the table at `target` with the staged flights `keys`, replacing old ones.
+    """Write to `draft` the table at `target` with the staged flights added or replaced.
 
-    `target` and `keys` are keys of objects in the store, `member` is the table's name within the
-    staged archives. The file has one row group, sorted by start time.
+    `target` is the table's key in the store, `keys` are those of the staged archives, and `member`
+    is the table's file name in the archives. The result has one row group, sorted by start time.
     """
     import pyarrow as pa
 
@@ -299,8 +314,9 @@ def _merge_table(
 
 
 def _cast_to_schema(old: pa.Table, new: pa.Table, where: str) -> pa.Table:
-    """Return `old` in the columns and types of `new`, null where an older version had no column.
+    """Return the table `old` with the columns and types of `new`.
 
+    A column that `old` lacks, being of an older version, is null. `where` is its path for errors.
     Raises DataError if the types do not fit.
     """
     import pyarrow as pa
@@ -315,9 +331,10 @@ def _cast_to_schema(old: pa.Table, new: pa.Table, where: str) -> pa.Table:
 
 
 def _merge_rows(store: SeasonStore, draft: Path, target: str, member: str, keys: list[str]) -> None:
-    """Write to `draft` the rows at `target` with the staged flights `keys`, replacing old ones.
+    """Write to `draft` the 10 Hz rows at `target` with the staged flights added or replaced.
 
-    The arguments are those of `_merge_table`. The file has one row group per flight, sorted by
+    `target` is the table's key in the store, `keys` are those of the staged archives, and `member`
+    is the table's file name in the archives. The result has one row group per flight, sorted by
     name; one flight is in memory at a time. Raises DataError if the table is damaged.
     """
     new = {Path(key).stem: key for key in keys}
@@ -345,9 +362,10 @@ def _merge_rows(store: SeasonStore, draft: Path, target: str, member: str, keys:
 
 
 def _writer(out: Any, table: pa.Table) -> Any:
-    """Return a Parquet writer for `out` with the compression that suits measurements.
+    """Return a Parquet writer to `out` with the schema of `table`, compressed as suits
+    measurements.
 
-    Byte-stream split puts bytes of equal significance side by side; few values repeat exactly.
+    Byte-stream split puts bytes of equal significance together, since few values repeat exactly.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq

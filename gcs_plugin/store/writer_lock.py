@@ -47,9 +47,10 @@ def _refusal(store: SeasonStore, holder: str) -> DataError:
 
 @contextmanager
 def _disk_lock(store: SeasonStore, wait_s: float) -> Iterator[Callable[[], None]]:
-    """Lock a store on a disk; a file next to the lock contains the holder's name.
+    """Lock a store on a disk for the `with` block; write this process's name to a file next to it.
 
-    Raises the refusal if it is still locked after `wait_s` s.
+    Yield a function that does nothing, since a lock on a disk cannot be lost. Raises DataError,
+    naming the holder, if the store is still locked after `wait_s` s.
     """
     from filelock import FileLock, Timeout
 
@@ -78,10 +79,10 @@ def _process_name() -> str:
 
 @contextmanager
 def _bucket_lease(store: SeasonStore) -> Iterator[Callable[[], None]]:
-    """Lock a store in a bucket by an object that a thread renews; yield a function that raises
-    DataError if the lock is lost.
+    """Lock a store in a bucket for the `with` block, by an object that a thread renews.
 
-    Raises DataError if another process holds the lock.
+    Yield a function that raises DataError if another process has taken the lock since. Raises
+    DataError if another process holds it; a lock not renewed for STALE_S s is taken over.
     """
     own = uuid.uuid4().hex
     path, lost, done = store.path(LOCK), threading.Event(), threading.Event()
@@ -132,9 +133,10 @@ def _bucket_lease(store: SeasonStore) -> Iterator[Callable[[], None]]:
 
 
 def _lock_age_s(store: SeasonStore, own: str) -> float:
-    """Return the age of the lock, s by the bucket's clock; infinite if there is no lock.
+    """Return the seconds since the lock was last renewed, by the bucket's clock; infinite if none.
 
-    `own` is this process's key, under which an object is written to read that clock.
+    `own` is this process's identifier; an object with that name is written, to read the clock, and
+    removed.
     """
     now = store.path(f"{LOCK}.{own}")
     store.files.pipe_file(now, b"")

@@ -60,9 +60,11 @@ class Clock:
     on_arrival: bool = False  # every message has the time at which a listener got it
 
     def times(self, fields: NDArray[np.void], rows: Index) -> Floats:
-        """Return the times (n,), s since boot, of messages: the time they carry, else the estimate.
+        """Return the times (n,), s since boot, of messages: the times they carry, else the
+        estimate.
 
-        A carried time is used only where it agrees with the estimate.
+        `fields` (n,) are those of one message type, `rows` (n,) their frames. A carried time is
+        used only where it is within TRUST s of the estimate, and never `on_arrival`.
         """
         estimate = self.estimate_s[rows]
         own = own_clock(fields)
@@ -111,12 +113,12 @@ def gps_times(system_time: Columns) -> Bools:
 def vehicle_clocks(
     name: str, frames: Frames, pilot: Bools, stamps_s: Floats, *, listened: Bools | None = None
 ) -> Iterator[Clock]:
-    """Yield one clock for each run between restarts of the autopilot, whose frames `pilot` (n,)
-    marks.
+    """Yield one clock for each run between restarts of the autopilot, flagged by `pilot` (n,).
 
-    `stamps_s` (n,) are the ground's times, s. Frames in `listened` (n,), if given, get the time
-    that a live listener would give them. Raise LogError if two clocks alternate, as when two
-    vehicles share a system id.
+    `name` is the log's, for errors; `stamps_s` (n,) are the ground's times, s. Frames in `listened`
+    (n,), if given, get the time that a live listener would give them. Without any carried clock the
+    ground's is used, with a note. Raise LogError if two clocks alternate, as when two vehicles
+    share a system id.
     """
     stamps_s = _repaired(stamps_s)
     own = np.full(stamps_s.size, np.nan)
@@ -145,11 +147,11 @@ def vehicle_clocks(
 def _clock_of(
     stretch: Stretch, rows: Index, own: Floats, stamps_s: Floats, listened: Bools | None
 ) -> Clock:
-    """Return the clock of one run between restarts.
+    """Return the clock of one run between restarts, rows `stretch.first` to `.last` of the m below.
 
     `rows` (m,) are the frames with a clock of their own, `own` (m,) these clocks, s; `stamps_s`
-    (n,) the ground's times of all frames. Frames in `listened` (n,), if given, get the time that a
-    live listener would give them.
+    (n,) the ground's times, s, of all frames. Frames in `listened` (n,), if given, get the time
+    that a live listener would give them.
     """
     last = stamps_s.size - 1
     a, b = stretch.first, stretch.last + 1
@@ -228,9 +230,7 @@ class ArrivalClock:
         return bool(self.offsets)
 
     def now_s(self, stamp_us: int) -> float:
-        """Return the vehicle's time, s, at a ground time `stamp_us`, µs; NaN before any clocked
-        message.
-        """
+        """Return the vehicle's time, s, at the ground's `stamp_us`, µs; NaN while unknown."""
         if not self.known:
             return float("nan")
         known = np.array([self.goes_by]).T
@@ -242,8 +242,7 @@ class ArrivalClock:
         return self.newest, self.stamp, sorted(self.offsets)[len(self.offsets) // 2]
 
     def after(self, own: int, stamp: int) -> tuple[ArrivalClock, Statement | None]:
-        """Update the clock by one message: `own`, the vehicle's time, and `stamp`, its arrival,
-        both ns.
+        """Update the clock by one message: `own`, the vehicle's time, `stamp`, its arrival, ns.
 
         Return the new clock and a note, None if there is none. A time behind the newest by more
         than BACKWARD s counts as late, until RESTART_AFTER in a row agree: a restart. Restarts and
@@ -321,16 +320,19 @@ def arrival_times(
 
 
 def _rising(delayed: NDArray[np.int64], last: int) -> NDArray[np.int64]:
-    """Return times (n,), ns, each raised to at least one more than that before, to keep the order
-    of messages.
+    """Return times (n,), ns, each raised to 1 or more above the one before, the first above `last`.
+
+    So the order of messages is kept.
     """
     count = np.arange(1, delayed.size + 1)
     return np.maximum.accumulate(np.concatenate([[last], delayed - count]))[1:] + count
 
 
 def _steps(offset: Floats) -> Index:
-    """Return the rows after which the offset stays changed by over FORWARD s: the ground's clock
-    was set."""
+    """Return the indices from which the offset (n,), s, stays changed by over FORWARD s.
+
+    There the ground's clock was set. Empty with fewer than five values.
+    """
     if offset.size < 5:
         return np.empty(0, dtype=np.int64)
     smooth = median_of_five(offset)
@@ -338,14 +340,17 @@ def _steps(offset: Floats) -> Index:
 
 
 def _running_median(offset: Floats) -> Floats:
-    """Return the median of each value and the WINDOW - 1 before it; the first values share one."""
+    """Return the median (n,) of each value and the WINDOW - 1 before it; the first share one.
+
+    n must not be 0.
+    """
     window = min(WINDOW, offset.size)
     middle = np.median(np.lib.stride_tricks.sliding_window_view(offset, window), axis=1)
     return np.concatenate([np.full(window - 1, middle[0]), middle])
 
 
 def _repaired(stamps_s: Floats) -> Floats:
-    """Replace single outliers (damaged stamp bytes) by the stamp before."""
+    """Return the stamps (n,), s, with single outliers (damage) replaced by the one before."""
     known = without_leaps(stamps_s)
     bad = np.flatnonzero(~np.isfinite(known))
     good = np.flatnonzero(np.isfinite(known))

@@ -38,10 +38,12 @@ def first_contact(
     autopilot: str = "unknown",
     recorded: bool = True,
 ) -> FirstContact | None:
-    """Return what a flight, whole or so far, reveals about an unknown aircraft.
+    """Return what a flight, whole or so far, shows about an unknown aircraft, to set up its
+    airframe.
 
-    None if the aircraft is known, if less than LEAST_FLIGHT_S is in flight, or if neither outputs
-    nor speeds are reported.
+    `texts` are its status texts; `recorded` is False for a flight heard on a link. None if the
+    aircraft is known, if less than LEAST_FLIGHT_S is in flight, or if neither outputs nor speeds
+    are reported.
     """
     if airframe_match.basis != "not known" or track.flying_s < LEAST_FLIGHT_S:
         return None
@@ -99,9 +101,9 @@ def highest_voltage(track: FlightTrack) -> float:
 
 
 def open_questions(reported: ReportedAirframe, *, gauge: bool) -> tuple[str, ...]:
-    """Return the keys of the QUESTIONS that the parameters leave open, which the owner must answer.
+    """Return the keys of QUESTIONS that the owner must answer, because parameters leave them open.
 
-    The load is included without a tank `gauge`; so is a guessed number of cells.
+    The load is one of them without a tank `gauge`, and the cells are if their number is guessed.
     """
     nominal = reported.quantities.get("nominal_voltage")
     questions = {

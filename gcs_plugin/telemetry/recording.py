@@ -1,8 +1,8 @@
 """Represent the content of a log file in the vehicle's own time, before it becomes one table.
 
-A `Stream` is one message type of one vehicle as columns; a `Recording` is all streams needed from
-one file. The reader of each format makes a Recording; `assemble` makes the FlightLog. The treatment
-of clocks that jump, fall back or pause is shared here by all readers.
+A `Recording` is all streams of messages that are needed from one file. The reader of each format
+makes a Recording; `sorties_of` makes a FlightLog of each of its sorties. The treatment of clocks
+that jump, fall back or pause is shared here by all readers.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.gcs_plugin.mavlink.rules import Columns
+from thrustmargin.gcs_plugin.telemetry.signals import Stream
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import VehicleEvent
 from thrustmargin.gcs_plugin.wording.check_words import source_values, source_words, statement_words
 from thrustmargin.gcs_plugin.wording.flight_words import sortie_suffix
@@ -35,17 +35,6 @@ from thrustmargin.models.vehicle_facts import VehicleFacts
 
 class NotThisFormat(LogError):
     """Raised when no message of the expected format is in the file."""
-
-
-class Stream(NamedTuple):
-    """Messages of one type: `time_s` (n,), s of the vehicle's clock, and fields as columns (n,
-    ...).
-
-    Rows are in the order of the file; time may repeat or step back a little (reordering).
-    """
-
-    time_s: Floats
-    columns: Columns
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +64,11 @@ class LogQuality:
 
 
 def mission_item(message: str, item: np.void) -> PlanItem:
-    """Return the plan item of a MISSION_ITEM_INT or MISSION_ITEM message, named `message`."""
+    """Return the plan item of one MISSION_ITEM_INT or MISSION_ITEM message, as `message` names it.
+
+    `item` is the message's row. Latitude and longitude become degrees, (0, 0) if either is not
+    finite.
+    """
     scale, places = (1e-7, 7) if message == "MISSION_ITEM_INT" else (1.0, 15)
     where = tuple(round(float(item[k]) * scale, places) for k in ("x", "y"))
     one, two, three, four = (float(item[f"param{k}"]) for k in (1, 2, 3, 4))
@@ -117,7 +110,11 @@ def channel_source(channel: ChannelReport) -> str:
 
 
 def channel_values(channel: ChannelReport) -> dict[str, Any]:
-    """Return the report of a channel as values for JSON and pages, with its source in words too."""
+    """Return the report of a channel as JSON values by field name, with its source in words as
+    `source`.
+
+    `provenance` is the source as values. `unused` is left out: it is in the words of the source.
+    """
     values: dict[str, Any] = to_json_values(channel)
     del values["unused"]
     words = {"source": channel_source(channel), "provenance": source_values(channel.source)}
@@ -153,7 +150,7 @@ class LogHeader:
 
 
 def several_autopilots(system: int, chosen: int, others: Iterable[int]) -> Statement:
-    """Return that a system id has several autopilots, of which component `chosen` is read."""
+    """Return the note that component `chosen` of several autopilots with one system id is read."""
     left_out = ", ".join(map(str, others))
     return state("several autopilots", system=str(system), chosen=str(chosen), others=left_out)
 
@@ -249,10 +246,10 @@ def serial_digits(text: str) -> str:
 def damage_of(
     skipped: Sequence[tuple[int, int]], place: NDArray[np.int64], clock_s: Floats
 ) -> dict[str, Any]:
-    """Return the fields of LogQuality for the skipped stretches (offset, length), bytes.
+    """Return bytes_skipped, damage and damaged_places of LogQuality for the skipped stretches.
 
-    The 20 longest are listed singly, in file order. `clock_s` (n,) is the vehicle's clock at the
-    file offsets `place` (n,).
+    `skipped` has (offset, length), bytes, of each; the 20 longest are listed singly, in file order.
+    `clock_s` (n,) is the vehicle's clock at the ascending file offsets `place` (n,).
     """
     worst = sorted(sorted(skipped, key=lambda stretch: -stretch[1])[:20])
     before = np.searchsorted(place, [byte for byte, _ in worst])
@@ -278,11 +275,10 @@ class Stretch(NamedTuple):
 
 
 def stretches(time_s: Floats, name: str) -> tuple[Stretch, ...]:
-    """Divide times (n,), in file order, into the runs between restarts; every row is in one of
-    them.
+    """Divide times (n,), s, in file order, into the runs between restarts; every row is in one.
 
-    Single late messages are no restart. Raise LogError if two clocks alternate, as when two
-    vehicles share a system id.
+    A fall of more than BACKWARD s is a restart, but not a single late message. `name` is the log's,
+    for the LogError raised if two clocks alternate, as when two vehicles share a system id.
     """
     smooth = median_of_five(time_s) if time_s.size >= 5 else time_s
     falls = np.flatnonzero(np.diff(smooth) < -BACKWARD) + 1
@@ -311,7 +307,11 @@ def restarts(time_s: Floats, stretches: Sequence[Stretch]) -> tuple[tuple[float,
 
 
 def without_leaps(time_s: Floats) -> Floats:
-    """Return `time_s` (n,) with single outliers (a damaged time field) replaced by NaN."""
+    """Return `time_s` (n,), in file order, with outliers (damaged time fields) replaced by NaN.
+
+    An outlier is more than FORWARD s from the median of the five times about it. Fewer than five
+    times are returned unchanged.
+    """
     step = np.diff(time_s)
     odd = np.flatnonzero((step < -BACKWARD) | (step > FORWARD))
     if time_s.size < 5 or odd.size == 0:

@@ -1,4 +1,8 @@
-"""Build the rows of a flight, and every channel on them, for logs and for live links alike."""
+"""Build the rows of a flight, and every channel on them, for logs and for live links alike.
+
+Positions are in metres from `PlaceOfZero`: home as at take-off, else the estimator's origin, else
+the first fix.
+"""
 
 from __future__ import annotations
 
@@ -9,28 +13,20 @@ from itertools import chain
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
+from thrustmargin.gcs_plugin.telemetry.airborne import GroundContact, airborne, airborne_so_far
+from thrustmargin.gcs_plugin.telemetry.battery_and_tank import (
+    PumpedSoFar,
+    TankContext,
+    first_level,
+    power,
+    pump_share,
+    pumped,
+    spraying_sources,
+    tank_levels,
+)
 from thrustmargin.gcs_plugin.telemetry.esc_frames import lost_frames
-from thrustmargin.gcs_plugin.telemetry.motors import MotorMap
-from thrustmargin.gcs_plugin.telemetry.position import (
-    GroundContact,
-    PlaceOfZero,
-    airborne,
-    airborne_so_far,
-    place_of_zero,
-    position_sources,
-)
-from thrustmargin.gcs_plugin.telemetry.power import power, spraying_sources
-from thrustmargin.gcs_plugin.telemetry.resample import (
-    Sampling,
-    first_known,
-    increasing,
-    known_rows,
-    last_before,
-    sample,
-    thinned,
-    within,
-)
-from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
+from thrustmargin.gcs_plugin.telemetry.motors import (
+    MotorMap,
     RotorMemory,
     lifting,
     measured_speeds,
@@ -39,18 +35,19 @@ from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
 )
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import NOTHING_SENT, Span
 from thrustmargin.gcs_plugin.telemetry.signals import (
+    Sampling,
     Signals,
     airspeed_sources,
     best,
+    first_known,
+    increasing,
+    known_rows,
+    last_before,
+    plausible,
     rejected_sources,
-)
-from thrustmargin.gcs_plugin.telemetry.tank_source import (
-    PumpedSoFar,
-    TankContext,
-    first_level,
-    pump_share,
-    pumped,
-    tank_levels,
+    sample,
+    thinned,
+    within,
 )
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options, stated_channels
 from thrustmargin.gcs_plugin.telemetry.vibration import vibration_per_rev
@@ -61,6 +58,7 @@ from thrustmargin.models.flight import (
     FlightTrack,
     Floats,
     FlyingBy,
+    Origin,
     known_date,
 )
 from thrustmargin.models.provenance import Provenance, Rejected
@@ -87,6 +85,7 @@ class RowState:
     sent: Span = NOTHING_SENT  # to the motors: which protocol it is may show on the ground alone
     zero: PlaceOfZero | None = None
     pumped: PumpedSoFar | None = None
+    esc_steps_s: tuple[float, ...] = ()  # usual s between the reports of each motor's ESC
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -117,10 +116,10 @@ def flight_rows(
     """Resample every channel of the signals to common rows; return None if there are no rows.
 
     Time counts from the flight's first row; `unix_minus_clock`, s, plus the vehicle's clock is Unix
-    time. The `notes` given come before those on the rows. With sampling "hold" no row depends on a
-    later report, and with `row_state` the rows of consecutive batches equal those of the whole
-    flight, if `signals` includes the last KEPT seconds before a batch. Raise LogError if the tank
-    source named in the options is absent.
+    time. `name` and `notes` go into the track. With sampling "hold" no row depends on a later
+    report, and with the `row_state` of the last batch the rows of consecutive batches equal those
+    of the whole flight, if `signals` includes the last KEPT seconds before a batch. Raise LogError
+    if the tank source named in the options is absent.
     """
     live = options.sampling == "hold"
     before = RowState() if row_state is None else row_state
@@ -197,11 +196,13 @@ def flight_rows(
     if found := [signal for signal in shaken if signal is not None]:
         channels["vibration_per_rev"] = _columns("vibration_per_rev", shaken, clock_s, "linear")
         reported["vibration_per_rev"], sources["vibration_per_rev"] = found, found[0].source
-    lost = [] if live else lost_frames(signals, motors, speeds_of_escs)
+    lost, usual_s = lost_frames(
+        signals, motors, speeds_of_escs, heard_s=before.heard_s, usual_s=before.esc_steps_s
+    )
     if found := [signal for signal in lost if signal is not None]:
-        channels["esc_lost"] = _columns("esc_lost", lost, clock_s, "linear")
+        channels["esc_lost"] = _columns("esc_lost", lost, clock_s, options.sampling)
         reported["esc_lost"], sources["esc_lost"] = found, found[0].source
-    for channel in () if live else ("vibration", "clipping"):
+    for channel in ("vibration", "clipping"):
         put(channel, signals.get(channel, ()))
     if reported["rotor_speed_rpm"]:
         sources["rotor_speed_rpm"] = motors.esc_source(measured.signals)
@@ -270,6 +271,7 @@ def flight_rows(
             held=held_so_far,
             rotors=measured.memory,
             sent=motors.span(signals, before.sent),
+            esc_steps_s=usual_s,
             zero=zero,
             pumped=before.pumped
             if share is None or total is None
@@ -287,10 +289,11 @@ def row_times(
 ) -> Floats:
     """Return the times (T,) of the rows, s of the vehicle's clock: the reports of a trigger signal.
 
-    They are thinned to at most 10 Hz. `rotors` are the speeds, one signal a rotor. The trigger is
-    the speed of rotor 1; after SILENT s without one, that of the next rotor; then attitude; then
-    any report of the flight. A recorded flight (sampling "linear") prefers the rotor with most
-    reports. It begins with the first rotor speed, if any, or at arming if that was long before.
+    They are thinned to at most 10 Hz and later than `row_state.heard_s`. `rotors` are the speeds,
+    one signal a rotor. The trigger is the speed of rotor 1; after SILENT s without one, that of the
+    next rotor; then attitude; then any report of the flight. A recorded flight (sampling "linear")
+    prefers the rotor with most reports, and begins with the first speed, or at arming if that was
+    long before.
     """
     reported = [s for s in rotors if s is not None]
     if sampling == "hold" and reported:
@@ -316,8 +319,9 @@ def row_times(
 
 
 def _first_row(spoke_s: float, signals: Signals) -> float:
-    """Return the start, s, of a recorded flight: `spoke_s`, the first rotor speed, or arming if
-    long before.
+    """Return the start, s, of a recorded flight: the first rotor speed, `spoke_s`, or arming.
+
+    Arming counts if it was more than SILENT s before.
     """
     armed = best(signals, "armed")
     on_s = np.empty(0) if armed is None else armed.time_s[armed.values > 0]
@@ -331,8 +335,11 @@ def _known_times(signals: Iterable[Signal]) -> Floats:
 
 
 def _covers(triggers: Floats, since_s: float, signals: Signals) -> bool:
-    """Return True if the trigger times (n,), s, pause for at most SILENT s from `since_s` to the
-    newest report."""
+    """Return True if the trigger times (n,), s, never pause for more than SILENT s after `since_s`.
+
+    The pause up to the newest report of any signal counts too. False if the first trigger is later
+    than `since_s`.
+    """
     first = int(np.searchsorted(triggers, since_s, side="right")) - 1
     newest = max(
         float(s.time_s[-1])
@@ -344,7 +351,10 @@ def _covers(triggers: Floats, since_s: float, signals: Signals) -> bool:
 
 
 def _silent(triggers: Floats, time_s: Floats) -> Bools:
-    """Flag times (n,) without a trigger in the SILENT seconds before."""
+    """Flag the times `time_s` (n,) without a trigger in the SILENT s before or at them.
+
+    `triggers` (m,) ascend; all on the vehicle's clock, s.
+    """
     if triggers.size == 0:
         return np.ones(time_s.size, dtype=np.bool_)
     last = np.searchsorted(triggers, time_s, side="right") - 1
@@ -362,3 +372,90 @@ def _columns(
     empty = np.full(clock_s.size, np.nan)
     parts = [empty if s is None else sample(channel, s, clock_s, sampling) for s in signals]
     return np.stack(parts, axis=-1) if parts else np.empty((clock_s.size, 0))
+
+
+#: Where zero may be, and the kind of the remark on it, preferred first.
+_PLACES = (("home", "from home"), ("ekf_origin", "from estimator's origin"))
+
+
+@dataclass(frozen=True, slots=True)
+class PlaceOfZero:
+    """The origin of positions, its rank (0: home), and whether a take-off has fixed it."""
+
+    origin: Origin
+    rank: int
+    remark: str  # kind of the remark on it
+    source: Provenance
+    settled: bool  # by a take-off since
+
+
+def position_sources(signals: Signals, zero: PlaceOfZero | None) -> tuple[Signal, ...]:
+    """Return the sources of the position, m NED, best first: geographic about `zero`, then local.
+
+    Local positions count from the estimator's origin. Geographic fixes are left out if `zero` is
+    None; without any source the tuple is empty.
+    """
+    sources = []
+    fixes = best(signals, "geodetic")
+    if fixes is not None and zero is not None:
+        places = np.where(_on_earth(fixes.values)[:, None], fixes.values, np.nan)
+        places[:, 2] = plausible("altitude", places[:, 2])
+        source = fixes.source.remarked(Statement(zero.remark))
+        if zero.source is not fixes.source:
+            source = source.remarked(Statement("by source", values=(("name", zero.source.name),)))
+        sources.append(Signal("position_ned", source, fixes.time_s, zero.origin.ned(places)))
+    local = best(signals, "position_ned")
+    if local is not None:
+        sources.append(local)
+    return tuple(sources)
+
+
+def place_of_zero(
+    signals: Signals, clock_s: Floats, flying: Bools, before: PlaceOfZero | None = None
+) -> PlaceOfZero | None:
+    """Return the origin of positions: home at take-off, else the estimator's, else first fix.
+
+    None without any. `flying` (T,) flags rows in flight, at `clock_s` (T,), s. Of several reports
+    the last one up to the take-off counts, else the first. Home counts only if fixes are reported.
+    An origin `before` that a take-off has fixed is replaced only by a better kind; another one by
+    any report of home or the estimator.
+    """
+    fixes = best(signals, "geodetic")
+    settled = bool(flying.any()) or (before is not None and before.settled)
+    takeoff = clock_s[int(np.argmax(flying))] if flying.any() else clock_s[-1]
+    for rank, (channel, remark) in enumerate(_PLACES):
+        # Local positions count from the estimator's own origin, wherever home is.
+        if fixes is None and channel == "home":
+            continue
+        if before is not None and before.settled and rank >= before.rank:
+            break
+        for signal in signals.get(channel, ()):
+            placed = np.flatnonzero(_on_earth(signal.values))
+            if placed.size:
+                earlier = placed[signal.time_s[placed] <= takeoff]
+                row = earlier[-1] if earlier.size else placed[0]
+                place = _as_origin(signal.values[row])
+                return PlaceOfZero(place, rank, remark, signal.source, settled)
+    if before is not None:
+        return replace(before, settled=settled)
+    good = np.empty(0) if fixes is None else np.flatnonzero(_on_earth(fixes.values))
+    if fixes is None or good.size == 0:
+        return None
+    place = _as_origin(fixes.values[good[0]])
+    return PlaceOfZero(place, len(_PLACES), "from first fix", fixes.source, settled)
+
+
+def _on_earth(places: Floats) -> Bools:
+    """Flag `places` (n, 3), latitude and longitude, °, altitude, m, that are finite and in range.
+
+    Latitude 0 with longitude 0 is not flagged: it means no fix.
+    """
+    latitude, longitude = places[:, 0], places[:, 1]
+    inside = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360)
+    return known_rows(places) & inside & ((latitude != 0) | (longitude != 0))
+
+
+def _as_origin(values: Floats) -> Origin:
+    return Origin(
+        latitude_deg=float(values[0]), longitude_deg=float(values[1]), altitude=float(values[2])
+    )

@@ -1,4 +1,9 @@
-"""Turn streams of messages into signals of channels, by the tables of `mavlink.decode`."""
+"""Turn streams of messages into signals of channels, and signals into values at given times.
+
+The tables are those of `mavlink.decode`. Of the two ways of sampling, `linear` interpolates between
+the reports on both sides, for recorded flights; `hold` takes the last report, as a live listener
+must. With both, a value older than the channel's age limit becomes NaN.
+"""
 
 from __future__ import annotations
 
@@ -6,28 +11,18 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cache
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.mavlink.decode import ESC_TELEMETRY_FIRST, MAVLINK_RULES, esc_silent
-from thrustmargin.gcs_plugin.mavlink.rules import Rule, Signal, decode
-from thrustmargin.gcs_plugin.mavlink.text import printable
-from thrustmargin.gcs_plugin.telemetry.recording import Stream
-from thrustmargin.gcs_plugin.telemetry.resample import (
-    Sampling,
-    coverage,
-    in_time_order,
-    known_rows,
-    last_before,
-)
+from thrustmargin.gcs_plugin.mavlink.rules import Columns, Rule, Signal, decode
+from thrustmargin.gcs_plugin.wording.language import printable
 from thrustmargin.mission.plan_check import parameter
-from thrustmargin.models.flight import Floats
+from thrustmargin.models.flight import TRACK_CHANNELS, Bools, Floats, TrackChannel
 from thrustmargin.models.provenance import Meaning, Provenance, Reason, Rejected, SourceKind
 from thrustmargin.models.statement import state
-
-#: A flight battery reads more than this, the level sender of a tank less, V.
-SENDER_VOLTAGE = 2.5
 
 _HUD_AIRSPEED = Provenance(
     kind=SourceKind.MESSAGE, name="VFR_HUD", fields=("airspeed",), unit="m/s"
@@ -37,6 +32,18 @@ _HUD_AIRSPEED = Provenance(
 _ESC_SPEED = re.compile(r"TM_RPM([1-9]\d?)")
 
 OUTPUTS_OF_PORT = 16  # of SERVO_OUTPUT_RAW: the second has ArduPilot's 17 on, PX4's AUX outputs
+
+
+class Stream(NamedTuple):
+    """Messages of one type: `time_s` (n,), s of the vehicle's clock, and fields as columns (n,
+    ...).
+
+    Rows are in the order of the file; time may repeat or step back a little (reordering).
+    """
+
+    time_s: Floats
+    columns: Columns
+
 
 #: Channel -> its sources, preferred first.
 Signals = Mapping[str, tuple[Signal, ...]]
@@ -51,8 +58,7 @@ def signals_by_channel(signals: Iterable[Signal]) -> Signals:
 
 
 def best(signals: Signals, channel: str) -> Signal | None:
-    """Return a channel's first source that covers at least 90 % of the time of the best-covering
-    one.
+    """Return a channel's first source that covers 90 % or more of the time of the best one.
 
     None if no source has a finite value.
     """
@@ -69,7 +75,11 @@ def best(signals: Signals, channel: str) -> Signal | None:
 
 
 def rejected_sources(there: Iterable[Signal], used: Signal) -> tuple[Rejected, ...]:
-    """List the sources of a channel other than `used`, each with the reason why it is not used."""
+    """Return a channel's sources other than `used`, each with the reason why it is not used.
+
+    `there` are all its sources, preferred first. The reason is that a source has no finite value,
+    covers less time than `used`, or is less preferred.
+    """
     rejected, before = [], True
     for signal in there:
         if signal is used:
@@ -85,9 +95,9 @@ def rejected_sources(there: Iterable[Signal], used: Signal) -> tuple[Rejected, .
 def by_index(signals: Signals, channel: str) -> dict[int | str, Signal]:
     """Return the sources of one channel by their index: output number, battery id or name.
 
-    Of several sources with one index the first with a value other than 0 is used. Those of a
-    battery are joined, because BATTERY_STATUS_V2 replaces BATTERY_STATUS once a ground station
-    requests it.
+    Sources without an index are left out. Of several with one index the first with a value other
+    than 0 is used. Those of a battery are joined, because BATTERY_STATUS_V2 replaces BATTERY_STATUS
+    once a ground station requests it.
     """
     by_number: dict[int | str, Signal] = {}
     for signal in signals.get(channel, ()):
@@ -102,7 +112,10 @@ def by_index(signals: Signals, channel: str) -> dict[int | str, Signal]:
 
 
 def _together(first: Signal, second: Signal) -> Signal:
-    """Merge the reports of two sources of one quantity into one signal, sorted by time."""
+    """Merge two sources of one quantity into one signal with the source of `second`.
+
+    If one of them has no finite value, return the other.
+    """
     for one, other in ((first, second), (second, first)):
         if not known_rows(other.values).any():
             return one
@@ -115,8 +128,8 @@ def _together(first: Signal, second: Signal) -> Signal:
 def mavlink_signals(streams: dict[str, Stream], airspeed: Provenance) -> Signals:
     """Return the signals of every MAVLink message in `streams`, by channel.
 
-    `airspeed` is the source of VFR_HUD's airspeed. `streams` is emptied in the process to limit
-    memory.
+    `airspeed` is the source of VFR_HUD's airspeed. `streams` (message name -> Stream) is emptied in
+    the process to limit memory.
     """
     signals = sorted(decoded(streams, airspeed), key=lambda item: item[0])
     return signals_by_channel(
@@ -125,9 +138,9 @@ def mavlink_signals(streams: dict[str, Stream], airspeed: Provenance) -> Signals
 
 
 def decoded(streams: dict[str, Stream], airspeed: Provenance) -> Iterator[tuple[int, Signal]]:
-    """Yield each signal of the messages in `streams` with the rank of its source, 0 the best.
+    """Yield (rank, signal) for each source of a channel in `streams`; rank 0 is the best.
 
-    `streams` is emptied in the process.
+    `airspeed` is the source of VFR_HUD's airspeed. `streams` (message name -> Stream) is emptied.
     """
     while streams:
         message, stream = streams.popitem()
@@ -184,8 +197,10 @@ class _Times:
         return self._made[key][0]
 
     def shortened(self, time_s: Floats, values: Floats) -> tuple[Floats, Floats]:
-        """Return times (n,), s, and values (n, ...) without rows before `since`, except the last
-        known one before it."""
+        """Return times (n,), s, and values (n, ...) without the rows before `since`, s.
+
+        Of the rows before `since` only the last one with a finite value is kept.
+        """
         first = int(time_s.searchsorted(self.since))
         known = np.flatnonzero(known_rows(values[:first]))
         last = int(known[-1]) if known.size else first
@@ -210,8 +225,12 @@ class SignalBuffer:
         self.heard: set[str] = set()
 
     def add(self, streams: dict[str, Stream], airspeed: Provenance, after_s: float) -> None:
-        """Append the reports later than `after_s`, s of the vehicle's clock, to the signals;
-        `streams` is emptied. `airspeed` is the source of the airspeed."""
+        """Append to the signals the reports later than `after_s`, s of the vehicle's clock.
+
+        `streams` (message name -> Stream) is emptied. `airspeed` is the source of VFR_HUD's
+        airspeed. Reports more than `seconds` before `after_s` may be dropped, except each signal's
+        last known one.
+        """
         self.heard |= set(streams)
         times = _Times(after_s, after_s - self._seconds)
         for rank, new in decoded(streams, airspeed):
@@ -246,8 +265,9 @@ def _used_outputs(servos: Signal) -> Signal:
 
 
 def output_pulses(signals: Signals, output: int) -> Signal | None:
-    """Return the pulses (n,) of one servo output, counted from 0 through all ports; None if not
-    received.
+    """Return the pulses (n,) of one servo output, counted from 0 through all ports.
+
+    None if the output was not received.
     """
     for servos in signals.get("servo_us", ()):
         column = output - OUTPUTS_OF_PORT * int(servos.index or 0)
@@ -277,11 +297,12 @@ def ordered_signal(
 
 
 def airspeed_sources(signals: Signals, sampling: Sampling) -> Iterator[Signal]:
-    """Yield the reported airspeeds; then, if they cover less, the speed by velocity minus wind.
+    """Yield the airspeed's sources, m/s, preferred first: reported airspeeds, then velocity - wind.
 
-    Without a wind that is the speed over ground. An airspeed of 0 is no airspeed, as PX4 sends it
-    without a sensor: in a recorded flight if it is 0 throughout, for a listener in each report. A
-    wind of 0 throughout is no wind estimate.
+    The latter is left out if a reported one covers as much of a recorded flight (`sampling`
+    "linear"). Without a wind it is the speed over ground. An airspeed of 0 is no airspeed, as PX4
+    sends it without a sensor: in a recorded flight if it is 0 throughout, for a listener ("hold")
+    in each report. A wind of 0 throughout is no wind estimate.
     """
     own, live = signals.get("airspeed", ()), sampling == "hold"
     for signal in own if live else ():
@@ -308,8 +329,10 @@ def airspeed_sources(signals: Signals, sampling: Sampling) -> Iterator[Signal]:
 
 
 def pitot_present(streams: Mapping[str, Stream], parameters: Mapping[str, float]) -> bool | None:
-    """Return True or False as the vehicle reports an airspeed sensor or none; None if it reports
-    neither."""
+    """Return True if the vehicle reports that it has an airspeed sensor, False if it reports none.
+
+    By ARSPD_TYPE, else by SYS_STATUS; None if it reports neither.
+    """
     kind = parameter(parameters, "ARSPD_TYPE")
     if np.isfinite(kind):
         return kind > 0
@@ -334,3 +357,205 @@ def hud_airspeed(autopilot: str, pitot: bool | None) -> Provenance:
     else:
         remark = "estimate without pitot"
     return _HUD_AIRSPEED.remarked(state(remark))
+
+
+Sampling = Literal["linear", "hold"]
+
+#: Rows closer than this to the one before are thinned out: at most 10 Hz, with room for jitter.
+ROW_SPACING = 0.09
+GRID = 0.1  # s between rows when no report triggers them
+_BLOCK = 1 << 14
+
+
+def within(channel: str, values: Floats) -> bool:
+    """Return True if there are values and all are in the channel's range."""
+    limit = TRACK_CHANNELS[channel]
+    return bool(
+        values.size
+        and np.minimum.reduce(values, axis=None) >= limit.low
+        and np.maximum.reduce(values, axis=None) <= limit.high
+    )
+
+
+def plausible(channel: str, values: Floats) -> Floats:
+    """Return the values, with NaN for those out of the channel's range or not finite."""
+    limit = TRACK_CHANNELS[channel]
+    good = (values >= limit.low) & (values <= limit.high)
+    return values if good.all() else np.where(good, values, np.nan)
+
+
+def all_true(flags: Bools) -> bool:
+    """Return True if all flags are True; five times as fast as `all` for few flags."""
+    return int(np.count_nonzero(flags)) == flags.size
+
+
+def known_rows(values: Floats) -> Bools:
+    """Flag the rows (n,) in which every column is finite."""
+    finite = np.isfinite(values)
+    # Along the rows numpy is ten times as quick as along a row's few columns.
+    return finite if values.ndim == 1 else np.logical_and.reduce(finite.T.copy())
+
+
+def sample(channel: str, signal: Signal, time_s: Floats, sampling: Sampling) -> Floats:
+    """Return the channel's signal at the times `time_s` (T,), as (T,) or (T, k).
+
+    NaN where no report is within the channel's age limit. "linear" interpolates, after averaging
+    fast reports; "hold" takes the last report.
+    """
+    when, values = _reports(channel, signal)
+    if when.size == 0:
+        return np.full((time_s.size, *values.shape[1:]), np.nan)
+    averaged = sampling == "linear" and TRACK_CHANNELS[channel].averaged and when.size > 4
+    if averaged and np.median(np.diff(when)) < GRID / 2:
+        when, values = _averaged(when, values)
+    if time_s.size <= _BLOCK:
+        return _interpolate(TRACK_CHANNELS[channel], when, values, time_s, sampling)
+    # In blocks: the steps between take several times the memory of the result.
+    result = np.empty((time_s.size, *values.shape[1:]))
+    for low in range(0, time_s.size, _BLOCK):
+        rows = slice(low, low + _BLOCK)
+        result[rows] = _interpolate(TRACK_CHANNELS[channel], when, values, time_s[rows], sampling)
+    return result
+
+
+def _reports(channel: str, signal: Signal) -> tuple[Floats, Floats]:
+    """Return times (n,) and values (n,) or (n, k) of the signal's reports in the channel's range.
+
+    Of several at one time the last is returned.
+    """
+    limit, values, time_s = TRACK_CHANNELS[channel], signal.values, signal.time_s
+    if within(channel, values) and all_true(time_s[1:] > time_s[:-1]):
+        return time_s, values
+    keep = (values >= limit.low) & (values <= limit.high)
+    keep = keep if keep.ndim == 1 else np.logical_and.reduce(keep, axis=1)
+    if time_s.size:
+        keep[:-1] &= (time_s[1:] > time_s[:-1]) | ~keep[1:]
+    return (time_s, values) if keep.all() else (time_s[keep], values[keep])
+
+
+def _averaged(when: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Return means of times `when` (n,) and `values` (n,) or (n, k) over each GRID s.
+
+    So vibration faster than the rows is not aliased.
+    """
+    bins = np.floor(when / GRID)
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(bins)) + 1])
+    counts = np.diff(edges, append=when.size).astype(np.float64)
+    sums = np.add.reduceat(values, edges, axis=0)
+    return np.add.reduceat(when, edges) / counts, sums / _shaped(counts, values)
+
+
+def _interpolate(
+    limit: TrackChannel, when: Floats, values: Floats, time_s: Floats, sampling: Sampling
+) -> Floats:
+    after = when.searchsorted(time_s, side="right")
+    previous = np.maximum(after - 1, 0)
+    before, earlier = values.take(previous, axis=0), when.take(previous)
+    fresh = (after > 0) & (time_s - earlier <= limit.max_age)
+    if sampling == "hold" or limit.kind == "state":
+        return _masked(before, fresh)
+    right = np.minimum(after, when.size - 1)
+    later = when.take(right)
+    near = (after < when.size) & (later - time_s <= limit.max_age)
+    # With a report on one side only (the ends, or a pause) that one is held.
+    share = (time_s - earlier) / np.where(fresh & near, later - earlier, np.inf)
+    share[near & ~fresh] = 1.0
+    step = values.take(right, axis=0) - before
+    if limit.kind == "angle":
+        interpolated = _wrapped(before + _shaped(share, values) * _wrapped(step))
+    else:
+        interpolated = before + _shaped(share, values) * step
+    return _masked(interpolated, fresh | near)
+
+
+def _wrapped(angle: Floats) -> Floats:
+    return (angle + np.pi) % (2 * np.pi) - np.pi
+
+
+def _shaped(rows: NDArray[Any], like: Floats) -> NDArray[Any]:
+    """Return (n,) as (n, 1) if `like` has columns."""
+    return rows[:, None] if like.ndim == 2 else rows
+
+
+def _masked(values: Floats, keep: Bools) -> Floats:
+    return values if all_true(keep) else np.where(_shaped(keep, values), values, np.nan)
+
+
+def first_known(
+    channel: str, sources: Iterable[Signal], time_s: Floats
+) -> tuple[Floats | None, list[Signal]]:
+    """Return a channel's values at `time_s` (T,) as a live listener has them, and the sources used.
+
+    Each row has the value of the first source, in the order given, with a recent report, NaN
+    without. The values are (T,) or (T, k), None without any source.
+    """
+    values, used = None, []
+    for signal in sources:
+        sampled = sample(channel, signal, time_s, "hold")
+        if values is None:
+            values, used = sampled, [signal]
+        else:
+            missing = ~known_rows(values)
+            if np.any(known_rows(sampled) & missing):
+                values = np.where(_shaped(missing, values), sampled, values)
+                used.append(signal)
+        if all_true(np.isfinite(values)):
+            break
+    return values, used
+
+
+def last_before(signal: Signal, time_s: Floats) -> Floats:
+    """Return the last known report at each of the times `time_s` (T,), however old.
+
+    The result is (T,) or (T, k), NaN before the first report.
+    """
+    values, when = signal.values, signal.time_s
+    keep = known_rows(values)
+    if not all_true(keep):
+        values, when = values[keep], when[keep]
+    if when.size == 0:
+        return np.full((time_s.size, *values.shape[1:]), np.nan)
+    last = when.searchsorted(time_s, side="right") - 1
+    return _masked(values[np.maximum(last, 0)], last >= 0)
+
+
+def thinned(time_s: Floats, after_s: float = -np.inf) -> Floats:
+    """Drop times (n,), s, so that the others are ROW_SPACING or more apart; the first one stays.
+
+    The first is at least ROW_SPACING after `after_s`, the last row so far. NaN are dropped.
+    """
+    time_s = increasing(time_s[np.isfinite(time_s)])
+    time_s = time_s[np.searchsorted(time_s, after_s + ROW_SPACING) :]
+    if np.all(np.diff(time_s) >= ROW_SPACING):
+        return time_s
+    kept = []
+    row = 0
+    while row < time_s.size:
+        kept.append(row)
+        row = max(int(np.searchsorted(time_s, time_s[row] + ROW_SPACING)), row + 1)
+    return time_s[np.array(kept)]
+
+
+def increasing(values: Floats) -> Floats:
+    """Return the sorted distinct `values` (n,), as `np.unique`, but faster if already sorted."""
+    if all_true(values[1:] > values[:-1]):
+        return values
+    step = np.diff(values)
+    if not (step >= 0.0).all():
+        return np.unique(values)
+    return values[np.append(True, step > 0.0)]
+
+
+def coverage(signal: Signal) -> int:
+    """Return the number of whole seconds with a finite value of the signal."""
+    return increasing(np.floor(signal.time_s[known_rows(signal.values)])).size
+
+
+def in_time_order(time_s: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Return times and values sorted by time, infinite values as NaN."""
+    if np.isinf(values).any():
+        values = np.where(np.isinf(values), np.nan, values)
+    if time_s.size < 2 or np.all(time_s[1:] >= time_s[:-1]):
+        return time_s, values
+    order = np.argsort(time_s, kind="stable")
+    return time_s[order], values[order]

@@ -23,7 +23,7 @@ from types import MappingProxyType
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.resample import Sampling, known_rows
+from thrustmargin.gcs_plugin.telemetry.signals import Sampling, known_rows
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import STATED_TEMPERATURE_ERROR
@@ -54,12 +54,13 @@ def stated_channels(
     spraying: Floats,
     pumped_kg: Floats,
 ) -> Iterator[tuple[str, Floats, Provenance, Floats | None]]:
-    """Yield each channel that the user stated in `options`: name, values (T,), source and standard
-    error.
+    """Yield name, values (T,), source, standard error (T,) of channels that `options` state:
+    "tank_kg", kg, and the outside "temperature", K.
 
-    `spraying` (T,) is 1 while the pump runs, `pumped_kg` (T,) the sum of its output; both NaN where
-    unknown. The error (T,) is None where none can be stated. An aircraft without a tank carries 0
-    kg whatever a gauge reports, unless `options` name the gauge.
+    A stated load falls by the pump's output, else by spraying time, else by flight time. `time_s`
+    and `flying` (T,) are the rows'. `spraying` (T,) is 1 while the pump runs, `pumped_kg` (T,) the
+    sum of its output; both NaN where unknown. The error of the load is None. An aircraft without a
+    tank carries 0 kg whatever a gauge reports, unless `options` name the gauge.
     """
     rows = time_s.size
     if options.load is not None:
@@ -89,8 +90,10 @@ def no_tank(options: Options) -> bool:
 
 
 def stated_track(track: FlightTrack, options: Options) -> FlightTrack:
-    """Return a track read from a table, with the channels that the user stated in `options`
-    replaced."""
+    """Return a table's track with the channels replaced that the user stated in `options`.
+
+    A `tank` of "none" makes the tank level NaN.
+    """
     unknown = np.full(track.time_s.size, np.nan)
     sources, errors = dict(track.sources), dict(track.standard_errors)
     arrays: dict[str, Floats] = {}
@@ -110,9 +113,11 @@ def stated_track(track: FlightTrack, options: Options) -> FlightTrack:
 
 
 def _load(options: Options, start: float, sums: dict[str, Floats]) -> tuple[Floats, Statement]:
-    """Return the load (T,), kg, and a remark on how it falls.
+    """Return the load (T,), kg, from `start` kg on, and a remark on how it falls.
 
-    `sums` (T,) increase as the load falls; the first one that is above 0 at the end is used.
+    `sums` (T,) are quantities that grow as the load falls. With a stated end in a recorded flight
+    it falls to that with the first sum that is above 0 at the last row; else by the mass pumped, to
+    the stated end or 0 at least; constant if nothing was pumped.
     """
     end = options.load_end
     pump = sums["the pump's output"]
@@ -266,9 +271,10 @@ _LEARNT = "MOT_THST_HOVER"
 def parameter_events(
     changes: Iterable[tuple[float, str, float]], *, first: bool = False
 ) -> Iterator[VehicleEvent]:
-    """Yield an event for each change of a parameter that affects results, from (s, name, value).
+    """Yield an event for each change of a parameter that affects results.
 
-    `first`: the event's text says that the log is read with the first value instead of the last.
+    `changes` are (s, name, value) in order of time; the first value of each is no change. `first`:
+    the event's text says that the log is read with the first value instead of the last.
     """
     known: dict[str, float] = {}
     which = "first" if first else "last"
@@ -289,8 +295,10 @@ def parameter_change(name: str, before: float, value: float) -> str:
 
 
 def error_events(time_s: Floats, subsystem: Floats, code: Floats) -> Iterator[VehicleEvent]:
-    """Yield the event of each ArduPilot ERR message, from columns (n,); code 0 is the end of an
-    error."""
+    """Yield the event of each ArduPilot ERR message, from columns (n,); rows with NaN are ignored.
+
+    Code 0 is the end of an error: its event is RESOLVED.
+    """
     for when, part, number in zip(time_s.tolist(), subsystem.tolist(), code.tolist(), strict=True):
         if not np.isfinite([when, part, number]).all():
             continue
@@ -305,10 +313,10 @@ def error_events(time_s: Floats, subsystem: Floats, code: Floats) -> Iterator[Ve
 def flag_events(
     kind: EventKind, time_s: Floats, flags: Floats, subject: str, text: str
 ) -> Iterator[VehicleEvent]:
-    """Yield an event of `kind` about `subject` at each report (n,) in which a bit of `flags` (n,)
-    is newly set.
+    """Yield an event of `kind` about `subject` at each report in which a flag is newly set.
 
-    The event's text is `text` with the flags in hexadecimal digits. NaN is no report.
+    The bits of `flags` (n,) are the flags, NaN without a report, at `time_s` (n,), s. The event's
+    text is `text` with the flags in hexadecimal digits.
     """
     before = 0
     for when, value in zip(time_s.tolist(), flags.tolist(), strict=True):
@@ -321,7 +329,10 @@ def flag_events(
 
 
 def arming_events(armed: Signal | None) -> Iterator[VehicleEvent]:
-    """Yield an event at each change between armed and disarmed."""
+    """Yield an event at each change between armed and disarmed; none without a signal.
+
+    Values of `armed` above 0 are armed; NaN is ignored.
+    """
     if armed is None:
         return
     known = known_rows(armed.values)

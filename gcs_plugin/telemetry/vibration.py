@@ -34,11 +34,11 @@ SLOWEST_RPM = 300.0  # below which a rotor is at rest or idles
 
 
 def vibration_per_rev(signals: Signals, speeds: Sequence[Signal | None]) -> list[Signal | None]:
-    """Return per rotor a signal of the vibration amplitude, m/s², at the rotor's own frequency, in
-    windows of WINDOW_S.
+    """Return for each rotor a signal of the vibration amplitude, m/s², at its own frequency.
 
-    `speeds` are the rotors' measured speeds, rpm. None for a rotor without speed, and for all if no
-    IMU samples are fast enough.
+    It has one value at the middle of each window of WINDOW_S in which it is known. `speeds` are the
+    rotors' measured speeds, rpm. None for a rotor without a value, and for all if the accelerometer
+    has fewer than LEAST_SAMPLES samples a revolution.
     """
     nothing: list[Signal | None] = [None] * len(speeds)
     force = _fastest([*signals.get("fast_force_frd", ()), *signals.get("specific_force_frd", ())])
@@ -74,7 +74,10 @@ def _rate(signal: Signal) -> float:
 
 
 def _fastest(sources: Iterable[Signal]) -> Signal | None:
-    """Return the source with the highest rate, with its finite samples in increasing time."""
+    """Return the source with the highest rate, with its finite samples only, in increasing time.
+
+    `sources` have values (n, 3). None if there is no source.
+    """
     one = max(sources, key=_rate, default=None)
     if one is None:
         return None
@@ -90,9 +93,10 @@ def _usual_rpm(speed: Signal) -> float:
 
 
 def _amplitudes(time_s: Floats, force: Floats, speeds: Sequence[Signal | None]) -> Floats:
-    """Return the amplitudes (R,), m/s², of one window of specific force (n, 3) at times (n,), s.
+    """Return the amplitudes (R,), m/s², in a window of specific force (n, 3), m/s², at times (n,).
 
-    NaN for a rotor that does not turn throughout, or is too close in speed to another.
+    `speeds` are the R rotors' speeds, rpm, of the whole flight. NaN for a rotor that does not turn
+    throughout, or is too close in speed to another.
     """
     found = np.full(len(speeds), np.nan)
     columns, rotors = [], []

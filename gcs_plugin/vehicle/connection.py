@@ -22,8 +22,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 from thrustmargin.gcs_plugin.link.listener import Listener
 from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter
 from thrustmargin.gcs_plugin.link.transport import parse_url
-from thrustmargin.gcs_plugin.mavlink.frame import Frame
-from thrustmargin.gcs_plugin.mavlink.scan import FrameSplitter
+from thrustmargin.gcs_plugin.mavlink.frame import Frame, FrameSplitter
 from thrustmargin.models.errors import LinkError, require
 
 if TYPE_CHECKING:
@@ -96,7 +95,7 @@ class VehicleLink:
         return link
 
     def feed(self, data: bytes) -> None:
-        """Pass on bytes received from the vehicle (only for a link made by `over`); thread-safe."""
+        """Pass on bytes received (only for a link made by `from_sender`); thread-safe."""
         self._mavsdk.pass_received_raw_bytes(data)
 
     def cancel(self) -> None:
@@ -132,8 +131,9 @@ class VehicleLink:
     def vehicle(self, number: int | None = None, *, timeout: float = 10.0) -> System:
         """Return the vehicle with system id `number`, or the only one on the link.
 
-        Raise LinkError if none is received within `timeout` s, or if there are several and `number`
-        is None.
+        Without a number, wait SECOND_VEHICLE s after the first vehicle for another one. Raise
+        LinkError if none is received within `timeout` s, or if there are several and `number` is
+        None.
         """
         heard = time.monotonic() + timeout
         settled = math.inf
@@ -183,13 +183,13 @@ class VehicleLink:
             raise LinkError(f"{self.name}: stopped before the transfer was complete")
 
     def too_much(self, content: str) -> LinkError:
-        """Return the error for a transfer that does not end."""
+        """Return the error for a transfer that does not end; `content` describes it."""
         return LinkError(
             f"{self.name}: {content}; restart the autopilot, or upload the mission to it again"
         )
 
     def refused(self, what: str, result: str) -> LinkError:
-        """Return the error for a transfer that MAVSDK gave up with `result`."""
+        """Return the error for a transfer of `what` that MAVSDK gave up with the name `result`."""
         reason = result.lower().replace("_", " ")
         return LinkError(
             f"{self.name}: the vehicle is heard but did not send {what} ({reason}); check that "
@@ -198,10 +198,11 @@ class VehicleLink:
 
 
 def autopilot_of(vehicle: System) -> Autopilot:
-    """Return the autopilot of a vehicle once its heartbeat has arrived; wait HEARTBEATS s at most.
+    """Return the autopilot of a vehicle once its heartbeat has arrived; wait HEARTBEATS s at most,
+    then return what MAVSDK reports.
 
-    Before a heartbeat MAVSDK reports a generic autopilot. ArduPilot's list of items, which begins
-    with home, would then be read as one without.
+    Before a heartbeat that is a generic autopilot. ArduPilot's list of items, which begins with
+    home, would then be read as one without.
     """
     from mavsdk import Autopilot
 
@@ -276,10 +277,11 @@ LINK_ID = 87
 
 @contextmanager
 def signed_link(url: str, key: bytes) -> Iterator[VehicleLink]:
-    """Open a link as `VehicleLink.open(url)`, with `key` for both directions.
+    """Open a link at `url` whose frames are signed, and checked, with `key`; close it at the end.
 
-    MAVSDK does not sign, so its bytes pass a listener of this project, which does. Errors of the
-    link include the count of rejected messages. Raise LinkError.
+    MAVSDK does not sign, so its bytes pass a listener of this project, which does. Raise LinkError
+    as `VehicleLink.open`; one raised by the caller's block gets the count of rejected messages
+    added.
     """
     door = SigningFilter(key)
     signer = Signer(key, link_id=LINK_ID, after=lambda: door.latest)

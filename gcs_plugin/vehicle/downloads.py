@@ -39,11 +39,12 @@ REQUEST_MESSAGE, HOME_POSITION_ID = 512, 242
 def download_mission(
     link: VehicleLink, vehicle: System, progress: Progress | None = None
 ) -> MissionPlan:
-    """Download the mission of `vehicle` over an open link; `progress` counts items.
+    """Download the mission of `vehicle` over an open link.
 
-    It is transferred as raw items: MAVSDK's own mission type refuses ArduPilot's item 0, its home.
-    Raise LinkError if the vehicle does not answer or the transfer does not end, PlanError if the
-    mission is empty or contains invalid places.
+    `progress` is called with the items received and their total. The transfer is of raw items:
+    MAVSDK's own mission type refuses ArduPilot's item 0, its home. Raise LinkError if the vehicle
+    does not answer, or the transfer is too long; PlanError if the mission is empty or has invalid
+    places.
     """
     from mavsdk import Autopilot
     from mavsdk.plugins.mavlink_direct import MavlinkDirect
@@ -91,7 +92,11 @@ def download_mission(
 def _home(
     direct: Any, vehicle: System, events: Queue[tuple[str, Any]]
 ) -> tuple[float, float, float] | None:
-    """Request latitude, longitude, degrees, and m AMSL of home; None without an answer."""
+    """Request the home position: latitude and longitude, °, and altitude, m AMSL.
+
+    `direct` is MAVSDK's plugin for raw messages, which puts answers into `events` as (name, JSON).
+    None if none arrives within HOME_WAIT s.
+    """
     from mavsdk.plugins.mavlink_direct import MavlinkMessage
 
     number = vehicle.get_system_id()
@@ -112,8 +117,10 @@ def _home(
 
 
 def _plan_item(item: Any) -> PlanItem:
-    """Return the plan item of MAVLink's integer item; in MAV_FRAME_MISSION its numbers have no
-    unit."""
+    """Return the plan item of MAVSDK's raw mission item, with latitude and longitude in degrees.
+
+    In MAV_FRAME_MISSION these two are plain numbers.
+    """
     scale, places = (1.0, 0) if item.frame == FRAME_MISSION else (1e-7, 7)
     return PlanItem(
         number=item.seq,
@@ -179,7 +186,7 @@ class VehicleLogs:
         return choose_log(self.entries, number, self._link.name)
 
     def download(self, entry: LogEntry, path: Path, progress: Progress | None = None) -> None:
-        """Save `entry` at `path` atomically; `progress` counts bytes.
+        """Save the log `entry` at `path` atomically; `progress` gets bytes received, total.
 
         Raise LinkError if the vehicle stops sending or `path` cannot be written.
         """
@@ -247,8 +254,9 @@ _PX4_INTEGERS = {1: "B", 2: "b", 3: "H", 4: "h", 5: "I", 6: "i"}  # MAV_PARAM_TY
 def download_parameters(
     link: VehicleLink, vehicle: System, progress: Progress | None = None
 ) -> dict[str, float]:
-    """Download every parameter of `vehicle` by name; `progress` counts them.
+    """Download the parameters of `vehicle` by name; missing ones are requested five times at most.
 
+    `progress` is called with the number received and their total. Some may still be missing then.
     Raise LinkError if the vehicle sends none.
     """
     from mavsdk import Autopilot
@@ -292,8 +300,9 @@ def download_parameters(
 
 
 def _value(fields: dict[str, object], bits: bool) -> float:
-    """Return a parameter's value; with `bits` (PX4) an integer's bits are decoded from the
-    number.
+    """Return the value of a PARAM_VALUE message from its `fields`; NaN if it is no number.
+
+    `bits` (PX4): an integer's bits are in the place of the float.
     """
     value = fields["param_value"]
     value = float("nan") if not isinstance(value, int | float) else float(value)

@@ -76,8 +76,7 @@ class MissionFetcher(Output):
         self._thread.start()
 
     def on_frames(self, frames: Sequence[Frame]) -> None:
-        """Pass the vehicle's frames to the link that fetches a mission; do nothing while none is
-        fetched."""
+        """Pass the frames of the vehicle whose mission is being fetched to that transfer."""
         if self._link is None:
             return
         data = b"".join(frame.data for frame in frames if frame.system == self._vehicle)
@@ -86,8 +85,11 @@ class MissionFetcher(Output):
                 self._link.feed(data)
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
-        """Queue the requests for missions that changed, and pass missions that arrived to the
-        vehicles' monitors. `now_us` is the ground's clock, µs."""
+        """Queue the requests for missions that are due, and pass on the missions that arrived.
+
+        One is due SETTLED s after the mission changed, the vehicle restarted or was heard again,
+        and after a growing delay if unanswered. `now_us` is the ground's clock, µs.
+        """
         for number, watch in fleet.vehicles.items():
             request = self._asked.setdefault(number, _Asked())
             now = (watch.state.mission_changes, watch.telemetry.clock.boot, watch.link.back_us)

@@ -65,8 +65,10 @@ class LiveHistory:
         self._boot = 0
 
     def add(self, update: Update) -> None:
-        """Add the new rows; drop the older ones after a restart or with another number of
-        rotors."""
+        """Append the new rows of an update; rows older than KEPT_S s before the newest are dropped.
+
+        All earlier rows are dropped after a restart or with another number of rotors.
+        """
         rows = Speeds.of(update.analysis).rows(slice(update.first, None), update.clock_s)
         copies: Any = map(np.copy, rows)  # a view would keep its whole window alive
         now = Speeds(*copies)
@@ -133,7 +135,7 @@ class HeardVehicles:
         return replace(one, age=one.update.age_s(now_us), silent=watch.link.silent(now_us))
 
     def update(self, update: Update) -> None:
-        """Store the new rows of one aircraft."""
+        """Store the new rows of one aircraft for trail and charts, and its summary; set `wake`."""
         number, track = update.vehicle, update.analysis.track
         overlays = overlays_of(update.analysis, self._least)
         values = np.column_stack([overlay.values for overlay in overlays])
@@ -156,9 +158,9 @@ class HeardVehicles:
         self.wake.set()
 
     def _shown_row(self, update: Update, before: Bools | None) -> ShownRow:
-        """Return the last row, with the rotors that have too little thrust left by hysteresis.
+        """Return the update's last row, with flags of the rotors that have too little thrust left.
 
-        `before` (R,) are those of the last update.
+        The flags have hysteresis: `before` (R,) are those of the last update, None without one.
         """
         left = lower_ends(update.analysis)[update.first :]
         rotors = left.shape[1]
@@ -169,7 +171,11 @@ class HeardVehicles:
         return ShownRow(update.analysis, -1, least=self._least, low=low)
 
     def round(self, fleet: Fleet, now_us: int) -> None:
-        """Store ages, alarms and missions of all aircraft."""
+        """Store ages, alarms and missions of all aircraft that have rows, as of `now_us`, the
+        ground's clock.
+
+        Set `wake` if anything shown has changed.
+        """
         look = time.monotonic() - self._stale_s >= STALE_EVERY
         if look:
             self._stale_s = time.monotonic()
@@ -341,7 +347,11 @@ class LiveView(ViewPage, Output):
         now: float,
         spacing: float,
     ) -> None:
-        """Draw the newest row of each vehicle for one tab, at most every `spacing` s."""
+        """Draw the newest row of each vehicle of `fleet` in one tab's scene, at most every
+        `spacing` s.
+
+        `now` is the monotonic clock, s. Vehicles that have left are hidden; their trails stay.
+        """
         for summary in fleet:
             one = tab.drawn.get(summary.number)
             if summary.gone:
@@ -361,7 +371,7 @@ class LiveView(ViewPage, Output):
             elif shown != one.shown:
                 self.wake.set()  # too soon: once more
             if summary.number == tab.focus and summary.row is not None:
-                wind_ned = summary.row.track.wind_ned[-1]
+                wind_ned = summary.row.analysis.track.wind_ned[-1]
                 scene.show_wind(np.full(3, np.nan) if summary.old else wind_ned)
 
     def _fleet(self, _tab: str) -> list[VehicleSummary]:
@@ -369,7 +379,7 @@ class LiveView(ViewPage, Output):
         return [self._advised(one) for one in self._heard.summaries]
 
     def _advised(self, one: VehicleSummary) -> VehicleSummary:
-        """Return a summary with the largest fill, in figures and in words.
+        """Return a summary with the largest fill, in kg and words; unchanged without one.
 
         Only this function makes the page's line on the fill.
         """
@@ -380,8 +390,12 @@ class LiveView(ViewPage, Output):
         return replace(one, largest=largest, fill=advice.text(largest))
 
     def _live_state(self, tab: str) -> dict[str, Any]:
-        """Return the state of the page besides the aircraft: the link, and the settings of the
-        scene."""
+        """Return a tab's state without the aircraft as JSON: `status` (link), `field` (overlay and
+        camera, None before the first row) and `follow` (the aircraft in focus).
+
+        While no aircraft is heard it also includes, as `waiting`, what to display before the first
+        message.
+        """
         overlays, one = self._heard.overlays, self._tabs.of(tab)
         field = None
         if overlays:
@@ -393,10 +407,9 @@ class LiveView(ViewPage, Output):
         return {**shown, "waiting": self._waiting()}
 
     def _waiting(self) -> dict[str, Any]:
-        """Return what to display before the first message: the links, and how a phone opens the
-        page.
+        """Return what to display before the first message: links, and the way for a phone.
 
-        Without an address for a phone it is the option that opens the page to others.
+        `page` is the address for a phone, `option` the option that opens the page to other devices.
         """
         return {
             "listens": self._listens,
@@ -406,7 +419,10 @@ class LiveView(ViewPage, Output):
         }
 
     def _drawn_charts(self, number: int, back_s: float, _tab: str) -> dict[str, Any]:
-        """Draw the last minutes of one aircraft, ending `back_s` before its newest row."""
+        """Return the charts of vehicle `number`, ending `back_s` s before its newest row, as JSON.
+
+        An empty list without rows or a verdict, or if the vehicle has left.
+        """
         one = next((s for s in self._heard.summaries if s.number == number and not s.gone), None)
         history = self._heard.history.get(number)
         speeds = None if history is None else history.speeds
@@ -473,7 +489,7 @@ class LiveView(ViewPage, Output):
         """Return the vector (3,), m NED, from the scene's origin to that of the aircraft's
         positions.
 
-        The scene's origin is the first aircraft's.
+        The scene's origin is that of the first aircraft that has one. Zero while either is unknown.
         """
         if one.offset_ned is None or one.boot != update.boot:
             origin = update.analysis.track.origin

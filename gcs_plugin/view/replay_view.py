@@ -164,8 +164,7 @@ class ReplayView(ViewPage):
         self._tabs = Tabs(self._new_tab)
 
     def _new_tab(self, name: str) -> ReplayTab:
-        """Return a tab in the first of the colours, at the time and state that `seek` and `pause`
-        set.
+        """Return a tab with the first overlay, at the time and state set by `seek` and `pause`.
 
         Without such a call it plays from the begin of the flight.
         """
@@ -293,11 +292,14 @@ class ReplayView(ViewPage):
         row = summary.row
         assert row is not None
         scene.show(VEHICLE, row, faulty=summary.faulty)
-        scene.show_wind(row.track.wind_ned[row.row])
+        scene.show_wind(row.analysis.track.wind_ned[row.row])
 
     def _acts(self) -> Acts:
-        """Return the functions for the actions that the page may request, by name; each takes the
-        request's text and the tab's name."""
+        """Return a function for each action that the page may request, by the action's name.
+
+        Each is called with the request's text and the tab's name, and raises ValueError or
+        DataError for a text that it does not take.
+        """
 
         def of(tab: str) -> ReplayTab:
             return self._tabs.of(tab)
@@ -321,7 +323,12 @@ class ReplayView(ViewPage):
         self.ask(lambda: self._set_camera(tab, camera))
 
     def _replay_state(self, tab: str) -> dict[str, Any]:
-        """Return the state of a replay in a tab, besides the aircraft: time, colours and camera."""
+        """Return a tab's state without the aircraft as JSON: `replay` and `field`.
+
+        `replay` has `time`, `duration` and `worst` (time of the worst value, None if unknown), s
+        from the first row, if it is `playing` or `ended`, and the `speed` among `speeds`. `field`
+        is the state of overlay and camera, with the pinned `worst` value.
+        """
         one = self._tabs.of(tab)
         clock, worst = one.clock, self._worst_row(one.overlay)
         return {
@@ -346,7 +353,7 @@ class ReplayView(ViewPage):
         return {"charts": charts.chart_images(self._analysis.places, self._speeds, now_s, **shown)}
 
     def _clicked(self, event: SceneClickEvent) -> None:
-        """Move the tab's time to when the aircraft was at the clicked place of the route."""
+        """Move the tab's time to the row of the position nearest to the click, if near."""
         tab = self._tabs.of_client(event.client_id)
         if tab.scene is None:
             return
@@ -356,7 +363,10 @@ class ReplayView(ViewPage):
             self._seek(tab, self._time_of(row))
 
     def _message_at(self, time_s: float) -> str:
-        """Return the vehicle's last message at `time_s`, unless it is old."""
+        """Return the vehicle's last message up to `time_s`, s from the first row.
+
+        Empty if there is none, or it is more than MESSAGE_S s older.
+        """
         last = int(np.searchsorted(self._message_times, time_s, side="right")) - 1
         if last < 0 or time_s - self._messages[last][0] > MESSAGE_S:
             return ""
@@ -371,8 +381,10 @@ class ReplayView(ViewPage):
         return self._answers[language]
 
     def _summary_at(self, time_s: float) -> VehicleSummary:
-        """Return the summary at `time_s`: margin, and the alarms of rotors and motors raised by
-        then."""
+        """Return the vehicle's summary at `time_s`, s from the first row.
+
+        Its alarms are the faults of rotors and motors that are known from the rows up to then.
+        """
         at_s = self._start_s + time_s
         at = row_at(self._analysis.track.time_s, at_s)
         row = ShownRow(self._analysis, at, least=self._least, low=self._low[at])
@@ -386,7 +398,7 @@ class ReplayView(ViewPage):
             whole=self.whole,
             recorded=True,
             row=row,
-            seconds_to_empty=recorded_seconds_to_empty(row.track, row.row),
+            seconds_to_empty=recorded_seconds_to_empty(row.analysis.track, row.row),
             problem="; ".join(no_verdict_words(self._analysis.airframe_match)),
             pending=say(self._alarms_pending),
             message=self._message_at(time_s),
@@ -442,10 +454,10 @@ def run_replay(
     ready: threading.Event | None = None,
     stop: threading.Event | None = None,
 ) -> None:
-    """Open the view, print its address, and wait for Ctrl-C. Raises LinkError when it cannot open.
+    """Open the view, print its address, and wait for Ctrl-C; then close it.
 
-    `browser` opens it in the browser where there is a screen; `ready` is set once it is open, and
-    setting `stop` ends it like Ctrl-C.
+    `browser` opens the page in the browser where there is a screen; `ready` is set once it is open,
+    and setting `stop` ends it like Ctrl-C. Raise LinkError if it cannot open.
     """
     try:
         view.start()
@@ -462,7 +474,10 @@ def run_replay(
 
 
 def planned_view(made: PlanForecast, **options: Any) -> ReplayView:
-    """Return the view of a plan before it is flown, with its forecast in place of the flight."""
+    """Return the view of a plan that is not flown yet, with its forecast as the flight.
+
+    `options` are further arguments of ReplayView.
+    """
     advised = made.advised
     return ReplayView(
         advised.analysis,

@@ -316,10 +316,11 @@ OF_CAVEAT: Mapping[Caveat, Trouble] = {
 
 
 def answer_to(trouble: Trouble, phase: Phase = Phase.RECORDED) -> TroubleAnswer:
-    """Return the response to a finding in a phase: action, urgency, and how a repair is proved.
+    """Return urgency, action and proof of a repair for a finding, in a phase of the flight.
 
-    In flight a finding with urgency STOP asks to land, or to fly by sight; another one has its
-    action for later, and its urgency decides if the pilot is informed now.
+    A finding has two urgencies: one in flight, and one for any other phase. In flight the urgency
+    is the first: STOP asks to land or to fly by sight, and its action is the pilot's. In all other
+    cases the action is that for after the flight.
     """
     row = _TABLE[trouble]
     if phase is not Phase.IN_FLIGHT:
@@ -329,15 +330,18 @@ def answer_to(trouble: Trouble, phase: Phase = Phase.RECORDED) -> TroubleAnswer:
 
 
 def shown_level(level: FlightLevel, *, left_open: object) -> FlightLevel:
-    """Return the level whose colour an answer has: NEAR in place of UNDER where `left_open` is
-    true, because a condition is not a clearance."""
+    """Return the level whose colour an answer has: NEAR in place of UNDER if `left_open` is true.
+
+    An open caveat is a condition, and so no clearance.
+    """
     return FlightLevel.NEAR if level is FlightLevel.UNDER and left_open else level
 
 
 def urgency_of(level: FlightLevel, *, left_open: bool = False) -> Urgency | None:
-    """Return how urgent the action after a flight is, by the flight's level; `left_open` (a
-    question is unanswered) raises "nothing" to "before the next flight". None for an unknown
-    level."""
+    """Return how urgent the action after a flight of this level is; None for an unknown level.
+
+    `left_open`, an open caveat, raises "nothing" to "before the next flight".
+    """
     if level is FlightLevel.UNKNOWN:
         return None
     found = answer_to(OF_LEVEL[level]).urgency if level in OF_LEVEL else Urgency.NOTHING
@@ -345,11 +349,11 @@ def urgency_of(level: FlightLevel, *, left_open: bool = False) -> Urgency | None
 
 
 def bad_rotor(rotors: Sequence[int], loss_low: float, phase: Phase) -> TroubleAnswer:
-    """Return the response to rotors, from 1, that lose thrust or speed.
+    """Return action, urgency and proof of a repair for rotors, from 1, that lose thrust or speed.
 
-    `loss_low` is the low end of the interval of the loss, as a share of thrust. At the least loss
-    that an alarm reports or more, the aircraft must not fly; a smaller one asks for an inspection
-    before the next flight. In flight every alarm asks to land.
+    `loss_low` is the low end of the loss's interval, a share of thrust. From LEAST on, the least
+    loss that an alarm reports, the aircraft must not fly; below, an inspection before the next
+    flight is asked for. In flight the action is to land, whatever the loss.
     """
     answer = answer_to(Trouble.ROTOR, phase)
     if phase is Phase.IN_FLIGHT:
@@ -360,8 +364,9 @@ def bad_rotor(rotors: Sequence[int], loss_low: float, phase: Phase) -> TroubleAn
 
 
 def change_propeller(rotor: int) -> Action:
-    """Return the action for the propeller of `rotor` (1-based), which a season's flights show as
-    worn."""
+    """Return the action to change the propeller of `rotor`, from 1, which is worn by a season's
+    flights.
+    """
     return hands_on(
         "propeller",
         say(
@@ -381,7 +386,7 @@ def inspect_rotors(rotors: Sequence[int]) -> Action:
 
 
 def not_before_looked_at(rotors: Sequence[int]) -> Action:
-    """Return the action that grounds the aircraft until `rotors` (1-based) are inspected."""
+    """Return the action that forbids to fly until the `rotors`, from 1, are inspected."""
     return next_flight(
         "rotor",
         say(

@@ -80,9 +80,9 @@ _PEAKS = "readings come every {seconds} s: peaks between them are not seen"
 
 
 def headline(advice: Advice) -> str:
-    """Return the first line in capitals: the gravest level and open caveats.
+    """Return a flight's headline in capitals: its gravest level, with the caveats in brackets.
 
-    A wrong motor order and parts missing from the log are added.
+    A wrong motor order, and parts of the flight that the log lacks, are added.
     """
     first = [level for level in (FlightLevel.DAMAGED, FlightLevel.LOST) if level in advice.levels]
     which = [FlightLevel.ORDER] if FlightLevel.ORDER in advice.levels[1:] else []
@@ -96,9 +96,9 @@ def headline(advice: Advice) -> str:
 
 
 def open_notes(advice: Advice) -> str:
-    """Return, in brackets and capitals, the caveats of a good answer; empty for a bad one.
+    """Return the caveats of a good verdict in capitals, in brackets; empty for another verdict.
 
-    Empty in flight too, where alarms report them.
+    Empty while in flight too, where alarms report them.
     """
     if advice.in_progress or advice.level not in (FlightLevel.UNDER, FlightLevel.NEAR):
         return ""
@@ -110,8 +110,11 @@ def open_notes(advice: Advice) -> str:
 
 
 def _first_line(advice: Advice, level: FlightLevel) -> str:
-    """Return the headline of a flight with this level, in capitals where it is bad, as `NO
-    VERDICT`."""
+    """Return the headline for one warning level of a flight, mostly in capitals: `NO VERDICT`.
+
+    Amounts in it are of that level: a duration, a time or a voltage. A limit not exceeded is
+    restricted to the time with data, if the log ends in flight.
+    """
     use, limit = advice.use, least_words(advice.limit)
     if level is FlightLevel.DAMAGED:
         return damage_words(advice)
@@ -165,8 +168,12 @@ def _first_line(advice: Advice, level: FlightLevel) -> str:
 
 
 def _known_in_part(advice: Advice) -> str:
-    """Return in words for how long load and thrust are known; empty if for nearly the whole
-    flight."""
+    """Return in brackets and capitals for how much of the flight load and thrust are known, or that
+    the load is not known.
+
+    Empty if they are known for nearly the whole flight. An unknown load is not mentioned if the
+    flight shows a fault, which is the reason.
+    """
     if not math.isfinite(advice.rotor_lost.redundancy_min):
         return "" if advice.faults else say(" (LOAD NOT KNOWN)")
     known_s, whole_s = min(advice.use.known_s, advice.rotor_lost.known_s), advice.airborne_s
@@ -183,7 +190,12 @@ def damage_words(advice: Advice) -> str:
 
 
 def _fault_line(advice: Advice, fault: RotorFault) -> str:
-    """Return the words on a bad rotor or motor in capitals, with its amount."""
+    """Return a bad rotor or motor in capitals, with its loss: `ROTOR 3, FRONT LEFT: 12 % LESS
+    THRUST`.
+
+    No loss for a rotor that stopped, or if it is not known which rotor is bad. An error of the ESC
+    that would explain the loss is named if motor outputs do not confirm it.
+    """
     part, does = {
         "propeller": ("ROTOR", "LESS THRUST"),
         "motor": ("MOTOR", "SLOW FOR ITS OUTPUT"),
@@ -207,8 +219,10 @@ def _fault_line(advice: Advice, fault: RotorFault) -> str:
 
 
 def several_headline(levels: Sequence[FlightLevel], limit: float) -> tuple[FlightLevel, str]:
-    """Return the gravest level of several flights, and a line in capitals with the count of such
-    flights."""
+    """Return the gravest of the flights' levels, and a line in capitals on how many have it.
+
+    `2 OF 5 FLIGHTS: ...`; `limit` is the largest share of thrust that may be used for long.
+    """
     level = min(levels, key=lambda one: one.gravity)
     count = levels.count(level)
     words = (
@@ -221,10 +235,10 @@ def several_headline(levels: Sequence[FlightLevel], limit: float) -> tuple[Fligh
 
 
 def suspects(advice: Advice) -> tuple[int, ...]:
-    """Return the rotors (1-based) of the flight's faults, candidates included; empty without a
-    fault.
+    """Return the rotors, from 1, that a fault of the flight may be of; empty without a fault.
 
-    With an unknown motor order a fault makes it all rotors.
+    Of a fault with several candidates all are returned; with an unknown motor order all rotors of
+    the aircraft.
     """
     faults = [episode.fault for episode in advice.faults]
     if faults and not advice.rotor_names:
@@ -233,8 +247,11 @@ def suspects(advice: Advice) -> tuple[int, ...]:
 
 
 def no_ground(advice: Advice) -> str:
-    """Return why a flight has no verdict, or what contradicts a bad one; empty for other
-    flights."""
+    """Return what contradicts a verdict, or why there is none: the margin is only predicted.
+
+    The first is if rotor speeds contradict the model (`Caveat.MODEL`). Empty for all other flights,
+    also for those without a verdict for another reason.
+    """
     if Caveat.MODEL in advice.caveats:
         return misfit_words(advice)
     alone = advice.level is FlightLevel.UNKNOWN and advice.predicted_alone
@@ -242,7 +259,11 @@ def no_ground(advice: Advice) -> str:
 
 
 def misfit_words(advice: Advice) -> str:
-    """Return how measured rotor speeds contradict the model, and what to check, as a sentence."""
+    """Return how rotor speeds contradict load, air or turns by the model, and what to check.
+
+    For level flight it has the bias, %, with its direction, if it is noticeable, and the share of
+    the time within the model's error; for turns by how much the speeds seem to be misread.
+    """
     found, parts = advice.misfit, []
     if found.interval_fails:
         words = (
@@ -307,7 +328,12 @@ def action(advice: Advice) -> str:
 
 
 def action_steps(advice: Advice) -> list[tuple[ActionKind, str]]:
-    """Return kind and words of each step to do next, the gravest first."""
+    """Return (kind, words) of each step to do next, the gravest first, the fill after it.
+
+    In the air, at a level that asks to land, landing leads. No fill is advised before landing or
+    after lost control; without a verdict only the open checks are returned. Steps that only permit
+    (nothing to do) occur if the flight kept its limits.
+    """
     first: list[tuple[ActionKind, str]] = []
     land = advice.in_progress and advice.level in LAND_FIRST
     if land:
@@ -378,8 +404,11 @@ _OPEN: Mapping[Caveat, ActionKind] = {
 
 
 def _open_steps(advice: Advice) -> list[tuple[ActionKind, str]]:
-    """Return kind and words of each step that settles a caveat of the flight; empty while it
-    lasts."""
+    """Return (kind, words) of the step that settles a caveat, for each caveat with one; empty while
+    in flight.
+
+    A part not in the log asks to see how the flight ended, or to record whole flights.
+    """
     if advice.in_progress:
         return []
     steps = []
@@ -395,13 +424,12 @@ def _open_steps(advice: Advice) -> list[tuple[ActionKind, str]]:
 
 
 def _answer(trouble: Trouble) -> actions.TroubleAnswer:
-    """Return the response to a finding after the flight."""
+    """Return what a finding asks for after the flight: action, urgency and proof of a repair."""
     return actions.answer_to(trouble, Phase.LANDED)
 
 
 def _fill_kind(advice: Advice) -> ActionKind:
-    """Return the kind of the step that `fill_advice` puts into words: no fill known, do not
-    fill, or fill."""
+    """Return the kind of step that the fill is: unknown fill, do not fill, or fill."""
     fill = advice.fill
     if fill.reason == "unsound" or not math.isfinite(fill.kg):
         return ActionKind.NO_FILL
@@ -416,8 +444,12 @@ def _bad_rotors(advice: Advice) -> actions.TroubleAnswer:
 
 
 def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
-    """Return (label, words) of the lines below the first: faults, thrust, battery, one rotor
-    lost, fill."""
+    """Return (label, text) lines below a flight's headline.
+
+    They are faults and their proof of repair, model, ESCs, arms, thrust left, battery (only if it
+    collapsed), and how sure the fill is, each only if there is something to report. What the loss
+    of one rotor would have meant is always there.
+    """
     use = advice.use
     found = [("alarm", fault_found(advice, episode)) for episode in advice.faults]
     if advice.faults and not advice.in_progress:
@@ -450,12 +482,11 @@ def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
 
 
 def misread_words(misread: MisreadSpeed) -> str:
-    """Return the clause, to follow "ESC: ", about a rotor whose reported speed is wrong by a
-    factor.
+    """Return a clause on a rotor whose ESC reports `factor` times the true speed, to follow "ESC:
+    ".
 
-    With `witnessed`, the motor output is normal: the report is wrong, and thrust is computed from
-    the corrected speed. Without motor outputs, the ESC may read low or the propeller be of another
-    kind.
+    If `witnessed`, the motor output is normal, so the report is wrong, and thrust is computed from
+    the corrected speed. Else the ESC reads low, or the propeller is of another kind.
     """
     if not misread.witnessed:
         return say(
@@ -473,7 +504,9 @@ def misread_words(misread: MisreadSpeed) -> str:
 
 
 def _lasting(advice: Advice) -> str:
-    """Return a phrase on the least thrust left that lasted, and how long it was below the limit."""
+    """Return a phrase on the least thrust left in steady flight, and how long it was below the
+    limit.
+    """
     use, limit = advice.use, least_words(advice.limit)
     worst = left_words(1.0 - use.lasting_most, 1.0 - use.lasting_high, 1.0 - use.lasting_low)
     never = use.lasting_above_limit_s <= 0.0
@@ -487,8 +520,9 @@ def _lasting(advice: Advice) -> str:
 
 
 def _passing(advice: Advice) -> str:
-    """Return the thrust left in turns and gusts: how low, how often and how long below the
-    limit."""
+    """Return a phrase on thrust left in turns and gusts: the least, how often and how long below
+    the limit.
+    """
     use = advice.use
     times = say("once") if use.passing == 1 else say("{count} times", count=use.passing)
     return say(
@@ -501,7 +535,12 @@ def _passing(advice: Advice) -> str:
 
 
 def one_rotor_out(advice: Advice) -> str:
-    """Return the consequence that losing one rotor would have had."""
+    """Return whether the other rotors would have carried the aircraft if one rotor had been lost.
+
+    If not, for how long; that it cannot be decided if the interval includes 1; for which time, if
+    the load is known for a part only. Unknown without a tank level; with a fault it says what the
+    loss of one more would mean.
+    """
     lost = advice.rotor_lost
     if not math.isfinite(lost.redundancy_min) and advice.faults:
         return say(alarm_words.ONE_MORE_LOST)
@@ -546,8 +585,7 @@ def _load_known_in_part(advice: Advice) -> bool:
 
 
 def sound_again(fault: RotorFault) -> str:
-    """Return the sentence that a rotor is sound again although the model still contains its
-    loss."""
+    """Return the sentence that a rotor is sound again, although its loss is still in the model."""
     return say(
         "rotor {rotor} is sound again, and the model still holds its loss of {amount}: use the "
         "model from before it, or train anew",
@@ -557,7 +595,9 @@ def sound_again(fault: RotorFault) -> str:
 
 
 def fault_found(advice: Advice, episode: FaultEpisode) -> str:
-    """Return the text of a fault as in its alarm, with its times; a note if the motor order is
-    unknown."""
+    """Return a fault in words, with the times when it was found and ended.
+
+    A note is added if the motor order is unknown.
+    """
     unsure = "" if advice.rotor_names else f": {say(alarm_words.WHICH_ROTOR)}"
     return f"{alarm_words.episode_words(episode, advice.places)}{unsure}"

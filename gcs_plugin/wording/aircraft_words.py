@@ -34,7 +34,9 @@ from thrustmargin.models.physics.known_battery import KnownBattery
 
 
 def mission_words(mission: FlownMission) -> str:
-    """Return the figures of a mission in words, each as forecast and as flown."""
+    """Return time, energy and thrust left of a flown mission in words, each as forecast and as
+    flown.
+    """
     parts = []
     for words, pair in (
         ("{said} s, flown {flown}", mission.seconds),
@@ -53,7 +55,7 @@ def mission_words(mission: FlownMission) -> str:
 
 
 def counted_words(flights: int, days: int) -> str:
-    """Return how many flights on how many days are known."""
+    """Return `5 flights on 3 days`."""
     of_flights = say("1 flight") if flights == 1 else say("{count} flights", count=flights)
     of_days = say("1 day") if days == 1 else say("{count} days", count=days)
     return say("{flights} on {days}", flights=Verbatim(of_flights), days=Verbatim(of_days))
@@ -66,7 +68,10 @@ def noted_words(name: str, changed: str) -> str:
 
 
 def walk_words(flight: float, day: float) -> str:
-    """Return how much rotor speeds move, as shares, from flight to flight and from day to day."""
+    """Return how much rotor speeds vary from flight to flight and from day to day, in words.
+
+    Both arguments are standard deviations, as shares of rotor speed.
+    """
     return say(
         "rotor speeds move by {flight:.1f} % from flight to flight and {day:.1f} % more from day "
         "to day",
@@ -86,8 +91,12 @@ def flight_line(
     faults: Sequence[tuple[str, int]],
     change: AircraftChange | None,
 ) -> str:
-    """Return the line of a flight in the timeline of its aircraft: verdict, thrust left, whether
-    its interval held, what it taught, `faults` (kind, rotor from 1), and what changed.
+    """Return the line of a flight in its aircraft's timeline.
+
+    `use` is the utilisation in steady flight, `coverage` the share of rotor speeds within the
+    interval. `trained`: the model was trained on the flight; `not_taught` is why it did not update
+    the aircraft's state, None if it did. `faults` are (kind, rotor from 1). `change` is the
+    difference from earlier flights.
     """
     taught = say("trained") if trained else say("taught")
     if not_taught is not None:
@@ -104,8 +113,13 @@ def flight_line(
 
 
 def learnt_words(*, use: float, coverage: float, trained: bool, not_taught: str | None) -> str:
-    """Return the thrust left in steady flight, and whether the flight's interval held or its model
-    was made from it."""
+    """Return a flight's least thrust left in steady flight, and what the aircraft's model learnt
+    from it.
+
+    `use` is the utilisation, `coverage` the share of rotor speeds within the interval, NaN if
+    unknown. `trained`: the model was trained on it; `not_taught` is why it did not update the
+    state, None if it did.
+    """
     left = Verbatim(left_words(1.0 - use))
     first = say("steady flight: thrust left down to {left}", left=left)
     if trained:
@@ -118,7 +132,7 @@ def learnt_words(*, use: float, coverage: float, trained: bool, not_taught: str 
 
 
 def not_learnt_words(log: str, reason: str) -> str:
-    """Return that a log taught nothing, and why."""
+    """Return the sentence that a log was not learnt from, with the reason."""
     return say("not learnt: {log}: {reason}", log=Verbatim(log), reason=Verbatim(say(reason)))
 
 
@@ -130,10 +144,12 @@ def owner_words() -> str:
 def card_lines(
     name: str, folder: str, *, flights: int, days: int, held: Sequence[float], day_step: float
 ) -> tuple[str, ...]:
-    """Return what is known of an aircraft: from what, and how well.
+    """Return lines on a known aircraft: its flights, and how well it is predicted.
 
-    `held` are the shares of later flights that the interval held, `day_step` the share of rotor
-    speed by which the interval is widened for a new day.
+    `held` are the coverages of the interval, 0 to 1, in later flights: their mean and least are
+    stated. Without any, the line states `day_step`, the share of rotor speed by which the interval
+    is widened for a new day. With 0 `flights` the lines say that no flight made the model, and what
+    to do next.
     """
     known = {"name": Verbatim(name), "folder": Verbatim(folder)}
     counted = Verbatim(counted_words(flights, days))
@@ -165,8 +181,10 @@ def card_lines(
 
 
 def power_and_battery_words(law: PowerLaw | None, battery: KnownBattery) -> tuple[str, ...]:
-    """Return a line on an aircraft's power and battery, as measured in its flights; empty
-    without any."""
+    """Return one line on the power law and the battery measured in an aircraft's flights.
+
+    Unknown parts are left out; empty if nothing is known.
+    """
     parts = []
     if law is not None:
         reach = percent(power_factors(law.error)[1] - 1.0)
@@ -186,7 +204,7 @@ def power_and_battery_words(law: PowerLaw | None, battery: KnownBattery) -> tupl
 def change_words(change: AircraftChange) -> str:
     """Return how a flight differs from earlier ones of its aircraft, in words.
 
-    That is size, since when, the cause by the search over effects, and the action.
+    The sentence has size, first log, the cause that the search over effects found, and the action.
     """
     parts = [_what_changed(change)]
     if change.explanation is not None:
@@ -204,7 +222,11 @@ def change_words(change: AircraftChange) -> str:
 
 
 def _what_changed(change: AircraftChange) -> str:
-    """Return the change in words, with its size and the first log that shows it."""
+    """Return how flights differ from earlier ones since a log: a rotor's loss, coverage or speeds.
+
+    The first of these that is known is named. A loss and speeds have their interval; speeds, by
+    mode, also the mass, kg, that would explain them. The text names the first log with the change.
+    """
     if (total := change.rotor) is not None:
         return say(
             "since {log} rotor {rotor} has come to lose {loss} of its thrust, by all {flights} "
@@ -251,7 +273,12 @@ def _what_changed(change: AircraftChange) -> str:
 
 
 def _explained(found: ChangeCause) -> str:
-    """Return the result of the search over effects for the flights since a change, in words."""
+    """Return the effects that a search found as the cause of a change, each with its value and 95 %
+    interval, and the RMSE before and after, rpm.
+
+    If no search was made for lack of flight time, or no effect explains the change, the text says
+    that instead.
+    """
     if found.kind is CauseKind.NOT_SEARCHED:
         return say("too little flight to search for its cause")
     if found.kind is CauseKind.UNEXPLAINED:

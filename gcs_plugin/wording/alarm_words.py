@@ -66,10 +66,11 @@ MOST_LETTERS = 50  # of a STATUSTEXT
 def fault_words(
     fault: RotorFault, names: Sequence[str] = (), phase: Phase = Phase.IN_FLIGHT
 ) -> str:
-    """Return `Rotor 3 front left 12% (9-15) less thrust: land`, with the 95 % interval of the loss.
+    """Return the alarm of a bad rotor: `Rotor 3 front left 12% (9-15) less thrust: land`.
 
-    `names` are the places of the rotors; they are left out if empty or too long. After the flight
-    the words do not ask to land.
+    In brackets is the 95 % interval of the loss. `names` are the places of all rotors; the place is
+    left out if `names` is empty or the text gets too long. In phases other than IN_FLIGHT the text
+    does not ask to land. If several rotors could be the bad one, they are listed without an amount.
     """
     flies = phase is Phase.IN_FLIGHT
     if fault.rotors:
@@ -100,8 +101,11 @@ def fault_amount(fault: RotorFault) -> str:
 
 
 def episode_words(episode: FaultEpisode, names: Sequence[str] = ()) -> str:
-    """Return the fault's text with the times when it was found and ended, and the kind of
-    evidence."""
+    """Return a recorded fault in words, with the times when it was found and ended.
+
+    The text ends with the kind of evidence. `names` are the places of all rotors, empty where
+    unknown.
+    """
     words = fault_words(episode.fault, names, Phase.RECORDED)
     begin = clock(episode.begin_s)
     if episode.end_s is None:
@@ -128,14 +132,6 @@ TOO_HEAVY = (
     "with more it would descend after losing a rotor",
     "it would descend after losing a rotor",
 )
-
-
-def outcome(uncontrolled: float, controlled: float) -> str:
-    """Return in words if the aircraft would hold height and heading after losing a rotor, from
-    its redundancy (thrust left over weight) without and with yaw control; NaN counts as below 1."""
-    if controlled >= 1.0:
-        return "holds height and heading"
-    return "holds height, but it will spin" if uncontrolled >= 1.0 else "WOULD DESCEND"
 
 
 #: ESC_FAILURE_FLAGS of MAVLink's common.xml, gravest first
@@ -211,7 +207,11 @@ GAUGE_WRONG = "Tank falls slower than pump: check the gauge"
 
 
 def control_words(kind: LossKind, value: float) -> str:
-    """Return the alarm about lost control; `value` in rad, rad/s or m/s, by kind."""
+    """Return the alarm about lost control: `CONTROL LOST: tilted 95°`.
+
+    `value` is m/s for a fall, rad/s for a spin, and rad for an attitude that is wrong or turned
+    over; angles are worded in degrees. KeyError for other kinds.
+    """
     unit, words = {
         LossKind.NOT_AS_ASKED: ("°", "CONTROL LOST: {amount} off what was asked"),
         LossKind.TURNED_OVER: ("°", "CONTROL LOST: tilted {amount}"),
@@ -244,11 +244,13 @@ def margin_words(
     rotor: int | None,
     bad: Sequence[int] = (),
 ) -> str:
-    """Return `Thrust left 44% below 50%, rotor 1: fly gently`.
+    """Return `Thrust left 44% below 50%, rotor 1: fly gently`, shortened to an alarm's length.
 
-    `least`, `limit` and `ends`, its 90 % interval, are shares. Margins are rounded down, so that
-    one below the limit never reads as equal. While `bad` rotors have an alarm, the action refers to
-    it.
+    `what` is the first words. `least` is the thrust left, `ends` its 90 % interval, and `limit` the
+    least allowed, all shares. The value is rounded down, so that one below the limit never reads as
+    equal; "near" replaces "below" if the interval reaches the limit, and "none: beyond ceiling" the
+    value if it is wholly below 0. `rotor` counts from 1, None for none. With rotors in `bad`, which
+    have an alarm, the action refers to that alarm.
     """
     low, high = percent_down(max(ends[0], 0.0)), percent_up(ends[1])
     within = f" ({low}-{high})" if ends[1] > ends[0] else ""
@@ -279,13 +281,16 @@ def at_limit(rotor: int, place: str) -> str:
 
 
 def was_at_limit(rotor: int) -> str:
-    """Return the text of that alarm after it is over."""
+    """Return the text of an ended alarm about a rotor, from 1, at its maximum thrust."""
     return say("Rotor {rotor} was at its limit", rotor=rotor)
 
 
 def battery_words(cell: float, sag: float, lost: float) -> str:
-    """Return the alarm about the battery: V a cell, V of sag below rest, and the share of thrust
-    lost by it."""
+    """Return the alarm about the battery.
+
+    `cell` is V per cell, `sag` how many V per cell that is below rest, `lost` the share of thrust
+    that the low voltage costs.
+    """
     return say(
         "Battery {cell} V/cell (-{sag}), {lost} less thrust: land",
         cell=f"{cell:.2f}",
@@ -300,10 +305,11 @@ def battery_past(cell: float) -> str:
 
 
 def heat_words(rotor: int, kelvin: float, limit: float, seconds: float, *, motor: bool) -> str:
-    """Return `ESC 3 at 98 °C, 105 °C in 40 s: land`; at the limit `..., limit 105 °C: land`.
+    """Return `ESC 3 at 98 °C, 105 °C in 40 s: land`; beyond the limit `..., limit 105 °C: land`.
 
-    `rotor` counts from 1. `kelvin` is the temperature, `limit` its limit, K; `seconds` until the
-    limit, 0 beyond it. `motor`: the part is the motor, not the ESC.
+    `rotor` counts from 1 and is displayed unchanged. `kelvin` is the part's temperature and `limit`
+    its limit, both K. `seconds` is the time until the limit is reached, 0 if it is. The part is the
+    motor if `motor`, else the ESC.
     """
     part = say(_HEAT_OF[motor], rotor=rotor)
     degrees = {"now": f"{kelvin - 273.15:.0f}", "limit": f"{limit - 273.15:.0f}"}
@@ -314,32 +320,41 @@ def heat_words(rotor: int, kelvin: float, limit: float, seconds: float, *, motor
 
 
 def heat_past(rotor: int) -> str:
-    """Return the words of an arm's heat alarm, without the temperature, once that is out of
-    date."""
+    """Return the heat alarm of an arm, from 1, without the temperature, once that is outdated."""
     return say(HEAT_WAS_NEAR, rotor=rotor)
 
 
 def lead_words(rotor: int, watts: float) -> str:
-    """Return `Lead 3 loses 14 W, hot lug or plug: land` of an arm, from 1."""
+    """Return `Lead 3 loses 14 W, hot lug or plug: land`; `rotor` is the arm, from 1."""
     return say(
         "Lead {rotor} loses {watts} W, hot lug or plug: land", rotor=rotor, watts=f"{watts:.0f}"
     )
 
 
 def lead_past(rotor: int) -> str:
-    """Return the words of the alarm of an arm's lead, without the power, once that is out of
-    date."""
+    """Return the alarm of the lead of an arm, from 1, without the power, once that is outdated."""
     return say(LEAD_WAS_HOT, rotor=rotor)
 
 
 def desync_words(rotor: int, times: int) -> str:
-    """Return `ESC 3 lost its motor's step 2 times: land` of an arm, from 1."""
+    """Return `ESC 3 lost its motor's step 2 times: land`; `rotor` is the arm, from 1."""
     return say("ESC {rotor} lost its motor's step {times} times: land", rotor=rotor, times=times)
 
 
 def desync_past(rotor: int) -> str:
-    """Return the words of a desync alarm, of an arm from 1, whose number is of the past."""
+    """Return the desync alarm of an arm, from 1, without the count, once that is outdated."""
     return say(DESYNC_WAS, rotor=rotor)
+
+
+def frames_words(rotor: int, share: float) -> str:
+    """Return `ESC 3 loses 12% of its telemetry: check its plug` of an arm, from 1."""
+    lost = f"{100.0 * share:.0f}"
+    return say("ESC {rotor} loses {lost}% of its telemetry: check its plug", rotor=rotor, lost=lost)
+
+
+def shaking_words(ratio: float) -> str:
+    """Return `Shakes 4.6 times as usual: check propellers` of the whole aircraft."""
+    return say("Shakes {ratio} times as usual: check propellers", ratio=f"{ratio:.1f}")
 
 
 def esc_words(rotor: int, place: str, flags: int) -> str:
@@ -356,9 +371,10 @@ def _of(part: str, number: int, place: str) -> str:
 
 
 def thrust_against_gauge(apart_kg: float, bad: Sequence[int] = ()) -> str:
-    """Return the alarm that thrust carries `apart_kg` more than the gauge.
+    """Return the alarm that the load by thrust is `apart_kg` more than the tank gauge reports.
 
-    Alarms of `bad` rotors, if any, count as the cause.
+    A negative value is less. The alarm asks to check the load, or, with rotors in `bad` (which have
+    an alarm), refers to that alarm.
     """
     if bad:
         words = "Thrust says {apart} kg against gauge: {see}"
@@ -382,10 +398,11 @@ def asked(name: str) -> int:
 
 
 def alarm_line(text: str, missing: str, times: int, seconds: float) -> str:
-    """Return an alarm, with its count if above 1, and why it cannot be confirmed, if so.
+    """Return the alarm `text`, with how often it was raised, and with why it cannot be confirmed
+    now.
 
-    `missing` is a key of MISSING, or empty where nothing is missing; the alarm came `times` times
-    within `seconds`. Count and reason may both be in it.
+    It was raised `times` times within `seconds`; the count is left out for 1. `missing`, a key of
+    MISSING, is the data that are missing; empty if the alarm is confirmed.
     """
     if times > 1:
         long = duration(seconds)
@@ -403,11 +420,12 @@ def event_line(kind: str, line: str) -> str:
 
 
 def change_words(kind: str, name: str, rotor: int | None, missing: str) -> str:
-    """Return the STATUSTEXT about a change of the alarm `name`: over, unconfirmed or confirmed
+    """Return the text of the STATUSTEXT that says that an alarm is over, unconfirmed or confirmed
     again.
 
-    `kind` is "cleared" or another; `missing`, if not empty, is a key of MISSING and makes it
-    unconfirmed; `rotor` is 1-based, None if the alarm has none.
+    `name` is the alarm's; `rotor` counts from 1, None for an alarm without a rotor. If `missing` is
+    a key of MISSING, the alarm is unconfirmed for lack of these data; if it is empty, the alarm is
+    over for `kind` "cleared", and confirmed again for any other kind.
     """
     shown = say(SHOWN_NAMES.get(name, name))
     of = say("{alarm} (rotor {rotor})", alarm=shown, rotor=rotor) if rotor else shown

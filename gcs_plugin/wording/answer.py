@@ -37,8 +37,10 @@ class FlightAnswer:
 
     @property
     def line(self) -> str:
-        """Return all of the answer in a line: `Flight to 2:31: BELOW THE 50 % LIMIT: nothing; up
-        to 9 kg`."""
+        """Return the flight's headline and action in one line.
+
+        `Flight to 2:31: ...: fly gently` while it is in progress, `Last flight: ...` afterwards.
+        """
         which = say("last flight")
         if not math.isnan(self.until_s):
             which = say("flight to {clock}", clock=clock(self.until_s))
@@ -47,9 +49,11 @@ class FlightAnswer:
 
     @property
     def contact_lines(self) -> tuple[str, ...]:
-        """Return the lines about an unknown aircraft: how hard its motors worked.
+        """Return lines `label: text` on an aircraft without an airframe: how hard its motors
+        worked.
 
-        After the landing also what else the log contains, and the questions to its owner.
+        For a whole flight also what else the log contains, and questions to the owner. Empty for a
+        known airframe.
         """
         contact, whole = self.contact, math.isnan(self.until_s)
         if contact is None:
@@ -72,7 +76,12 @@ class FlightAnswer:
 
     @property
     def json(self) -> dict[str, Any]:
-        """Return the fields as JSON values, null where unknown."""
+        """Return the answer as a dict for JSON: `headline`, `level`, `action`, `rotors` (from 1),
+        `fill_kg`, `until_s` and `shows`.
+
+        Unknown numbers are None. `until_s` is the time, s, up to which the answer holds, None for a
+        whole flight. `shows` are the lines about an aircraft without an airframe.
+        """
         return {
             "headline": self.headline,
             "level": self.level,
@@ -87,10 +96,10 @@ class FlightAnswer:
 def answer_of(
     advice: Advice, contact: report_words.FirstContact | None = None, until_s: float = math.nan
 ) -> FlightAnswer:
-    """Put advice into words.
+    """Return the sentences and levels of a flight's answer, made from its assessment `advice`.
 
-    `contact` is the result for an unknown aircraft; `until_s` the time, s, of the last row so far,
-    NaN for a whole flight.
+    `contact` has the motor outputs of an aircraft without an airframe, else None. `until_s` is the
+    time of the newest row, s, while the flight is in progress, and NaN for a whole flight.
     """
     return FlightAnswer(
         headline=report_words.first_line(advice, contact),
@@ -121,9 +130,12 @@ _TO_CHECK: Mapping[Caveat, str] = {
 
 
 def brief(advice: Advice, contact: report_words.FirstContact | None = None) -> str:
-    """Return the action before the next flight in 50 letters, else an unknown aircraft's result.
+    """Return the action before the next flight as a phrase of at most 50 letters.
 
-    Empty where nothing is known.
+    The first of these that applies: lost control, a bad rotor, the battery, the motor order, for an
+    unknown aircraft `contact` (its motor outputs) in words, how the flight ended, too heavy, the
+    next fill with what to check. Empty where nothing is known, or where nothing fits though the
+    flight kept its limits.
     """
     if FlightLevel.LOST in advice.levels:
         return say(actions.GROUND_BRIEFLY)

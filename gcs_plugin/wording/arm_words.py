@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping
 
 from thrustmargin.gcs_plugin.wording.actions import Action, at_desk, hands_on
 from thrustmargin.gcs_plugin.wording.language import percent, percent_within, say
 from thrustmargin.models.checks.arms.arm_causes import Cause
 from thrustmargin.models.checks.arms.arm_posterior import (
-    AIRCRAFT,
     ArmAnswer,
     ArmFinding,
     PossibleCause,
+    Shaken,
 )
 from thrustmargin.models.checks.arms.arm_trend import PowerTrend
 
@@ -25,7 +24,6 @@ PARTS: Mapping[Cause, str] = {
     Cause.SHORT: "a short in its motor or ESC",
     Cause.LEAD: "its lead or a lug",
     Cause.IMBALANCE: "its balance or mount",
-    Cause.SHAKEN: "a propeller's balance, or a mount",
     Cause.TELEMETRY: "the telemetry of its ESC",
     Cause.SPEED_READING: "the reading of its speed",
     Cause.CURRENT_READING: "the reading of its current",
@@ -50,7 +48,6 @@ AMOUNTS: Mapping[Cause, tuple[str, str]] = {
     Cause.SHORT: ("it draws {amount} of its current in flight while its rotor stands", ""),
     Cause.LEAD: ("its lead or a lug takes {amount} more of the voltage under load", ""),
     Cause.IMBALANCE: ("it shakes the frame by {amount} of g more, once per revolution", ""),
-    Cause.SHAKEN: ("it shakes {amount} more than on earlier flights at its rotor speed", ""),
     Cause.TELEMETRY: ("its ESC loses {amount} of its telemetry", ""),
     Cause.SPEED_READING: (
         "its speed reads {amount} too high",
@@ -91,9 +88,6 @@ LOOKS: Mapping[Cause, Action] = {
     ),
     Cause.LEAD: hands_on("lead", "right after landing, feel its lugs and connectors for heat"),
     Cause.IMBALANCE: hands_on("propeller", "balance its propeller and tighten the motor's screws"),
-    Cause.SHAKEN: hands_on(
-        "propeller", "balance the propellers and feel whether the autopilot's mount is tight"
-    ),
     Cause.TELEMETRY: hands_on("ESC", "look at the signal and telemetry plug of its ESC"),
     Cause.SPEED_READING: at_desk("ESC", "check the pole count and telemetry of its ESC"),
     Cause.CURRENT_READING: hands_on(
@@ -114,15 +108,26 @@ LOOKS: Mapping[Cause, Action] = {
 }
 
 
+LOOK_SHAKEN = hands_on(
+    "propeller", "balance the propellers and feel whether the autopilot's mount is tight"
+)
+
+
+def shaken_sentence(shaken: Shaken) -> str:
+    """Return by how much more than usual the whole aircraft is shaken, and the look at it."""
+    ends = shaken.lower - 1.0, shaken.upper - 1.0
+    what = say(
+        "it shakes {amount} more than on earlier flights at its rotor speed",
+        amount=percent_within(shaken.ratio - 1.0, max(ends[0], 0.0), ends[1]),
+    )
+    return say("the aircraft: {what}", what=what) + say("; {look}", look=LOOK_SHAKEN.text)
+
+
 def arm_sentence(finding: ArmFinding) -> str:
-    """Return what is wrong with an arm or the whole aircraft: interval, probability, other causes,
-    and the look that settles it."""
+    """Return what is wrong with an arm: interval, probability, other causes, and the look that
+    settles it."""
     first, *others = finding.causes
-    what = amount_words(first)
-    if finding.arm == AIRCRAFT:
-        words = say("the aircraft: {what}", what=what)
-    else:
-        words = say("arm {arm}: {what}", arm=finding.arm + 1, what=what)
+    words = say("arm {arm}: {what}", arm=finding.arm + 1, what=amount_words(first))
     sure = percent(min(finding.probability * first.probability, 0.99))
     words += say(", {sure} sure", sure=sure)
     if others:
@@ -135,20 +140,23 @@ def arm_sentence(finding: ArmFinding) -> str:
 
 
 def amount_words(one: PossibleCause) -> str:
-    """Return the effect of a cause in words, with its amount and 95 % interval."""
+    """Return what a possible cause changes, in words, with amount, %, and 95 % interval.
+
+    The sign is in the words (more or less); the amount has none. An interval that includes zero
+    begins at 0.
+    """
     more, less = AMOUNTS[one.cause]
     least, most = sorted((abs(one.lower), abs(one.upper)))
     ends = (0.0 if one.lower < 0.0 < one.upper else least, most)
     size = abs(one.size)
-    if one.cause is Cause.SHAKEN:  # its size is the ln of a ratio
-        size, ends = math.expm1(size), (math.expm1(ends[0]), math.expm1(ends[1]))
     amount = percent_within(size, *ends)
     return say(more if one.size >= 0.0 or not less else less, amount=amount)
 
 
 def trend_sentence(trend: PowerTrend) -> str:
-    """Return a sentence on an arm that needs more power than in the first of the flights, by how
-    much, and the action."""
+    """Return the sentence on an arm that needs more power than some flights ago: how much, and what
+    to do.
+    """
     return say(
         "arm {arm} needs {amount} more power at its speed than {flights} flights ago; {look}",
         arm=trend.arm + 1,
@@ -161,16 +169,17 @@ def trend_sentence(trend: PowerTrend) -> str:
 def arm_sentences(answer: ArmAnswer | None, weak: Collection[int] = ()) -> tuple[str, ...]:
     """Return one sentence for each arm with something wrong, and one if the aircraft is shaken.
 
-    Of the arms `weak`, from 0, whose thrust another sentence reports, a propeller is not said
-    again. A voltage reading alone is left out: every log is checked for it, whatever is known of
-    the aircraft (`inspection.instrument_offsets`).
+    An arm in `weak`, from 0, whose thrust another sentence reports, has no sentence on its
+    propeller. A wrong voltage reading has none here either, as it is checked in every log. Empty
+    for None.
     """
     if answer is None:
         return ()
-    aircraft = () if answer.aircraft is None else (answer.aircraft,)
-    return tuple(
+    shaken = () if answer.shaken is None else (shaken_sentence(answer.shaken),)
+    of_arms = (
         arm_sentence(one)
-        for one in (*answer.findings, *aircraft)
+        for one in answer.findings
         if one.cause is not Cause.VOLTAGE_READING
         and not (one.arm in weak and one.cause is Cause.PROPELLER)
     )
+    return (*of_arms, *shaken)

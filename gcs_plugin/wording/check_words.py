@@ -29,7 +29,9 @@ if TYPE_CHECKING:
     from thrustmargin.models.model.airframe_match import AirframeMatch, KnownFrom
 
 #: What a rotor speed of another unit, or wrong readings of an instrument, lead to.
-_REACH = "margin and fill reach to that: check voltmeter, gauge and empty mass, and the airframe's"
+_REACH = (
+    "thrust left and fill reach to that: check voltmeter, gauge and empty mass, and the airframe's"
+)
 _WRONG = "empty mass or the airframe's largest rotor speed is wrong"
 #: Kind of a statement or of a clause -> its sentence.
 SENTENCES: Mapping[str, str] = {
@@ -75,8 +77,8 @@ SENTENCES: Mapping[str, str] = {
     "voltage beyond": "; the same battery stays within {low:.0f} % to {high:.0f} %",
     "beyond full": (
         "{most:.1f} V at most, where a full battery of {nominal:.1f} V has {full:.1f}: the "
-        "voltmeter reads {percent:.0f} % too much, or nominal_voltage is of other cells; margin "
-        "and fill reach to what is left then"
+        "voltmeter reads {percent:.0f} % too much, or nominal_voltage is of other cells; "
+        "thrust left and fill reach to what remains then"
     ),
     # Thrust by outputs, by rotor speeds and by weight
     "outputs beyond speeds": (
@@ -299,7 +301,12 @@ def note_words(track: FlightTrack) -> list[str]:
 
 
 def source_words(source: Provenance) -> str:
-    """Return the source of a number in words; message names are not translated."""
+    """Return the source of a channel's values in words, with its remarks in brackets; names of
+    messages are not translated.
+
+    It is the names of the parts, if it has some, else its own name with its fields; `not in the
+    log` for an absent channel.
+    """
     remarks = "; ".join(_remark_words(remark, source) for remark in source.remarks)
     parts = ", ".join(
         source_words(part)
@@ -349,7 +356,10 @@ def in_english(one: Statement | Provenance) -> str:
 
 
 def source_values(source: Provenance) -> dict[str, Any]:
-    """Return a source as values for JSON, with its remarks in words."""
+    """Return a channel's source as a dict for JSON, with its remarks in words.
+
+    Sources of its parts, and rejected sources with the reason, are nested.
+    """
     values: dict[str, Any] = to_json_values(source)
     values["parts"] = [source_values(part) for part in source.parts]
     values["rejected"] = [
@@ -380,9 +390,10 @@ class _Listed(Verbatim):
 
 
 def _filled(value: Value, name: str = "") -> object:
-    """Return a value as `say` fills it in: names that the catalogue has are translated.
+    """Return a value as `say` fills it into a sentence, translated.
 
-    A number of seconds is shown as a clock or a duration where its name ends in one.
+    A number becomes a clock time if `name` ends in _clock, and a duration if it ends in _duration.
+    Sources and statements become their words, a tuple of statements a list of them.
     """
     if isinstance(value, Provenance):
         return Verbatim(source_words(value))
@@ -400,9 +411,10 @@ def _filled(value: Value, name: str = "") -> object:
 
 
 def airframe_match_words(airframe_match: AirframeMatch) -> str:
-    """Return which airframe a flight is analysed with, and why: `airframe x, given`.
+    """Return which airframe a flight is analysed with, and how it was chosen: `airframe x, given`.
 
-    `a plan` if the airframe was given without a name.
+    A known aircraft is named with its number of flights; `a plan` for an airframe given without a
+    name.
     """
     if airframe_match.known_from is not None:
         return known_words(airframe_match.known_from)
@@ -412,8 +424,11 @@ def airframe_match_words(airframe_match: AirframeMatch) -> str:
 
 
 def known_words(known: KnownFrom) -> str:
-    """Return the known aircraft and the number of flights and days behind its predictions, in
-    words."""
+    """Return the known aircraft and what its model learnt from, in words.
+
+    `aircraft x, known from 5 flights on 3 days`; without a flight, that none has taught its model
+    yet.
+    """
     own = {"name": Verbatim(known.aircraft), "flights": known.flights, "days": known.days}
     if known.flights == 0:
         return say("aircraft {name}: no flight has taught its model yet", **own)
@@ -425,7 +440,12 @@ def known_words(known: KnownFrom) -> str:
 
 
 def grounds_words(airframe_match: AirframeMatch) -> str:
-    """Return, to follow the word airframe, its name and how it was chosen: `x, given`."""
+    """Return an airframe's name and how it was chosen, to follow the word "airframe": `x, given`.
+
+    For a known aircraft it is its name and the flights it is known from; for a recognised one, what
+    in the flight fits it. Guessed values in the airframe are named, but not for a known aircraft;
+    `not known` if none was chosen.
+    """
     if airframe_match.known_from is not None:
         return known_words(airframe_match.known_from)
     if airframe_match.basis == "not known":
@@ -445,7 +465,10 @@ def no_verdict_words(airframe_match: AirframeMatch) -> list[str]:
 
 
 def described_words(airframe_match: AirframeMatch) -> str:
-    """Return how the airframe was chosen, or the reasons why there is no verdict."""
+    """Return how the airframe was chosen, and what no longer fits it.
+
+    If there is no verdict, return `NO VERDICT:` and the reasons instead.
+    """
     if airframe_match.no_verdict:
         why = Verbatim("; ".join(no_verdict_words(airframe_match)))
         return say("NO VERDICT: {why}", why=why)
@@ -459,8 +482,11 @@ def described_words(airframe_match: AirframeMatch) -> str:
 
 
 def remedy_words(airframe_match: AirframeMatch) -> str:
-    """Return what the pilot can do where the airframe is unknown or contradicted, so that no
-    margin is given."""
+    """Return what the pilot can do for a verdict if the airframe is unknown or does not fit the
+    log.
+
+    Only meaningful without a verdict.
+    """
     source = Verbatim(airframe_match.source)
     if airframe_match.odd_voltage:
         return say(

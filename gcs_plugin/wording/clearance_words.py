@@ -38,7 +38,11 @@ GROUNDED: Mapping[FlightLevel, str] = {
 
 
 def grounding_words(before: Clearance) -> str:
-    """Return the finding that forbids the take-off, of a flight in the log or of an earlier one."""
+    """Return the finding that forbids the next take-off, in words.
+
+    It was made in this log's flight (then with its time or amount) or in an earlier flight of the
+    aircraft (then with that log's name).
+    """
     flight, level = before.flight, before.level
     if flight is None:
         rotors = ""
@@ -61,7 +65,11 @@ def grounding_words(before: Clearance) -> str:
 
 
 def condition_words(condition: Condition) -> str:
-    """Return in capitals what must be true for a good forecast; empty if other words state it."""
+    """Return in capitals what must hold for the forecast to apply: `... WAS REPAIRED`.
+
+    For damage it names the rotors, and for a part of the last flight that the log lacks which part,
+    if that flight is known. Empty for a condition that another sentence of the forecast states.
+    """
     caveat, flight = condition.caveat, condition.flight
     if caveat in CONDITIONS:
         return say(CONDITIONS[caveat])
@@ -100,10 +108,12 @@ def only_if_words(before: Clearance) -> tuple[str, ...]:
 
 
 def first_steps(before: Clearance, *, grounded: bool) -> list[str]:
-    """Return a line for each thing to do before the take-off, with how it is proved.
+    """Return a sentence for each thing to do before the take-off, with how to prove that it is
+    done; empty if nothing is.
 
-    If the aircraft is `grounded`, the reason is the only line, because its inspection covers the
-    other conditions.
+    `before` is the consequence of the aircraft's earlier flights: a sentence for each of its
+    caveats. If they have `grounded` the aircraft, only the grounding's sentence is returned,
+    because its inspection covers the other conditions.
     """
     troubles = [actions.OF_CAVEAT[one] for one in before.caveats]
     if grounded and before.level is not None:

@@ -41,10 +41,10 @@ LEAST_WIND = 0.5  # m/s that is worth a word
 
 
 def day_briefly(day: Day) -> str:
-    """Return the day in few words; empty where nothing of it is known.
+    """Return the conditions of a day in few words: `a full battery, 30 °C, at sea level, no wind`.
 
-    `a half used battery, 30 °C, at sea level, no wind`. For a flight's day it is only the battery
-    with its time, because the air is the flight's own.
+    For the day of a flight it is only the battery and its time, because the air is then that of the
+    flight. Empty where nothing is known.
     """
     battery = battery_words(day)
     if math.isfinite(day.loaded_voltage.at_s):
@@ -55,9 +55,11 @@ def day_briefly(day: Day) -> str:
 
 
 def battery_words(day: Day) -> str:
-    """Return the words of a day's battery, to follow "with"; empty if it is unknown.
+    """Return a day's battery as a phrase to follow "with"; empty if it is unknown.
 
-    `the battery at 3:20 of this flight`, `a full battery`, `a battery of 56.5 V at rest`.
+    `the battery at 3:20 of this flight`, `a battery of 56.5 V at rest`. The voltage under load
+    comes first, else that at rest. An assumed one is `a half used battery` under load, `a full
+    battery` at rest.
     """
     loaded, rest = day.loaded_voltage, day.battery_voltage
     if math.isfinite(loaded.at_s) and not loaded.source.assumed:
@@ -89,8 +91,11 @@ def _temperature(day: Day) -> _Part:
 
 
 def _place(day: Day) -> _Part:
-    """Return the pressure of the air at the field in words and its value, else those of its
-    height above the sea; None if both are unknown."""
+    """Return (words, value) of the air pressure at the field, or if unknown of its height above the
+    sea.
+
+    None if both are unknown.
+    """
     if day.pressure.known:
         return number(day.pressure.value / 100.0, "hPa", 0), day.pressure
     if not day.height.known:
@@ -131,10 +136,10 @@ def _with_source(words: str, value: DayValue) -> str:
 
 
 def day_line(day: Day, voltage: float = math.nan) -> str:
-    """Return a sentence with every known value of a day and its source.
+    """Return a sentence with each known value of a day and its source: `For 30 °C (assumed), ...`.
 
-    `For 30 °C (assumed), at sea level (assumed), ...`. `voltage` is the V under load that a fill
-    was computed with, if the day states the voltage at rest; NaN: not named.
+    `voltage` is the voltage under load, V, with which a fill was computed; it is named if the day
+    itself has none. NaN: not named.
     """
     loaded, rest = day.loaded_voltage, day.battery_voltage
     parts = [part for part in (_temperature(day), _place(day), _wind(day), _gusts(day)) if part]
@@ -158,10 +163,11 @@ def day_line(day: Day, voltage: float = math.nan) -> str:
 
 
 def ask_words(name: str, step: float, kg: float) -> str:
-    """Return the request to state a value, with the kg by which the fill changes per step.
+    """Return a request to state a value of the day, with how much it changes the fill.
 
-    `name` is a field of `Day`, `step` in the unit in which people write it: `Say the air
-    temperature with --air-temperature: it moves the fill by 1.0 kg per 10 °C.`
+    `Say the air temperature with --air-temperature: it moves the fill by 1.0 kg per 10 °C.` `name`
+    is a key of DAY_FIELDS: a field of `Day`. `step` (10) is in the unit of the field's option and
+    left out of the text if 1. `kg` is the change of the fill per step, worded with its sign.
     """
     how = DAY_FIELDS[name]
     unit = f"{step:g} {how.unit}" if step != 1.0 else how.unit

@@ -56,9 +56,11 @@ class DescribedEffect:
     def size(
         self, name: str, unit: str = "", *, factor: float = 1.0, most: int = 2
     ) -> tuple[str, str]:
-        """Return the absolute amount of a parameter and its interval, in words.
+        """Return the absolute amount of the parameter `name`, with unit, and its interval, as
+        texts.
 
-        A negative value and its interval change sign together.
+        Value and interval are multiplied by `factor`, and by -1 if the value is negative. `most` is
+        the largest number of decimals.
         """
         sign = -1.0 if self.ends(name)[0] < 0.0 else 1.0
         return within(*self.ends(name), unit, factor=sign * factor, most=most)
@@ -99,7 +101,7 @@ class Amount:
 
 
 def by_parameters(it: DescribedEffect) -> str:
-    """List all parameters of an effect that has no sentence of its own."""
+    """Return `Effect: parameter amount, ...`, for an effect that has no sentence of its own."""
     term = it.found.term
     name = say(term.effect.name.replace("_", " ")).capitalize()
     if term.rotor is not None:
@@ -120,12 +122,15 @@ def _sized(sentence: str, parts: tuple[str, str], **values: object) -> str:
 
 
 def _percent(it: DescribedEffect, name: str, factor: float = 1.0) -> tuple[str, str]:
-    """Return a parameter and its interval in per cent, without sign."""
+    """Return a parameter, times `factor`, and its interval as texts in per cent, without sign."""
     return it.size(name, "%", factor=100.0 * factor, most=1)
 
 
 def weak_rotor(it: DescribedEffect) -> str:
-    """Return the sentence about a rotor with less or more thrust than the model expects."""
+    """Return the sentence on a rotor that makes less or more thrust than expected, with the amount.
+
+    Expected is by the model, or, without rotor speeds, by the motor outputs.
+    """
     less, more = "{rotor} makes {amount} less thrust", "{rotor} makes {amount} more thrust"
     if it.whole.problem.of_outputs:
         less = "{rotor} makes {amount} less thrust than its share of the motor outputs"
@@ -146,8 +151,11 @@ def _lost(it: DescribedEffect, lost: str = LOST, gained: str = GAINED) -> Verbat
 
 
 def weakened_in_flight(it: DescribedEffect) -> str:
-    """Return the sentence about a step change of a rotor's thrust: when, in which log, in how many
-    flights."""
+    """Return the sentence on a step change of a rotor's thrust: how much, at what time, in which
+    log.
+
+    Other flights in which its interval excludes zero are counted.
+    """
     when = clock(it.ends("onset_time")[0])
     where = Verbatim(it.whole.problem.names[it.found.flight])
     clear = (it.found.lower[:, 0] > 0.0) | (it.found.upper[:, 0] < 0.0)
@@ -168,14 +176,16 @@ def weakened_for_a_while(it: DescribedEffect) -> str:
 
 
 def weakens_each_flight(it: DescribedEffect) -> str:
-    """Return the sentence about a loss that begins equally late in every flight."""
+    """Return the sentence on a rotor's loss of thrust that begins equally late in each flight."""
     lost = _lost(it, "{rotor} loses {amount} of its thrust", "{rotor} gains {amount} of its thrust")
     return say("{lost} {clock} into every flight", lost=lost, clock=clock(it.ends("onset_time")[0]))
 
 
 def weak_since_a_flight(it: DescribedEffect) -> str:
-    """Return the sentence about a loss that began in or before one of several flights and has
-    stayed."""
+    """Return the sentence on a rotor's loss of thrust that began at one time and has lasted since.
+
+    The time is given in the log in which it began, or, between two flights, as the next log.
+    """
     problem, at = it.whole.problem, it.ends("onset_clock")[0]
     began = problem.flight_start_unix_s - problem.first_row_s
     flown = np.flatnonzero(began <= at)
@@ -194,7 +204,10 @@ def weak_since_a_flight(it: DescribedEffect) -> str:
 
 
 def weak_until_repaired(it: DescribedEffect) -> str:
-    """Return the sentence about a loss in several flights that later flights no longer show."""
+    """Return the sentence on a rotor's loss of thrust that ended before later flights: a repair.
+
+    It names the first and the last log with the loss.
+    """
     problem = it.whole.problem
     start = problem.flight_start_unix_s
     at, over = it.ends("onset_clock")[0], it.ends("end_clock")[0]
@@ -216,8 +229,12 @@ hidden_mass = Amount(
 
 
 def air_density(it: DescribedEffect) -> str:
-    """Return the sentence on an error of air density, as the temperature difference, K, that
-    causes it."""
+    """Return the sentence on an error of air density, given as the temperature error that causes
+    it.
+
+    The amount is in K. If the model had no effect of air density, that is stated, with the density
+    flown in and the model's, kg/m³.
+    """
     offset = it.size("temperature_offset", "K", most=1)
     if it.known:
         warmer = "The air is {amount} warmer than the model has it"
@@ -233,9 +250,10 @@ def air_density(it: DescribedEffect) -> str:
 
 
 def wrong_gain(little: str, much: str, it: DescribedEffect) -> str:
-    """Return the sentence about an instrument whose true value is `gain` times the displayed one.
+    """Return the sentence on an instrument whose true value is `gain` times the displayed one.
 
-    `little` and `much` are the sentences for a reading too low and too high.
+    `little` is the sentence for a reading too low, `much` for one too high. The amount filled in is
+    the error in % of the true value.
     """
     value, *ends = (1.0 - 1.0 / gain for gain in it.ends("gain"))
     sign, words = (-1.0, much) if value < 0.0 else (1.0, little)
@@ -252,7 +270,7 @@ AIRSPEED_SHOWS = (
 
 
 def tank_zero(it: DescribedEffect) -> str:
-    """Return the sentence about the tank gauge's zero, in the flight where it is most off."""
+    """Return the sentence on an error of the tank gauge's zero, in the flight where it is worst."""
     flight = Verbatim(it.whole.problem.names[it.found.flight])
     shown = Verbatim(Amount("offset", "kg", *GAUGE_SHOWS)(it))
     words = "{shown} in {log}"
@@ -322,9 +340,11 @@ drag = Amount(
 
 
 def load_factor(it: DescribedEffect) -> str:
-    """Return the sentence about how thrust follows the load factor in manoeuvres.
+    """Return the sentence on how strongly thrust follows the load factor of turns, climbs and
+    gusts.
 
-    The parameter `gain` is relative to the model if that contains the effect, else to Newton's law.
+    The amount is relative to the model if the model contains this effect; else it is a factor to
+    Newton's law.
     """
     if it.known:
         more = (
@@ -354,8 +374,10 @@ def slung_load(it: DescribedEffect) -> str:
 
 
 def balance(it: DescribedEffect) -> str:
-    """Return the sentence about the position of the centre of gravity, or its shift by a full
-    tank."""
+    """Return the sentence on how far the centre of gravity is from where the model has it, mm.
+
+    For the variant of a full tank: how far a full tank moves it.
+    """
     full = "_full" if it.found.term.effect.variant else ""
 
     def part(axis: str, above: str, below: str) -> Verbatim:
@@ -389,8 +411,9 @@ def arm_weight(it: DescribedEffect) -> str:
 
 
 def tilted_arm(it: DescribedEffect) -> str:
-    """Return the sentence about a tilted arm: by how much, and to which side it turns the
-    aircraft."""
+    """Return the sentence on a tilted arm: by how many degrees, and to which side it yaws the
+    aircraft.
+    """
     spin = it.whole.model.airframe.rotor_spin[it.found.term.rotor or 0]
     words = "The arm of {rotor} is tilted by {amount}, which turns the aircraft to the right"
     if spin * it.ends("tilt")[0] < 0.0:
@@ -419,7 +442,10 @@ def inertia(it: DescribedEffect) -> str:
 
 
 def forward_lift(it: DescribedEffect) -> str:
-    """Return the sentence about lift, as thrust at the 90 % quantile of airspeed."""
+    """Return the sentence on the thrust that airspeed adds or takes, %.
+
+    It is evaluated at the 90 % quantile of the flights' airspeed.
+    """
     channels = it.whole.problem.channels
     speed = float(np.nanquantile(channels.airspeed, 0.9))
     hover = float(np.nanmedian(channels.hover_induced_velocity))
@@ -446,7 +472,10 @@ def climb(it: DescribedEffect) -> str:
 
 
 def ground_effect(it: DescribedEffect) -> str:
-    """Return the sentence about thrust near the ground, at the flights' median height."""
+    """Return the sentence on the thrust that the ground adds or takes, %.
+
+    It is evaluated at the flights' median height.
+    """
     near = float(np.median(it.whole.problem.channels.radius_over_height))
     height = it.whole.model.airframe.propeller_diameter / 2 / near
     value, *ends = (1.0 / (1.0 - k * near**2) - 1.0 for k in it.ends("strength"))
@@ -479,7 +508,11 @@ def wind(it: DescribedEffect) -> str:
 
 
 def followed_wind(it: DescribedEffect) -> str:
-    """Return the sentence about a strong wind that the reported airspeed already includes."""
+    """Return the sentence on a wind stronger than in training that the reported airspeed already
+    includes.
+
+    It lists the winds, and gives the RMSE, rpm, with ground speed and with airspeed.
+    """
     found, domain = it.found, it.whole.model.training_domain
     words = (
         "A wind blows, stronger than the {known} of the training: {winds}; the reported airspeed "
@@ -496,7 +529,10 @@ def followed_wind(it: DescribedEffect) -> str:
 
 
 def _winds(it: DescribedEffect) -> Verbatim:
-    """List the winds of up to MOST_LISTED flights, strongest first."""
+    """List the winds of the flights in words, strongest first.
+
+    At most MOST_LISTED are listed, then the number of the others.
+    """
     found, names = it.found, it.whole.problem.names
     order = np.argsort(-np.hypot(found.value[:, 0], found.value[:, 1]), kind="stable")
     winds = [
@@ -509,7 +545,7 @@ def _winds(it: DescribedEffect) -> Verbatim:
 
 
 def _wind_of(found: ReportedEffect, flight: int) -> str:
-    """Return speed with interval, and direction, of the wind in one flight."""
+    """Return the wind in the flight of index `flight` as `8.1 m/s (7.2 to 9.0) from 240°`."""
     north, east = found.value[flight, :2]
     half = (found.upper[flight, :2] - found.lower[flight, :2]) / 2
     speed = float(np.hypot(north, east))

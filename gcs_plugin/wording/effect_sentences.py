@@ -50,12 +50,12 @@ def amount_of(found: ReportedEffect, whole: Identification) -> str:
 
 
 def action_of(found: ReportedEffect, whole: Identification) -> Action | None:
-    """Return the action that an effect asks for, or None.
+    """Return the action that a reported effect asks for; None if it asks for none.
 
-    A rotor with more thrust than expected asks for a propeller of the same kind, a weak one for the
-    action of a flight report. Extra drag asks for nothing if the model was not trained on flights,
-    because such a model has no drag. An effect that does not lower the error must be left out of
-    the model.
+    A weak rotor asks for the action of its loss, one with more thrust than expected for a propeller
+    of the same kind. Extra drag asks to look for mounted parts only if the model was trained on
+    flights; another model has no drag. An effect that asks to be kept in the model must be left out
+    if the error, RMSE, does not fall.
     """
     action = words_of(found.term).action
     if action is actions.LOOK_FOR_MOUNTED and not whole.model.taught:
@@ -74,10 +74,10 @@ def action_of(found: ReportedEffect, whole: Identification) -> Action | None:
 def effect_thing(
     term: Term | Placed, rotor_names: Sequence[str], gaining: Collection[int] = ()
 ) -> str:
-    """Return the name of an effect in a list: `a weak rotor 1 (front right)`.
+    """Return an effect as a noun for lists: `a weak rotor 1 (front right)`.
 
-    `rotor_names` are the places of all rotors. Rotors in `gaining` (0-based) have more thrust than
-    expected and are called strong.
+    `rotor_names` are the places of all rotors. Rotors in `gaining`, from 0, make more thrust than
+    expected and are called strong instead of weak.
     """
     rotor = "" if term.rotor is None else rotor_words(term.rotor, tuple(rotor_names))
     where = unnamed_place(term, rotor_names) if term.effect.name == NAME else ""
@@ -88,7 +88,12 @@ def effect_thing(
 
 
 def unnamed_place(term: Term | Placed, rotor_names: Sequence[str]) -> str:
-    """Return in words where an unnamed cause acts: `pitch along speed forward`, `yaw all along`."""
+    """Return which mode an unnamed cause changes, and along which channel: `pitch along speed
+    forward`.
+
+    A constant cause is `yaw all along`; one on a rotor names the rotor in place of the mode.
+    `rotor_names` are the places of all rotors.
+    """
     mode, channel = place_of(term.effect)
     mode = say(mode)
     if term.rotor is not None:
@@ -99,10 +104,9 @@ def unnamed_place(term: Term | Placed, rotor_names: Sequence[str]) -> str:
 
 
 def effect_things(model: RotorModel) -> tuple[str, ...]:
-    """Return words for each effect in a model, `a weak rotor 1 (front right)`, in the model's
-    order.
+    """Return the effects in a model as nouns, `a weak rotor 1 (front right)`, in the model's order.
 
-    Equal words are listed once.
+    Equal texts are listed once.
     """
     names = model.airframe.rotor_names
     gaining = {

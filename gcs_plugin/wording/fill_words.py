@@ -59,11 +59,13 @@ FLIGHT_LEVELS: Mapping[FillLevel, FlightLevel] = {
 
 
 def fill_advice(fill: NextFill, limit: float, *, was_within: bool = False) -> str:
-    """Return how much to fill, for which day, and the reason against more.
+    """Return how much to fill, for which day, and why not more; or why no amount is stated, by
+    `fill.level`.
 
     `Fill at most 9.1 kg (9.1 L) with a full battery, 15 °C: with more it would descend ...`.
-    `limit` is the share of a rotor's largest thrust that may last. After a flight `was_within` the
-    limits nothing must change: `Up to 9.1 kg ...`.
+    `limit` is the largest share of a rotor's largest thrust that may be used for long.
+    `was_within`: the flight just analysed kept the limits, so the sentence only permits: `You may
+    fill up to 9.1 kg ...`.
     """
     level = fill.level
     if level is FillLevel.UNSOUND:
@@ -104,9 +106,11 @@ def with_day(day: Day) -> str:
 
 
 def how_sure(fill: NextFill) -> str:
-    """Return the interval of the limit, and the fill with a full battery; empty if neither differs.
+    """Return the interval of the largest fill, and the largest fill with a full battery.
 
-    `the limit is most likely at 9.8 kg (9.1 to 10.5); at most 12.1 kg with a full battery`.
+    `the limit is most likely at 9.8 kg (9.1 to 10.5); at most 12.1 kg with a full battery`. The
+    first part is left out for an interval narrower than 0.05 kg, the second if it is no more than
+    the fill. Empty without both, or if nothing may be filled.
     """
     if not math.isfinite(fill.kg) or fill.kg <= 0.0 or fill.nothing_fits is not None:
         return ""
@@ -137,14 +141,18 @@ def amount(kg: float, liquid_density: float = math.nan) -> str:
 
 
 def safe_kg(fill: NextFill) -> float:
-    """Return the kg that `fill_advice` states, rounded down to 0.1; NaN if unknown, 0 if nothing
-    may be filled."""
+    """Return the largest fill to recommend, kg, rounded down to 0.1; 0 if nothing may be filled.
+
+    NaN if it is unknown.
+    """
     return _down(fill.kg) if math.isfinite(fill.kg) else math.nan
 
 
 def _range(fill: NextFill) -> str:
-    """Return the fill at the limit with its interval, kg, rounded outwards; alone if narrower than
-    0.05 kg."""
+    """Return the largest fill with its interval as text, kg, with the ends rounded outwards.
+
+    The interval is left out if it is narrower than 0.05 kg.
+    """
     middle = number(_down(fill.limit_kg), "kg")
     if not fill.high_kg - fill.low_kg >= 0.05:
         return middle

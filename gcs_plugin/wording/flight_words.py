@@ -47,7 +47,7 @@ LEFT_OUT: Mapping[Reason, str] = {
 
 
 def not_flown(track: FlightTrack) -> str:
-    """Return why no row of a log is in flight; empty if one is."""
+    """Return why a log has no row in flight; empty if it has one."""
     if track.flying.any():
         return ""
     why = say(GROUNDED_BY[track.flying_by])
@@ -81,7 +81,11 @@ def lost_rows(losses: Sequence[LossOfControl]) -> str:
 
 
 def _sign(one: LossOfControl) -> str:
-    """Return a sign of a loss of control in words, with its amount."""
+    """Return one sign of a loss of control with its largest size: `tilted up to 95°`.
+
+    `one.value` is a share of full output, rad, rad/s, m/s or m/s² by its kind; angles are worded in
+    degrees.
+    """
     value = one.value
     words, amount = {
         LossKind.SATURATED: ("a motor at {amount} output", percent(value)),
@@ -98,8 +102,13 @@ def _sign(one: LossOfControl) -> str:
 
 
 def event_words(kind: str, subject: str, text: str, time_s: float, count: int) -> str:
-    """Return a reported event with its first time and count: `crash (crash check: ERR 12 1) at
-    1:23`."""
+    """Return an event that the vehicle reported, as `crash (crash check: ERR 12 1) at 1:23, 2
+    times`.
+
+    `kind` (crash) is what happened; `subject` (crash check) the part, or a motor's number, left out
+    if equal to `kind`; `text` (ERR 12 1) the message. `time_s` is the first time, s; negative,
+    before the log's first row, is worded `at the start`. `count` is stated if above 1.
+    """
     about = say("motor or part {part}", part=subject) if subject.isdigit() else say(subject)
     details = ": ".join(filter(None, (about if subject != kind else "", text)))
     often = say(", {count} times", count=count) if count > 1 else ""
@@ -119,7 +128,10 @@ def sortie_suffix(number: int, of: int) -> str:
 
 
 def sortie_words(number: int, track: FlightTrack) -> str:
-    """Return the number of a sortie, its begin in UTC if known, and its flight time."""
+    """Return `sortie 2: from 2026-05-31 14:30:00 UTC, 3 min 28 s in flight`.
+
+    `number` is the sortie's, from 1. The start is left out if it is unknown.
+    """
     flown = f"{duration(track.flying_s)} in flight"
     unknown = float("nan")
     try:

@@ -96,10 +96,12 @@ LEAST_SHARE = 0.005  # of utilisation, worth a word
 
 
 def verdict(made: PlanForecast) -> str:
-    """Return the first line: may the aircraft take off with this fill, and after a colon why.
+    """Return the forecast's first line: may the aircraft take off with this fill, and why.
 
-    Open conditions (ONLY IF ...) come before the reason, for the line may be read no further; a
-    line that says DO NOT TAKE OFF names none. Of an UNKNOWN level, say why there is no verdict.
+    `TAKE OFF WITH 9.0 kg ONLY IF ...: thrust left 55 %, ...`; `DO NOT TAKE OFF ...`, `MAY TAKE OFF
+    ...`, or that it is too close to decide. Open conditions come before the reason, since the line
+    may be read no further; a line that forbids the take-off names none. A grounded aircraft and one
+    over its maximum take-off mass come first. Without a verdict it says so.
     """
     advice = made.advised.advice
     use, limit = advice.use, least_words(advice.limit)
@@ -150,9 +152,10 @@ def verdict(made: PlanForecast) -> str:
 
 
 def _no_verdict(made: PlanForecast) -> str:
-    """Return the words for a plan without a verdict, in capitals.
+    """Return the English line, in capitals, for a plan without a verdict.
 
-    If the aircraft's earlier flight is the reason they state why, else only that there is none.
+    It names the reason if that is an earlier flight of the aircraft: too short to show anything,
+    not recognised, of another airframe, or contradicted; else it is NO_VERDICT.
     """
     before = made.clearance.flight
     if made.clearance.level is not FlightLevel.UNKNOWN or before is None:
@@ -170,10 +173,10 @@ def before_words(made: PlanForecast) -> tuple[str, ...]:
 
 
 def weakest_words(weakest: Weakest | None) -> str:
-    """Return the place with the least thrust left, and the shares of thrust in use by cause.
+    """Return where thrust left is least, how much it is, and which causes take the thrust.
 
     `Weakest in the turn at item 5: thrust left 31 % (27 to 35); of the thrust go 22 % to the 15.0
-    kg on board, 12 % to the turn.`
+    kg on board, 12 % to the turn.` None is an unknown place. Causes below LEAST_SHARE are left out.
     """
     if weakest is None:
         return say("Weakest place unknown.")
@@ -223,7 +226,10 @@ _PLACES: Mapping[str, str] = {
 
 
 def place_words(made: PlanForecast) -> tuple[str, ...]:
-    """Return lines about places short of thrust, and slopes; legs into the ground come first."""
+    """Return lines on places of the plan that are short of thrust, steep or below ground.
+
+    The gravest kind comes first; a long list is cut.
+    """
     order = {kind: rank for rank, kind in enumerate(reversed(tuple(_PLACES)))}
     found = sorted(made.places, key=lambda place: (order[place.kind], -place.amount))
     words = [
@@ -239,7 +245,12 @@ def place_words(made: PlanForecast) -> tuple[str, ...]:
 
 
 def fill_words(made: PlanForecast) -> str:
-    """Return the largest fill that keeps the limit throughout the plan."""
+    """Return the sentence on the largest fill, kg, with which the plan keeps the limit and survives
+    a lost rotor throughout.
+
+    In this order it says instead: that the aircraft is damaged; that it is grounded; that the fill
+    is unknown; that there is no tank; or, for 0 kg, that no fill will do.
+    """
     liquid, limit = _liquid(made), least_words(made.advised.advice.limit)
     if made.advised.advice.faults or made.clearance.level is FlightLevel.DAMAGED:
         return f"{say(UNSOUND)}."
@@ -258,7 +269,11 @@ def fill_words(made: PlanForecast) -> str:
 
 
 def survivable_words(made: PlanForecast) -> str:
-    """Return the tank level, and the time, from which on the loss of a rotor is survivable."""
+    """Return the sentence on the tank level below which losing a rotor is survivable, and when in
+    the plan that is reached.
+
+    Other sentences: unknown; never, even with an empty tank; throughout; not reached in this plan.
+    """
     below = made.survivable_below_kg
     if made.level is FlightLevel.UNKNOWN or not math.isfinite(below):
         return say("Whether a lost rotor is survivable is unknown.")
@@ -278,7 +293,10 @@ def survivable_words(made: PlanForecast) -> str:
 
 
 def sortie_words(made: PlanForecast) -> tuple[str, ...]:
-    """Return the lines about time, liquid and energy, and about the items after which to refill."""
+    """Return lines on flight time, liquid, energy, and the whole field with its refills.
+
+    For several sorties each has a line. Without a tank there is one line, on time and energy.
+    """
     sorties, liquid = made.needs.sorties, _liquid(made)
     sprayed = sum(s.kg for s in sorties)
     energy = joined(within(*made.energy_wh, "Wh"))
@@ -317,8 +335,11 @@ def sortie_words(made: PlanForecast) -> tuple[str, ...]:
 
 
 def _field_words(made: PlanForecast, litres: float) -> str:
-    """Return the line on the whole field: `litres` needed, and sorties with the planned and with
-    the largest fill."""
+    """Return the line on the whole field: liquid, area, and number of sorties.
+
+    `litres` is the liquid needed. The number with the largest fill is added if it differs from that
+    with the planned fill.
+    """
     sorties, liquid = made.needs.sorties, _liquid(made)
     with_area = math.isfinite(made.swath)
     field = f" ({area(sum(s.lines for s in sorties) * made.swath)})" if with_area else ""
@@ -346,9 +367,10 @@ def _times(count: int) -> str:
 
 
 def _sortie(which: int, one: Sortie, liquid: float, swath: float) -> str:
-    """Return ` sortie 2: items 10 to 17, 4.1 L, 0.42 ha, 3 min 10 s, 120 Wh`.
+    """Return ` sortie 2: items 10 to 17, 4.1 L, 0.42 ha, 3 min 10 s, 120 Wh`, indented.
 
-    `liquid` is its density, kg/L; `swath` is m, and NaN leaves the area out.
+    `which` is the sortie's number, from 1; `liquid` is the liquid's density, kg/L; `swath` is in m,
+    and NaN leaves the area out.
     """
     field = f"{area(one.lines * swath)}, " if math.isfinite(swath) else ""
     items = say(
@@ -362,8 +384,10 @@ def _sortie(which: int, one: Sortie, liquid: float, swath: float) -> str:
 
 
 def power_words(made: PlanForecast) -> tuple[str, ...]:
-    """Return the lines on the voltage at landing and on the source of the power; empty without
-    both."""
+    """Return a line on the voltage at landing, and on the flights that measured the power.
+
+    A part is left out if it is unknown; empty without both.
+    """
     volts, law = made.landing_voltage, made.advised.analysis.model.power
     parts = []
     if math.isfinite(volts[2]):
@@ -381,7 +405,11 @@ def power_words(made: PlanForecast) -> tuple[str, ...]:
 
 
 def as_flown_words(made: PlanForecast) -> tuple[str, ...]:
-    """Return the line of time and utilisation corrected by earlier missions; empty without any."""
+    """Return a line with flight time and least thrust left, corrected by earlier missions'
+    deviations.
+
+    The deviations are those of flown missions from their forecasts. Empty without any.
+    """
     known = made.as_flown
     if known is None:
         return ()
@@ -400,7 +428,11 @@ def as_flown_words(made: PlanForecast) -> tuple[str, ...]:
 
 
 def landing_volts(ends: tuple[float, float, float]) -> str:
-    """Return a voltage with its interval, V; NaN as the lower end: the battery may be used up."""
+    """Return the voltage at landing with its interval as text.
+
+    `ends` are the expected voltage and the interval's low and high end, V. A NaN as low end means
+    that the battery may be used up before.
+    """
     middle, low, high = ends
     if math.isfinite(low):
         return joined(within(middle, low, high, "V"))
@@ -412,9 +444,10 @@ def landing_volts(ends: tuple[float, float, float]) -> str:
 
 
 def way_back_words(made: PlanForecast) -> str:
-    """Return the point of no return by battery, or the smallest reserve if home stays in reach.
+    """Return the sentence on the point of no return, after which the battery does not last to home.
 
-    It is the earliest one of the interval, with the expected one in brackets.
+    It is the earliest one within the uncertainty, with the expected one in brackets. If home is
+    always within reach, the sentence has the smallest reserve of energy instead.
     """
     back = made.way_back
     if not math.isfinite(back.spare_wh):
@@ -471,8 +504,7 @@ def _only_if(made: PlanForecast) -> str:
 
 
 def _as_far(made: PlanForecast) -> str:
-    """Return the limits of the verdict in capitals, to be appended to it; empty if there are
-    none."""
+    """Return what the verdict leaves out, in capitals, to be appended to it; empty if nothing."""
     parts = []
     if made.wind_left_out and made.turns_left_out:
         parts.append(say(", LEAVING OUT WIND AND TURNS, WHICH TAKE MORE THRUST"))
@@ -524,6 +556,5 @@ def gate_limit(limit: float) -> str:
 
 
 def gate_sag(resistance: float) -> str:
-    """Return by which pack resistance the gate's table lets the battery sag; `resistance` in
-    ohm."""
+    """Return the remark on the battery resistance, ohm, that the script's table is based on."""
     return f", by {number(1e3 * resistance, 'mOhm', 0)} of the pack"

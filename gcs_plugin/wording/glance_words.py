@@ -47,8 +47,9 @@ _PART: Mapping[str, str] = {
 def in_the_air(name: str, rotors: Sequence[int], place: str = "") -> str:
     """Return the action that an alarm asks of the pilot now: `LAND: rotor 3 front left`.
 
-    `rotors` are its rotors, from 1, and `place` that of a single one. Empty for an alarm whose own
-    text already is the action.
+    `name` is the alarm's, `rotors` its rotors, from 1, and `place` the place of a single one, left
+    out with several. Empty for an alarm whose own text already is the action, an unknown name, or
+    an alarm that needs a rotor and has none.
     """
     words = _IN_THE_AIR.get(name, "")
     if not words or ("{which}" in words and not rotors):
@@ -57,10 +58,10 @@ def in_the_air(name: str, rotors: Sequence[int], place: str = "") -> str:
 
 
 def which_rotors(name: str, rotors: Sequence[int], place: str = "") -> str:
-    """Return `rotor 3 front left`, `motor 2` or `rotors 1 and 3` for an alarm's name and rotors,
-    from 1.
+    """Return `rotor 3 front left`, `motor 2` or `rotors 1 and 3`; empty without rotors.
 
-    Empty without rotors.
+    `name` is the alarm's, which decides between rotor and motor; `rotors` count from 1; `place` is
+    the place of a single one.
     """
     if not rotors:
         return ""
@@ -73,11 +74,10 @@ def which_rotors(name: str, rotors: Sequence[int], place: str = "") -> str:
 
 
 def alarm_then(fault: RotorFault, places: Sequence[str] = ()) -> str:
-    """Return an alarm of a recorded flight, in the past: `alarm then: rotor 3, 12 % less thrust`.
+    """Return the alarm about a fault in a recorded flight: `alarm then: rotor 3, 12 % less thrust`.
 
-    The action is left out: nobody can land a recording. `places` are those of all rotors, empty
-    where they are not known. If only several possible rotors are known, they are listed without an
-    amount.
+    The action is left out: nobody can land a recording. `places` are the places of all rotors,
+    empty where unknown. If several rotors could be the bad one, they are listed without an amount.
     """
     rotors = tuple(rotor + 1 for rotor in fault.rotors or (fault.rotor,))
     place = places[rotors[0] - 1] if len(rotors) == 1 and places else ""
@@ -88,10 +88,11 @@ def alarm_then(fault: RotorFault, places: Sequence[str] = ()) -> str:
 
 
 def glance(advice: Advice) -> str:
-    """Return the action of a flight in a few words: `OK, 9.8 L next`, `FILL 8.6 L`.
+    """Return the action after a flight in a few words: `OK, 9.8 L next`, `FILL 8.6 L`.
 
-    A flight in progress that should end asks to land. Empty where nothing is known, and for a good
-    answer with open caveats, which needs the full sentence.
+    Lost control, a bad rotor, the battery and the motor order come first, in this order. While the
+    flight is in progress, a fault asks to land. Empty where nothing is known, and for a good answer
+    with open caveats, an incomplete log or an unknown load, which needs a full sentence.
     """
     levels, land = advice.levels, advice.in_progress
     if FlightLevel.LOST in levels:
@@ -143,10 +144,10 @@ def short_amount(kg: float, liquid_density: float = math.nan, *, up: bool = Fals
 
 
 def before_take_off(fill: NextFill, on_board_kg: float) -> tuple[str, bool]:
-    """Return the banner of an aircraft on the ground before its flight, and True if it must not
-    take off.
+    """Return the banner of an aircraft on the ground, and True if it must not take off.
 
-    `on_board_kg` is NaN where nothing reports it. Empty and False without a known fill.
+    The banner compares the load on board, kg (NaN if unknown), with the largest fill. Empty and
+    False if that fill is unknown.
     """
     if fill.reason == "unsound":
         return say("DO NOT FLY: a rotor or motor is bad"), True

@@ -6,6 +6,9 @@ The language is chosen by `--language de` with any command, or by the variable
 THRUSTMARGIN_LANGUAGE, as for MAVProxy and services.
 
 Numbers are rounded and carry their unit; NaN and None are "unknown".
+
+Text that others wrote, in a log or on a link, is made printable, so that it cannot control a
+terminal. Every command loads this file, so it imports neither numpy nor pymavlink.
 """
 
 from __future__ import annotations
@@ -26,17 +29,16 @@ from thrustmargin.models.errors import DataError
 LANGUAGES = ("en", "de")
 VARIABLE = "THRUSTMARGIN_LANGUAGE"
 
-
 #: The language that a page asks for, in the thread or task that answers it; empty for none.
 _ASKED: ContextVar[str] = ContextVar("language", default="")
 
 
 @contextmanager
 def speaking(code: str) -> Iterator[None]:
-    """Choose another language within the `with` block, for this thread or task: that of a web
-    request.
+    """Set the language within the `with` block, for this thread or asyncio task only.
 
-    A code that is none of LANGUAGES changes nothing.
+    It serves web requests, whose browsers ask for a language. A `code` that is not in LANGUAGES
+    selects none: the program's own language applies.
     """
     token = _ASKED.set(code if code in LANGUAGES else "")
     try:
@@ -46,9 +48,10 @@ def speaking(code: str) -> Iterator[None]:
 
 
 def spoken() -> str:
-    """Return the code of the chosen language, "en" by default.
+    """Return the code of the language in which to write: "en" or "de".
 
-    Raise DataError for a language that is not in LANGUAGES.
+    It is that of the `with speaking` block, else of an environment variable, else "en". Raise
+    DataError if the variable has a language that is not in LANGUAGES.
     """
     if asked := _ASKED.get():
         return asked
@@ -60,7 +63,10 @@ def spoken() -> str:
 
 @cache
 def _catalogue(language: str) -> dict[str | None, dict[str, str]]:
-    """Return the translations of a language by context (None or "page"), then by English text."""
+    """Return the translations into `language`: context -> English text -> translation.
+
+    The context is None for sentences and "page" for the words of the live page.
+    """
     import polib  # English needs none of it
 
     file = resources.files(__package__ or "") / f"{language}.po"
@@ -82,7 +88,8 @@ def translations(language: str, context: str | None = None) -> dict[str, str]:
 def say(english: str, /, *listed: object, **values: object) -> str:
     """Return the sentence `english` in the chosen language, with its {placeholders} filled in.
 
-    A sentence without a translation stays English. Without values the braces stay as they are.
+    `listed` fill the unnamed placeholders, `values` the named ones. A sentence without a
+    translation stays English. Without any value, braces stay as they are.
     """
     language = spoken()
     text = translations(language).get(english, english)
@@ -105,7 +112,10 @@ class Sentence(str):
 
     @classmethod
     def of(cls, make: Callable[[], str]) -> Sentence:
-        """Return the text that `make` returns, made once for each language."""
+        """Return a sentence that has the text of `make` in each language.
+
+        `make` is called once for each language of LANGUAGES.
+        """
         texts = {}
         for language in LANGUAGES:
             with speaking(language):
@@ -151,9 +161,9 @@ def decimal(text: str) -> str:
 
 
 def _comma(value: object) -> object:
-    """Write a text or number with the language's decimal sign and its word for `to` in intervals.
+    """Return a number or text with the language's decimal sign, and its word for `to` in intervals.
 
-    Return other values unchanged.
+    Verbatim texts and other values are returned unchanged.
     """
     if isinstance(value, float):
         return _Number(value)
@@ -182,8 +192,10 @@ def known(value: float | None) -> TypeGuard[float]:
 
 
 def number(value: float | None, unit: str = "", decimals: int = 1) -> str:
-    """Return a rounded number with its unit, `12.3 kg`; `unknown` for NaN and None. Zero has no
-    sign."""
+    """Return a number, rounded to `decimals`, with its unit: `12.3 kg`; `unknown` for NaN and None.
+
+    Thousands are separated by a space; zero has no sign.
+    """
     if not known(value):
         return say(UNKNOWN)
     text = f"{value:,.{decimals}f}".replace(",", " ")
@@ -199,8 +211,10 @@ def unbroken(text: str) -> str:
 
 
 def significant(value: float | None, digits: int = 4) -> str:
-    """Return a number with `digits` significant digits; as a power of ten below 1e-4 and from
-    1e9."""
+    """Return a number with `digits` significant digits; `unknown` for NaN and None.
+
+    Below 1e-4 and from 1e9 on it has an exponent, `1.23e-05`.
+    """
     if not known(value):
         return say(UNKNOWN)
     if value and not 1e-4 <= abs(value) < 1e9:
@@ -233,13 +247,12 @@ def within(
     most: int = 2,
     table_largest: float = 0.0,
 ) -> tuple[str, str]:
-    """Return an amount and its interval, `8 %` and `(7.8 to 8.2)`, with no more digits than it
-    allows.
+    """Return an amount and its interval as texts, `8 %` and `(7.8 to 8.2)`.
 
-    The last digit is that of the first digit of the half width, with at most `most` decimals. One
-    more is used if both ends would look alike or one would look like 0. Amounts below SMALL have a
-    smaller unit, `2.7 g` for 0.0027 kg, unless `table_largest`, the largest amount in the same
-    table, is not below it. The second text is empty without an interval.
+    All are multiplied by `factor`. The decimals, at most `most`, are those of the first digit of
+    the half width; one more if both ends would look alike or one like 0. Amounts below SMALL get a
+    smaller unit, `2.7 g` for 0.0027 kg, unless `table_largest`, the largest amount of the table, is
+    SMALL or more. The second text is empty without an interval.
     """
     largest = max(abs(value), abs(low), abs(high)) * abs(factor)
     if unit in SMALLER and largest < SMALL:
@@ -263,9 +276,10 @@ def within(
 
 
 def shown_unit(unit: str, name: str = "") -> tuple[float, str]:
-    """Return the factor and the unit in which a number in a file's `unit` is displayed.
+    """Return (factor, unit) with which a number in the unit `unit` of files is displayed.
 
-    Shares are displayed in per cent, except a parameter whose `name` contains "exponent".
+    A share, "1", is displayed in per cent, except for a parameter with "exponent" in its `name`. A
+    unit without a rule is kept, with the factor 1.
     """
     if unit == "1" and "exponent" in name:
         return 1.0, ""
@@ -305,7 +319,10 @@ def clock(seconds: float | None) -> str:
 
 
 def duration(seconds: float | None) -> str:
-    """Return seconds as `3 min 28 s`, `12 s` or `0.4 s`; `unknown` for NaN and None."""
+    """Return a duration, s, as `1 h 5 min`, `3 min 28 s`, `12 s` or `0.4 s`.
+
+    Return `unknown` for NaN and None.
+    """
     if not known(seconds):
         return say(UNKNOWN)
     if seconds < 10.0:
@@ -379,8 +396,10 @@ def channel_title(channel: str) -> str:
 
 
 def chance(probability: float, flights: int = 0) -> str:
-    """Return a probability as `60 %`, never as 0 or 100 %; with `by 3 flights` for `flights`
-    above 0."""
+    """Return a probability as `60 %`, and never as 0 or 100 %: `over 99 %`, `under 1 %`.
+
+    If `flights` is above 0, `by 3 flights` is appended.
+    """
     share = say("over 99 %" if probability > 0.5 else "under 1 %")
     if 0.01 <= probability <= 0.99:
         share = percent(probability)
@@ -388,3 +407,34 @@ def chance(probability: float, flights: int = 0) -> str:
         return share
     words = "{share} by {count} flights" if flights > 1 else "{share} by {count} flight"
     return say(words, share=share, count=flights)
+
+
+def printable(raw: bytes) -> str:
+    """Return a field's text up to its first zero byte, trimmed; control characters become
+    spaces.
+    """
+    return piece(raw).strip()
+
+
+def piece(raw: bytes) -> str:
+    """Return a field's text up to its first zero byte, for a text that is sent in several fields.
+
+    Control characters become spaces; nothing is trimmed.
+    """
+    return clean(bytes(raw).split(b"\0", 1)[0].decode("utf-8", "replace"))
+
+
+def clean(text: str) -> str:
+    """Return the text with each control or other unprintable character replaced by a space.
+
+    Bytes of a file name that are not UTF-8 become question marks.
+    """
+    if text.isprintable():
+        return text
+    text = text.encode("utf-8", "replace").decode("utf-8")
+    return "".join(c if c.isprintable() else " " for c in text)
+
+
+def clean_lines(text: str) -> str:
+    """Clean each line of a text and keep the line ends."""
+    return "\n".join(map(clean, text.split("\n")))

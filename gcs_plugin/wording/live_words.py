@@ -42,11 +42,10 @@ HOME = "Home"
 
 @cache
 def page_words(language: str) -> dict[str, dict[str, str]]:
-    """Return the words of the live page: "words" by key, "names" by the label that the page
-    receives.
+    """Return the texts of the live page in `language`: dicts "words", by key, and "names".
 
-    Words keep their {placeholders}. Raises FileNotFoundError for a language that is none of
-    LANGUAGES.
+    "names" translates labels that the server sends to the page, by the English label. Texts keep
+    their {placeholders}. Raises FileNotFoundError for a language that is not in LANGUAGES.
     """
     file = resources.files(__package__ or "") / "page_words.toml"
     parts: dict[str, dict[str, str]] = tomllib.loads(file.read_text("utf-8"))
@@ -58,7 +57,10 @@ def page_words(language: str) -> dict[str, dict[str, str]]:
 
 
 def brief_claim(airframe_match: AirframeMatch) -> str:
-    """Return which airframe a vehicle is analysed with, without the evidence for it."""
+    """Return which airframe a vehicle is analysed with, and how it was chosen.
+
+    The checks by which it was recognised are left out.
+    """
     if airframe_match.basis == "recognised":
         name = Verbatim(airframe_match.airframe)
         return say("airframe {name}: nobody named it, and the flight fits it", name=name)
@@ -110,7 +112,11 @@ class WhyUnknown:
     option: str = ""
 
     def text(self, asked: Collection[str] = ()) -> str:
-        """Return the reason for people; an option in `asked` is in use already, and not advised."""
+        """Return why a figure is unknown, and the option that requests the missing messages.
+
+        If `asked` contains that option, it is in use already, and the text says that it has not
+        helped.
+        """
         words = say(self.words)
         if not self.option:
             return words
@@ -258,8 +264,11 @@ def stale_words(ages: Mapping[str, float]) -> str:
 
 
 def not_followed_words(rates: Mapping[str, tuple[float, float]]) -> str:
-    """Return the line about messages slower than requested, by name: received and requested Hz;
-    empty if none."""
+    """Return the line on messages that come more slowly than requested; empty if `rates` is.
+
+    `rates` maps the name of each such message to (received, requested), Hz. All of them are listed:
+    rates are not compared here.
+    """
     if not rates:
         return ""
     parts = (f"{name} {came:.1f} of {asked:g} Hz" for name, (came, asked) in rates.items())
@@ -287,8 +296,11 @@ def by_source(source: Provenance) -> str:
 
 
 def messages_words(frames: int, lost: Mapping[str, int], refused_why: str = "") -> str:
-    """Return the line with the number of frames, the lost ones by cause (keys of LOST), and why
-    frames were refused, if any."""
+    """Return the line with the number of frames received, and in brackets those lost by each cause.
+
+    `lost` maps a cause, a key of LOST, to its number; causes with none are left out. `refused_why`
+    is why frames were refused, empty if none was.
+    """
     parts = [f"{lost[name]} {say(words)}" for name, words in LOST.items() if lost.get(name)]
     line = say("{count} messages", count=frames) + (f" ({', '.join(parts)})" if parts else "")
     return line + (say("; refused: {why}", why=refused_why) if refused_why else "")

@@ -41,10 +41,12 @@ def verdict_facts(
     basis: str,
     not_flown: str = "",
 ) -> Facts:
-    """Return the facts that a pilot needs below the first line, one a line.
+    """Return the (label, text) lines below a report's first line: action, faults, worst peak,
+    basis.
 
-    `not_flown` is the reason why the log has no flight to check; empty where it has one. `basis` is
-    the source of the thrust utilisation, in words.
+    `worst` is the worst utilisation peak, None if none is known. `basis` describes the source of
+    the utilisation. `not_flown` is why the log has no flight; empty if it has one. Without a flight
+    or a verdict the lines state the reason and the remedy.
     """
     airframe = ("airframe", grounds_words(airframe_match))
     found = tuple(("alarm", fault_found(advice, one)) for one in advice.faults)
@@ -79,11 +81,10 @@ def _to_do(advice: Advice) -> Facts:
 
 
 def _beyond(worst: UtilisationPeak) -> Facts:
-    """Return the fact that a rotor made more thrust than the airframe allows, and the likely
-    errors.
+    """Return a (label, text) line if a rotor made more thrust than its airframe allows; else empty.
 
-    Empty if none did. Motor poles are an error only for measured speeds, which they convert from
-    eRPM.
+    That is so if the low end of its utilisation's interval is above 1. The text lists what to
+    check; motor poles only if rotor speeds are measured, because outputs do not depend on them.
     """
     if not worst.utilisation_low > 1.0:  # one reading of sensors that scatter shows nothing
         return ()
@@ -101,7 +102,10 @@ def _beyond(worst: UtilisationPeak) -> Facts:
 
 
 def load_facts(track: FlightTrack) -> Facts:
-    """Return the load on board and its source; empty if a gauge reports it or no load is known."""
+    """Return a (label, text) line on the load in the tank, kg at start and end, and its source.
+
+    Empty if a gauge reports the load, or if no load is known.
+    """
     source = track.source("tank_kg")
     known = track.tank_kg[track.flying & np.isfinite(track.tank_kg)]
     reported = source.kind is not SourceKind.STATED and source.meaning is not Meaning.HOVER_THRUST
@@ -114,9 +118,11 @@ def load_facts(track: FlightTrack) -> Facts:
 
 
 def voltage_facts(analysis: FlightAnalysis) -> Facts:
-    """Return the fact that the voltage is unknown for a part of the flight, and its replacement.
+    """Return a (label, text) line if the battery voltage is unknown for over 5 % of the flight
+    time.
 
-    Empty if it is known throughout.
+    It states for how long, and the nominal voltage used instead. Else empty; empty too without a
+    verdict.
     """
     track, craft = analysis.track, analysis.model.airframe
     unknown_s = float(track.row_seconds[track.flying & ~(track.voltage > 0.0)].sum())
@@ -129,8 +135,11 @@ def voltage_facts(analysis: FlightAnalysis) -> Facts:
 
 
 def unseen_facts(track: FlightTrack) -> Facts:
-    """Return the fact that lists parts of the flight missing in the log (before, pauses, after);
-    empty if none."""
+    """Return a (label, text) line on the parts of the flight that the log lacks; empty if none.
+
+    They are the start of a log that begins in flight, pauses, and the end of one that ends in
+    flight.
+    """
     words = [say("begins in flight: what was before is unseen")] if track.flying[:1].any() else []
     for begin_s, long_s in zip(*pauses_in_flight(track), strict=True):
         pause = {"long": language.duration(float(long_s)), "clock": language.clock(float(begin_s))}
@@ -148,9 +157,11 @@ def peak_left(peak: UtilisationPeak) -> str:
 
 
 def worst_words(peak: UtilisationPeak) -> str:
-    """Return where the worst peak is, below its thrust left, and how sure that is: `Worst: rotor
-    1, front right, at 2:58: 34 % (29 to 39), from motor outputs`; without the interval of what is
-    measured."""
+    """Return rotor, time, thrust left and basis of the worst peak, as a line of text.
+
+    `Worst: rotor 1, front right, at 2:58: 34 % (29 to 39), from motor outputs`. If the utilisation
+    is measured, and so has no interval, thrust left is not repeated.
+    """
     place = place_words(peak.rotor_name)
     rotor = say("rotor {rotor}", rotor=peak.rotor + 1) + (f", {place}" if place else "")
     known = {
@@ -164,10 +175,10 @@ def worst_words(peak: UtilisationPeak) -> str:
 
 
 def peak_words(peak: UtilisationPeak) -> str:
-    """Return `rotor 1, front right, at 0:52, thrust left ..., turning left, 9.0 kg on board, ...`.
+    """Return `rotor 1, front right, at 0:52, turning left, 9.0 kg on board, ...` for a peak.
 
-    Thrust left and its basis are said only of a peak with an error, the kg are in the tank, the
-    place on the field comes last. What is unknown is left out.
+    The kg are in the tank; the position relative to take-off comes last. If the utilisation has an
+    interval, thrust left and its basis follow the time. Unknown parts are left out.
     """
     known = {"rotor": peak.rotor + 1, "clock": language.clock(peak.time_s)}
     words, place = "rotor {rotor}, {place}, at {clock}", place_words(peak.rotor_name)
@@ -183,9 +194,12 @@ def peak_words(peak: UtilisationPeak) -> str:
 
 
 def estimate(figure: Estimate, unit: str = "", decimals: int = 1, factor: float = 1.0) -> str:
-    """Return `41 (38 to 45) rpm`, rounded to the digits that the interval allows, at most
-    `decimals`; without an interval no bracket, "unknown" without a value. `factor` multiplies
-    all three."""
+    """Return a value with its 95 % interval as text: `41 (38 to 45) rpm`.
+
+    It has the digits that the interval allows, with at most `decimals` decimals. Without an
+    interval the brackets are missing; "unknown" for NaN. Value and ends are multiplied by `factor`;
+    `unit` is appended.
+    """
     ends = figure.value, figure.low, figure.high
     if not language.known(figure.value):
         return language.UNKNOWN
@@ -195,9 +209,10 @@ def estimate(figure: Estimate, unit: str = "", decimals: int = 1, factor: float 
 
 
 def _outputs_go_on(analysis: FlightAnalysis) -> str:
-    """Return the clause that motor outputs continue where speeds stop, but are not used.
+    """Return a clause if motor outputs continue in flight where reported rotor speeds are missing.
 
-    Empty if they do not, or if no ESC ever reported, so that there is no ESC telemetry to check.
+    Such outputs are not used. Empty if they do not continue, or if no rotor speed was reported in
+    the whole flight.
     """
     heard = np.isfinite(analysis.utilisation) & ~analysis.from_outputs
     if not heard.any():
@@ -211,10 +226,11 @@ def _outputs_go_on(analysis: FlightAnalysis) -> str:
 def basis_words(
     analysis: FlightAnalysis, measured_s: float, known_s: float, airborne_s: float
 ) -> str:
-    """Return the source of a flight's thrust utilisation in words.
+    """Return in words whether a flight's thrust utilisation is measured, inferred or predicted.
 
-    `measured_s` and `known_s` are the seconds in which it is measured and known, of `airborne_s` in
-    the air.
+    Of `airborne_s` seconds in the air it is known for `known_s`, and by rotor speeds, reported or
+    inferred, for `measured_s` of these. The time unknown is added from 5 % on, the share predicted
+    if any is. With 0 `known_s` it says that nothing is known.
     """
     if known_s == 0.0:
         return say("nothing measured, nothing predicted")

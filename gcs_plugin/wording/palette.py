@@ -26,7 +26,6 @@ Colours = NDArray[np.uint8]
 Rgb = tuple[int, int, int]
 
 NO_DATA: Rgb = (165, 165, 165)
-INK: Rgb = (17, 17, 17)
 ALARM: Rgb = (176, 0, 32)  # of what stands out most: a critical alarm and its rotor
 #: On black, the ground by night, the darkest has a contrast of 3 too, as WCAG asks of drawings.
 GOOD = ((150, 195, 222), (72, 146, 212), (20, 88, 178))
@@ -104,10 +103,10 @@ GROUND_SPEED = ColourScale(
 
 
 def thrust_left(least: float = 0.5) -> ColourScale:
-    """Return the scale of thrust left, whose colours change at `least`, the share that must be
-    left.
+    """Return the colour scale of thrust left, a share, whose colours change at `least`.
 
-    The page, the 3D scene, replays, reports and forecasts all use it.
+    `least` is the share that must be left. The page, the 3D scene, replays, reports and forecasts
+    all use it.
     """
     return ColourScale(
         title="Thrust left, worst rotor",
@@ -121,7 +120,6 @@ def thrust_left(least: float = 0.5) -> ColourScale:
     )
 
 
-MARGIN = thrust_left()
 REDUNDANCY = ColourScale(
     title="One rotor lost: thrust that can still be held, over weight",
     unit=" x",
@@ -133,7 +131,10 @@ REDUNDANCY = ColourScale(
 
 
 def residual_scale(limit_rpm: float) -> ColourScale:
-    """Return the diverging scale of measured minus predicted rotor speed, within +- limit_rpm."""
+    """Return the diverging colour scale of measured minus predicted rotor speed, rpm.
+
+    It reaches from -limit_rpm to `limit_rpm`.
+    """
     colours = ((92, 190, 222), (36, 112, 190), (98, 90, 126), (214, 84, 16), (238, 165, 45))
     at = np.linspace(-limit_rpm, limit_rpm, len(colours)).tolist()
     return ColourScale(
@@ -147,7 +148,7 @@ def residual_scale(limit_rpm: float) -> ColourScale:
 
 
 def tank_scale(full_kg: float) -> ColourScale:
-    """Return the scale of tank level, kg, darkest at `full_kg`, the level at take-off."""
+    """Return the colour scale of the tank level, kg, from 0 to `full_kg`, the level at take-off."""
     top = max(full_kg, 0.1)
     return ColourScale(
         title="In the tank",
@@ -179,10 +180,11 @@ def ink_on(paper: ArrayLike) -> str:
 
 
 def legend(scale: ColourScale, note: str = "") -> dict[str, Any]:
-    """Return the scale as JSON values for a page: positions are per cent of its length.
+    """Return the colour scale as a dict for a page's legend; positions are per cent of its length.
 
-    `jumps` are positions of sudden colour changes; `note` is passed on. The page must escape the
-    texts.
+    `stops` are pairs (CSS colour, position), `marks` pairs (position, text), `jumps` the positions
+    of sudden colour changes; `unknown` is the colour of NaN. `note` is a text to show with it,
+    translated. The page must escape the texts.
     """
 
     def place(value: float) -> float:
@@ -212,8 +214,11 @@ _EXPOSURE = 1 / 0.6
 
 
 def sent_for(seen: ArrayLike) -> Colours:
-    """Return the line colours (..., 3) to send so that the screen displays `seen`, as 8 bits
-    allow."""
+    """Return the line colours (..., 3), 0 to 255, with which the 3D view displays the colours
+    `seen`.
+
+    The view's tone mapping is inverted, as far as 8 bits allow.
+    """
     a, b, c, d, e = _CURVE
     target = np.clip(_linear(seen) @ np.linalg.inv(_OUTPUT).T, 0.0, None)
     # (v² + a v - b) = target (c v² + d v + e), the positive root.

@@ -103,7 +103,8 @@ def not_understood_words(one: NotUnderstood) -> str:
 def fault_words(fault: str, items: Sequence[int], height: float = math.nan) -> str:
     """Return `items 4, 7, 9: the pump stays on in turns; switch it off at the line end`.
 
-    `height` is m above home, for faults of height.
+    `fault` is a key of FAULTS, `items` are mission item numbers; if there are none, the text begins
+    with the fault. `height` is m above home, for faults of height.
     """
     what, to_do = FAULTS[fault]
     words = f"{say(what, height=number(abs(height), 'm', 0))}; {say(to_do)}"
@@ -141,7 +142,10 @@ _OFF: Mapping[str, tuple[str, str, int]] = {
 
 
 def off_sentence(off: Off) -> str:
-    """Return a difference between plan and flight: `took off with 16.0 kg, 13.0 kg assumed`."""
+    """Return how one value of the flight differs from its forecast.
+
+    `took off with 16.0 kg, 13.0 kg assumed`. A difference that took no more thrust is marked so.
+    """
     sentence, unit, digits = _OFF[off.what]
     flown, forecast = off.amount.flown, off.amount.forecast
     words = say(
@@ -156,8 +160,10 @@ def off_sentence(off: Off) -> str:
 
 
 def stretch_words(stretch: StretchComparison) -> str:
-    """Return the values flown on one leg, the forecast ones in brackets: `leg to mission item 5: 23
-    s (22 s), ...`."""
+    """Return the values flown on one leg, with the forecast ones in brackets.
+
+    `leg to mission item 5: 23 s (22 s), ...`; thrust left is the mean and the least.
+    """
     used = stretch.utilisation_mean, stretch.utilisation_peak
     mean, least = (f"{left_words(1.0 - p.flown)} ({left_words(1.0 - p.forecast)})" for p in used)
     figures = (
@@ -176,11 +182,10 @@ def stretch_words(stretch: StretchComparison) -> str:
 def comparison_words(
     off: Sequence[Off], stretches: Sequence[StretchComparison], *, left_at: int | None
 ) -> str:
-    """Return a flight compared with its forecast, as a sentence: `flown as forecast`, or the
-    differences `off`.
+    """Return the comparison of a flight with its forecast: `flown as forecast`, or the differences.
 
-    `left_at` is the mission item on the way to which the plan was left, None if it was not. Without
-    `stretches` nothing of the plan was flown.
+    `off` are the values that differed. `left_at` is the mission item on the way to which the plan
+    was left; None if it was flown to its end. Without `stretches` nothing of the plan was flown.
     """
     left = ""
     if left_at is not None:

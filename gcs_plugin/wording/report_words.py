@@ -64,9 +64,9 @@ NO_ROW_OF_BOTH = "No airborne row has both a measured and a predicted rotor spee
 
 
 def prediction_checked(check: MarginCheck, *, trained_on: bool) -> str:
-    """Return thrust left as predicted and measured, and the interval's coverage, in words.
+    """Return thrust left as predicted and as measured, in words, and the interval's coverage.
 
-    `trained_on`: the model was trained on this flight, which is added.
+    `trained_on`: the model was trained on this flight, and a remark says so.
     """
     steps = ", ".join(
         say(
@@ -116,7 +116,10 @@ def other_kind(learnt: str, here: str) -> str:
 def trained_at(
     airspeed: Sequence[float], tank_kg: Sequence[float], density: Sequence[float]
 ) -> str:
-    """Return the training domain in words, from (low, high) of m/s, kg and kg/m³."""
+    """Return the conditions that a model was trained in, in words.
+
+    Each argument is (low, high): airspeed, m/s; load in the tank, kg; air density, kg/m³.
+    """
     return say(
         "trained at {airspeed} m/s airspeed, {load} kg on board, {density} kg/m³",
         airspeed=f"{airspeed[0]:.1f} to {airspeed[1]:.1f}",
@@ -135,8 +138,11 @@ def interval_made(coverage: float, flights: int) -> str:
 
 
 def in_brackets(confidence: float, blocks: int, block_s: float) -> str:
-    """Return the sentence that explains the intervals in brackets: of probability `confidence`,
-    from `blocks` of `block_s` seconds."""
+    """Return the sentence that explains the intervals in brackets.
+
+    `confidence` is their probability, 0 to 1. They are from `blocks` blocks of the flight, each
+    `block_s` seconds long.
+    """
     return say(
         "In brackets the {share} interval, from {blocks} blocks of {length} of this flight: it "
         "covers its gusts and turns, not other days.",
@@ -147,8 +153,10 @@ def in_brackets(confidence: float, blocks: int, block_s: float) -> str:
 
 
 def no_intervals(blocks: int, fewest: int, block_s: float) -> str:
-    """Return the sentence that a flight has fewer than `fewest` blocks of `block_s` seconds, so no
-    intervals."""
+    """Return the sentence that there are no intervals, because the flight is too short.
+
+    It has `blocks` blocks of `block_s` seconds, fewer than the `fewest` that are needed.
+    """
     return say(
         "No intervals: the flight has {blocks} blocks of {length}, and fewer than {fewest} cannot "
         "show how sure a figure is.",
@@ -245,9 +253,10 @@ class FirstContact:
 
 
 def contact_headline(contact: FirstContact) -> str:
-    """Return the headline of an unknown aircraft: `Motors at 63 %, worst 83 %` of full output.
+    """Return the headline of an aircraft without an airframe: `Motors at 63 %, worst 83 %`.
 
-    If only rotor speeds are known, they are per cent of the highest one seen. Neither is thrust.
+    These are the median and the highest motor output, of full output. If only rotor speeds are
+    known, it is the median of the highest speed seen. Neither is thrust.
     """
     median, worst = percent(contact.median_use), percent(contact.worst_use)
     if contact.basis == "motor outputs":
@@ -258,8 +267,8 @@ def contact_headline(contact: FirstContact) -> str:
 def first_line(advice: Advice, contact: FirstContact | None) -> str:
     """Return the headline of a flight.
 
-    For an unknown aircraft (`contact`) without a level it describes motor outputs or rotor speeds.
-    A level that needs no airframe, such as lost control, comes first.
+    If `contact` is given, the aircraft is unknown, and the headline is its motor outputs or rotor
+    speeds. A level that needs no airframe, such as lost control, comes first.
     """
     unknown = contact is not None and advice.level is FlightLevel.UNKNOWN
     return contact_headline(contact) if contact and unknown else headline(advice)
@@ -271,8 +280,11 @@ def contact_use(contact: FirstContact) -> tuple[str, str]:
 
 
 def contact_facts(contact: FirstContact) -> Facts:
-    """Return all facts of an unknown aircraft: its use, the log, the questions and commands to
-    copy."""
+    """Return (label, text) lines on an aircraft without an airframe.
+
+    They are its motor outputs, what the log contains, the questions to the owner, and commands to
+    copy.
+    """
     return (
         contact_use(contact),
         ("in the log", found_words(contact)),
@@ -293,7 +305,10 @@ CONDITIONS = (
 
 
 def _use_words(contact: FirstContact) -> str:
-    """Return median and highest motor output, or rotor speed, with motor and time."""
+    """Return median and highest motor output in words, with the motor and time of the highest.
+
+    If only rotor speeds are known, they are of the highest speed seen.
+    """
     known_use = {
         "median": percent(contact.median_use),
         "worst": percent(contact.worst_use),
@@ -315,8 +330,11 @@ def _use_words(contact: FirstContact) -> str:
 
 
 def found_words(contact: FirstContact) -> str:
-    """List what the log contains on the aircraft: motors, layout, cells, hover, sensors,
-    autopilot."""
+    """List what a log contains on an unknown aircraft: motors, layout and motor order, cells,
+    seconds of steady hover, ESC speeds, tank gauge, airspeed, autopilot.
+
+    What is missing is listed as not known or as `no ...`.
+    """
     layout = contact.layout or say("layout not known")
     order = say("in its motor order" if contact.motor_order_known else "motor order not known")
     cells = say("{count} cells" if contact.cells != 1 else "{count} cell", count=contact.cells)
@@ -344,8 +362,10 @@ def found_words(contact: FirstContact) -> str:
 
 
 def option_words(asked: Sequence[str]) -> list[tuple[str, str]]:
-    """Return (option, meaning) of each question in `asked`, keys of QUESTIONS; `power_set` becomes
-    propeller and maximum thrust."""
+    """Return (option, meaning) for each question in `asked`, which are keys of QUESTIONS.
+
+    `power_set` is replaced by the two options propeller and maximum thrust.
+    """
     names: list[str] = []
     for name in asked:
         names += ("propeller", "max_thrust_kgf") if name == "power_set" else (name,)
@@ -360,8 +380,11 @@ def option_words(asked: Sequence[str]) -> list[tuple[str, str]]:
 
 
 def command(contact: FirstContact) -> str:
-    """Return the command that makes the aircraft known, with capitals to replace by a name and
-    numbers; on a link, which has no flights to learn, the one that makes its airframe file."""
+    """Return the command that makes the aircraft known; capitals in it are to be replaced by the
+    user.
+
+    On a link, which has no flights to learn from, it is the command that makes an airframe file.
+    """
     options = " ".join(option for option, _ in option_words(contact.asked))
     name = "--aircraft NAME " if contact.recorded else ""
     return f"{_asking_command(contact)} {name}{options}"

@@ -71,7 +71,10 @@ _EITHER = (TakeoffKind.REVERSED,)
 
 
 def takeoff_alarm(finding: TakeoffFinding, *, flying: bool) -> str:
-    """Return the alarm about a finding that forbids to lift, at most 50 characters."""
+    """Return the alarm, at most 50 characters, about a finding that forbids the take-off.
+
+    `flying`: the aircraft has taken off already, and the alarm asks for another action.
+    """
     words = (_IN_FLIGHT if flying else _ON_GROUND)[finding.kind]
     said = say(words, **_values(finding, ()))
     if finding.kind is TakeoffKind.REVERSED:
@@ -88,8 +91,12 @@ def finding_words(finding: TakeoffFinding, places: Sequence[str] = ()) -> str:
 
 
 def _values(finding: TakeoffFinding, places: Sequence[str]) -> dict[str, str]:
-    """Return the words to fill in a finding's sentence: motors, value, reference, low and high,
-    with units."""
+    """Return the texts for a finding's sentence by placeholder: motors, value, reference, low,
+    high.
+
+    `motors` counts from 1, with the place of a single motor; `places` are the places of all motors,
+    empty where unknown. The others are numbers with their unit.
+    """
     numbers = [str(motor + 1) for motor in finding.motors]
     between = f" {say('or')} " if finding.kind in _EITHER else f" {say('and')} "
     motors = ", ".join(numbers[:-1])
@@ -104,7 +111,12 @@ def _values(finding: TakeoffFinding, places: Sequence[str]) -> dict[str, str]:
 
 
 def _amount(kind: TakeoffKind, value: float) -> str:
-    """Return a finding's value, in SI or rpm, as text with the unit of its kind."""
+    """Return a finding's value as text with the unit in which pilots read it, by the finding's
+    kind.
+
+    `value` is in SI, or rpm for rotor speeds. The unit is s, rpm, °/s, °C, mΩ, kg or %; none for
+    other kinds.
+    """
     if kind in (TakeoffKind.STANDS, TakeoffKind.LATE):
         return number(value, "s", 1)
     if kind in (TakeoffKind.SLOW, TakeoffKind.FAST, TakeoffKind.EXCHANGED, TakeoffKind.UNLIKE):
@@ -123,15 +135,19 @@ def _amount(kind: TakeoffKind, value: float) -> str:
 
 
 def check_line(check: TakeoffCheck) -> str:
-    """Return one line about a run-up: motors, voltage, and in hover mass and yaw authority.
+    """Return the check before a take-off in one line: motors, battery voltage, mass by thrust, yaw.
 
-    It is "not known" for motors where no speed is reported.
+    Unknown parts are left out; motors without a reported speed are counted as not known.
     """
     return "; ".join([_motors_line(check), *_battery_line(check), *_hover_line(check)])
 
 
 def _motors_line(check: TakeoffCheck) -> str:
-    """Return a phrase on how many motors turn, and within how many s of each other they started."""
+    """Return a phrase on how many motors turn, and within how many s of each other they started.
+
+    Motors without a reported rotor speed are counted as not known. If no motor reports one, say
+    only that.
+    """
     count = len(check.motors)
     if not check.reporting:
         return say("no rotor speed is reported: not known whether the motors turn")
@@ -143,7 +159,7 @@ def _motors_line(check: TakeoffCheck) -> str:
     starts = [m.turned_s for m in check.motors if known(m.turned_s)]
     if len(starts) > 1:
         apart = number(max(starts) - min(starts), "s", 1)
-        said = say("{motors}, all within {apart}", motors=said, apart=apart)
+        said = say("{motors}, started within {apart} of each other", motors=said, apart=apart)
     missing = count - check.reporting
     if missing:
         said = say("{motors}, {missing} not known", motors=said, missing=missing)
@@ -151,9 +167,10 @@ def _motors_line(check: TakeoffCheck) -> str:
 
 
 def _battery_line(check: TakeoffCheck) -> list[str]:
-    """Return the battery's voltage at rest, at idle and at lift-off, and its resistance, in words.
+    """Return one phrase: the battery's voltage at rest, at idle and at lift-off, and its
+    resistance.
 
-    Empty without a voltage at rest.
+    Unknown values are left out of the phrase. The list is empty without a voltage at rest.
     """
     if not known(check.rest_voltage):
         return []
@@ -168,7 +185,12 @@ def _battery_line(check: TakeoffCheck) -> list[str]:
 
 
 def _hover_line(check: TakeoffCheck) -> list[str]:
-    """Return the mass by thrust, with the stated one, and the unused yaw authority, in words."""
+    """Return up to two phrases on the hover after lift-off: the mass by thrust, and unused yaw
+    authority.
+
+    The first names the stated mass too, if there is one. A phrase whose value is unknown is left
+    out.
+    """
     parts = []
     if known(check.mass_kg):
         carried = number(check.mass_kg, "kg", 1)

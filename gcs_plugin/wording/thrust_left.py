@@ -35,10 +35,10 @@ def percent_up(share: float) -> int:
 
 
 def left_words(share: float | None, low: float = math.nan, high: float = math.nan) -> str:
-    """Return thrust left as `45 %`; with the ends of its interval `45 % (40 to 50)`.
+    """Return thrust left as `45 %`, with its interval as `45 % (40 to 50)`.
 
-    `none` for a negative share, of a rotor that worked harder than its airframe allows; `unknown`
-    for NaN and None.
+    `share`, `low` and `high` are shares; only the high end is rounded up. `none` for a negative
+    share, of a rotor that worked harder than its airframe allows; `unknown` for NaN and None.
     """
     if not known(share):
         return number(None)
@@ -56,26 +56,27 @@ def least_words(max_utilisation: float) -> str:
 
 
 def below(left: ArrayLike, least: float) -> Bools:
-    """Flag shares of thrust left that are below `least`, whatever they were before; False for NaN.
+    """Flag where thrust left, a share of any shape, is below `least`; False for NaN.
 
-    For a `least` of whole per cent these are exactly the ones that read as less.
+    For a `least` of whole per cent these are exactly the values that are displayed as less.
     """
     return np.asarray(left, dtype=np.float64) + ROUNDING < least
 
 
 def clear(left: ArrayLike, least: float) -> Bools:
-    """Flag shares of thrust left that are enough also after too little; False for NaN.
+    """Flag where thrust left, a share of any shape, exceeds `least` by more than HYSTERESIS.
 
-    These exceed `least` by more than HYSTERESIS.
+    There "too little" ends. False for NaN.
     """
     return np.asarray(left, dtype=np.float64) > least + HYSTERESIS
 
 
 def too_little(left: Floats, least: float, before: ArrayLike = False) -> Bools:
-    """Flag the rows and rotors (T, R) in which the thrust left counts as too little.
+    """Flag (T, R) where the thrust left, a share (T, R), is too little, with a hysteresis in time.
 
-    It begins below `least` and ends HYSTERESIS above it. Between the two, and while it is unknown,
-    the flag is unchanged; `before`, (R,) or one for all, is the flag before the first row.
+    It is from a row below `least` on, until a row HYSTERESIS above it. Between the two, and where
+    NaN, the flag of the row before is kept; `before`, (R,) or a single value, is the flag before
+    the first row.
     """
     low = below(left, least)
     row = np.arange(len(low))[:, None]
@@ -85,9 +86,10 @@ def too_little(left: Floats, least: float, before: ArrayLike = False) -> Bools:
 
 
 def value_of_colour(left: Floats, least: float, low: Bools) -> Floats:
-    """Return the value to colour a share of thrust left by; NaN stays NaN.
+    """Return the value of thrust left, a share, to colour a point by; NaN stays NaN.
 
-    It is moved to the side of `least` that the flag `low`, which counts as too little, requires.
+    Where the flag `low` (too little) and the value are on different sides of `least`, the value is
+    moved to the flag's side.
     """
     least_low = np.nextafter(least, 0.0)
     return np.where(low, np.minimum(left, least_low), np.maximum(left, least))

@@ -65,12 +65,12 @@ def corroboration_words(
     losses: str = "",
     places: Sequence[str] = (),
 ) -> str:
-    """Return a sentence on how the log agrees with a vehicle's report; empty where the log shows
-    nothing of it.
+    """Return a sentence on whether the log confirms a fault that the vehicle reported.
 
-    `corroboration` is the value of a `Corroboration`. `named` are the motors of the
-    report, `found` those of the log, both from 0; `places` are the names of their places, empty
-    where unknown. `losses` are the signs of a loss of control in words.
+    `corroboration` is the value of a `Corroboration`; empty where it has no sentence. `named` are
+    the motors in the vehicle's report, `found` those in the log, both from 0. `value` is a share,
+    NaN if unknown. `losses` are the signs of lost control in words, `places` the places of all
+    motors, empty where unknown.
     """
     words = _OF_CORROBORATION[corroboration]
     if not words:

@@ -219,8 +219,8 @@ def usable_energy(battery: FlightBattery, airframe: Airframe, kept: float) -> fl
 
 
 def usable_error(battery: FlightBattery, airframe: Airframe, kept: float) -> float:
-    """Return the standard error of ln `usable_energy` that the error of the voltage at rest
-    causes."""
+    """Return the standard error of ln `usable_energy` that the error of the voltage at rest causes;
+    0 without such an error or usable energy."""
     usable = usable_energy(battery, airframe, kept)
     if not (battery.voltage_error > 0.0 and usable > 0.0):
         return 0.0
@@ -240,7 +240,8 @@ def voltage_ends(
 ) -> tuple[Floats, Floats]:
     """Compute the lower and upper ends of the 90 % interval of the voltage under load (T,), V.
 
-    `error` is the standard error of ln power; the other arguments are as in `discharge`. The errors
+    `error` is the standard error of ln power; `power` (T,) W is drawn for `seconds` (T,) s, and in
+    the rows `changed` a battery replaces the last one and has already given `before_wh`. The errors
     of power, voltage at rest and resistance add up in quadrature. NaN throughout without a
     capacity; in the lower ends also where the charge may be used up.
     """

@@ -77,7 +77,10 @@ class Experience:
 
 
 def experience(missions: Sequence[FlownMission]) -> Experience | None:
-    """Return the corrections that earlier missions imply; None with fewer than FEWEST_MISSIONS."""
+    """Return corrections of a forecast by the differences that earlier missions had from theirs.
+
+    None with fewer than FEWEST_MISSIONS.
+    """
     if len(missions) < FEWEST_MISSIONS:
         return None
     return Experience(
@@ -125,9 +128,10 @@ def corrected_factor(value: float, correction: Correction, error: float = 0.0) -
 
 
 def corrected_use(value: float, low: float, high: float, correction: Correction) -> Interval:
-    """Return a utilisation plus a mean correction, with its 90 % interval.
+    """Return a utilisation plus a mean correction, and the ends of its 90 % interval.
 
-    `low` and `high` are the interval of `value`; the correction's error widens it.
+    `low` and `high` are the 90 % interval of `value`, to which the correction's error is added in
+    squares.
     """
     middle, spread = value + correction.mean, NORMAL * correction.error
     return (

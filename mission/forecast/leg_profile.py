@@ -118,8 +118,10 @@ def leg_profile(
 
 @lru_cache(maxsize=4096)
 def speeding_up(speed: float, acceleration: float, jerk: float, snap: float) -> Pulse:
-    """Return the acceleration from rest to `speed`, m/s, within the limits m/s², m/s³, m/s⁴;
-    cached."""
+    """Return the motion from rest to `speed`, m/s, within limits of its derivatives; cached.
+
+    The limits are `acceleration` m/s², `jerk` m/s³ and `snap` m/s⁴.
+    """
     peak, steep, ramp, constant_s, flat = _pulse(speed, acceleration, jerk, snap)
     seconds = 2.0 * (2.0 * ramp + constant_s) + flat
     at_s = np.linspace(0.0, seconds, SAMPLES)
@@ -149,9 +151,12 @@ def _pulse_seconds(speed: float, acceleration: float, jerk: float, snap: float) 
 def _pulse(
     speed: float, acceleration: float, jerk: float, snap: float
 ) -> tuple[float, float, float, float, float]:
-    """Return peak acceleration, peak jerk, and the durations, s, of three phases.
+    """Return peak acceleration, m/s², peak jerk, m/s³, and the durations of three phases, s, of
+    speeding up to `speed`, m/s.
 
-    The phases are one ramp of jerk, constant jerk, and constant acceleration.
+    The phases are one ramp of jerk, constant jerk, and constant acceleration; the last two are 0
+    where the limits are not reached. The limits are `acceleration` m/s², `jerk` m/s³ and `snap`
+    m/s⁴.
     """
     ramp = jerk * math.pi / (2.0 * snap)
     root = math.sqrt(ramp**2 + 4.0 * speed / jerk)

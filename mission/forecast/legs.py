@@ -71,11 +71,12 @@ def leg_ends(
     limits: FlightLimits,
     model: RotorModel,
 ) -> LegEnds:
-    """Compute time, liquid and energy used from the start to the end of each of `legs`.
+    """Compute time, s, liquid, kg, and energy, Wh, used from the start to the end of each of
+    `legs`.
 
-    `flight` has simulated the first of `legs`. Liquid and energy of the remaining legs are
-    extrapolated from their speed and length, at the mean power of `flight`. Times in s, liquid in
-    kg, energy in Wh; the energy to fly home from each leg's end is included.
+    `flight` has simulated the first of `legs`. Of the remaining ones time and liquid follow from
+    speed and length, energy from the mean power of `flight`. The energy to fly home from each leg's
+    end, with the full tank, is a field of its own (`home_wh`) and not in the energy used.
     """
     count = len(flight.course.legs)
     rows = np.maximum(np.searchsorted(flight.course.active, np.arange(1, count + 1)) - 1, 0)
@@ -110,11 +111,13 @@ def leg_ends(
 
 
 def needs(of_legs: LegEnds, line_ends: Sequence[int], *, fill_kg: float, usable_wh: float) -> Needs:
-    """Divide a plan into sorties; a refill may follow the items in `line_ends`, in any order.
+    """Divide a plan into sorties between refills, and name what the plan lacks.
 
-    `usable_wh` is the energy that a battery may give; NaN where it is unknown, and then only the
-    tank limits a sortie. Each sortie but the last includes the energy of the flight home; each but
-    the first, of the flight back to its start.
+    A refill may follow the items numbered in `line_ends`, in any order. `usable_wh` is the energy
+    that a battery may give; NaN: unknown, and then only the tank limits a sortie. Each sortie but
+    the last includes the energy of the flight home; each but the first, of the flight back to its
+    start. `short_of` in the result is "tank" or "battery" if a part without a line end exceeds it,
+    else "".
     """
     ends, used, given = of_legs.time_s, of_legs.sprayed_kg, of_legs.energy_wh
     at_line_end = np.isin(of_legs.items, list(line_ends))
@@ -187,13 +190,14 @@ def parts_flown(
     windy: bool,
     longest_s: float,
 ) -> PartsFlown:
-    """Choose the legs to simulate: the `first` ones, and later ones that differ from those chosen.
+    """Choose the legs to simulate: the `first` ones, and later ones that differ from the legs
+    already chosen.
 
     Two legs are alike if motion (`_kind`), mass and battery charge are about equal. `ends` covers
     all `legs`. Tank and battery are full after the legs numbered `refill_after`, from 0; `mass`,
-    kg, is that at take-off; `usable_wh` is NaN if unknown. A chosen leg is simulated with its
-    neighbours. Later legs last `longest_s` s at most in total; `unlike` in the result is the number
-    of legs left out for that.
+    kg, is that at take-off; `usable_wh` is NaN if unknown; `windy`: the direction of flight
+    matters. A chosen leg is simulated with its neighbours. Later legs last `longest_s` s at most in
+    total; `unlike` in the result counts the legs left out for that.
     """
     fresh = np.asarray(refill_after, dtype=np.intp)
     kg, wh = used_since_change(ends.sprayed_kg, fresh), used_since_change(ends.energy_wh, fresh)

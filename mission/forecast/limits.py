@@ -31,7 +31,6 @@ class FlightLimits:
     climb_jerk: float  # m/s³ of take-off
     snap: float  # m/s⁴
     radius: float  # m from a place within which its corner is cut
-    take_off_speed: float  # m/s
     land_speed: float  # m/s near the ground
     land_below: float  # m above home
     return_height: float  # m above home
@@ -81,7 +80,6 @@ _PX4: Mapping[str, tuple[str, float]] = {
     "jerk": ("MPC_JERK_AUTO", 4.0),
     "climb_jerk": ("MPC_JERK_AUTO", 4.0),
     "radius": ("NAV_ACC_RAD", 10.0),
-    "take_off_speed": ("MPC_TKO_SPEED", 1.5),
     "land_speed": ("MPC_LAND_SPEED", 0.7),
     "land_below": ("MPC_LAND_ALT2", 5.0),
     "return_height": ("RTL_RETURN_ALT", 60.0),
@@ -98,11 +96,11 @@ PX4_YAW_TIME = 0.25  # s, about what its attitude loop takes
 def _values(
     table: Mapping[str, tuple[str, float]], parameters: Mapping[str, float]
 ) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """Return a parameter's value (or default) for each field of `table`, and the missing
-    parameters.
+    """Return the value of each field of `table`, and texts on the parameters that are missing.
 
-    `table` maps a field to the parameter's name and default. The missing ones are texts with the
-    default used.
+    `table` maps a field to the name of an autopilot parameter and its default, which is used where
+    `parameters` lacks the name. Each text is a missing parameter's name and default: "WPNAV_SPEED
+    10".
     """
     stated = {name: parameter(parameters, name) for name, _ in table.values()}
     unknown = [
@@ -150,7 +148,6 @@ def _ardupilot(parameters: Mapping[str, float]) -> FlightLimits:
         spray_speed=spray,
         # Half of what leaning takes in the time of the attitude controller (AC_WPNav).
         snap=values["jerk"] * math.pi / (4.0 * max(values["yaw_time"], 0.1)),
-        take_off_speed=values["climb_speed"],
         yaw_rate=min(slew, rate) if rate > 0.0 else slew,
         yaw_acceleration=turning,
         yaw_loop=loop,
@@ -163,7 +160,10 @@ def _ardupilot(parameters: Mapping[str, float]) -> FlightLimits:
 
 
 def _px4(parameters: Mapping[str, float]) -> FlightLimits:
-    """Return the limits, in SI units, that the PX4 `parameters` (by name) set; as `_ardupilot`."""
+    """Return the limits, in SI units, that the PX4 `parameters` (by name) set.
+
+    A parameter that is missing has its default, and is listed in `assumed`.
+    """
     values, assumed = _values(_PX4, parameters)
     loop = YawLoop(angle_gain=values.pop("angle_gain"))
     behaviour = values.pop("yaw_behaviour")

@@ -121,9 +121,10 @@ class KnownPump:
 
 
 def known_pump(parameters: Mapping[str, float], airframe: Airframe) -> KnownPump:
-    """Return the pump's flow from ArduPilot's sprayer parameters and the airframe's largest flow.
+    """Return the pump's flow per metre flown, kg/m, and its largest flow, kg/s.
 
-    SPRAY_PUMP_RATE is the pump output, in per cent, at 1 m/s.
+    The first is by ArduPilot's sprayer parameters (SPRAY_PUMP_RATE is the pump output, in per cent,
+    at 1 m/s), the second the airframe's. NaN where unknown or with the sprayer disabled.
     """
     most = airframe.pump_max_flow_l_min / 60.0 * airframe.liquid_density
     rate = parameters.get("SPRAY_PUMP_RATE", math.nan)
@@ -140,6 +141,8 @@ def conditions(
     """Return the conditions of a planned flight, and the assumptions made for unknown values.
 
     `day` is `given.day`, with defaults. The assumptions map a name to the figures of its sentence.
+    Without a battery capacity the voltage is constant: that under load with the fill. An unknown
+    flow or wind is 0.
     """
     assumed: dict[Assumption, tuple[str, ...]] = {}
     if day.height.source.assumed and not day.pressure.known:
@@ -253,6 +256,7 @@ def fly_plan(
 ) -> PlanFlight:
     """Simulate the flight along `course`, from the ground to the end of its last leg.
 
+    Return its track, predicted rotor speeds, power, energy and voltage, row by row of the course.
     `renewed` maps numbers of legs, from 0, to the liquid and energy used up at their start: 0 after
     a refill, more where earlier legs were not simulated. Flights to and from a refill are not
     simulated.
@@ -327,9 +331,9 @@ def with_slower_yaw(
 ) -> PlanFlight:
     """Return the flight `once`, or one with slower yaw if the rotors lack the moment for its turns.
 
-    An autopilot sacrifices yaw before roll, pitch and thrust. Yaw acceleration is reduced step by
-    step as long as that lowers a utilisation above 1. `course_by` returns the course under other
-    limits, `fly` simulates it.
+    An autopilot sacrifices yaw before roll, pitch and thrust, so yaw acceleration is reduced step
+    by step while the largest utilisation is above 1 and falls by it. `course_by` returns the course
+    under other limits, `fly` simulates it.
     """
     peak = largest_use(once, model)
     for _ in range(SLOWER):
@@ -352,8 +356,11 @@ def largest_use(flight: PlanFlight, model: RotorModel) -> float:
 
 
 def _flow(course: Course, pump: Bools, given: PlanConditions) -> Floats:
-    """Compute the pump's flow (T,), kg/s; 0 with the pump off or below the sprayer's lowest
-    speed.
+    """Compute the pump's flow (T,), kg/s, from the flow per metre if there is one, else the flow in
+    `given`.
+
+    The latter falls with speed below that of the line if the sprayer works by speed. 0 with the
+    pump off (`pump` (T,)) or below the sprayer's lowest speed; never above the largest flow.
     """
     limits, velocity = course.limits, course.velocity_ned
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
@@ -368,10 +375,10 @@ def _flow(course: Course, pump: Bools, given: PlanConditions) -> Floats:
 
 
 def _attitude(force: Floats, yaw: Floats) -> Floats:
-    """Compute roll, pitch and yaw (T, 3), rad, that give the horizontal and vertical `force` (T,
-    3).
+    """Compute roll, pitch and yaw (T, 3), rad, with which the rotors produce `force` (T, 3).
 
-    `force` is acceleration without weight, m/s² NED: rotor force over mass minus gravity's part.
+    `force` is what rotors must produce in addition to carrying the weight, as an acceleration, m/s²
+    NED (acceleration less drag); `yaw` (T,) is the heading, rad.
     """
     down = np.array([0.0, 0.0, G0]) - force
     down /= np.linalg.norm(down, axis=1)[:, None]
@@ -508,8 +515,9 @@ def way_back(
     """Find the first row at which a battery with `usable_wh` Wh may not suffice to fly home.
 
     `used_wh` (T,) Wh is drawn from the battery until the row, `back_wh` (T,) Wh needed from there
-    to home; `charge_kept` is the share kept in reserve, `error` the standard error of ln energy. If
-    the battery always suffices, the result's place is the row with the least energy to spare.
+    to home; `charge_kept` (share in reserve) is only passed on to the result; `error` is the
+    standard error of ln energy, of which the unfavourable end decides. If the battery always
+    suffices, the place is the row with the least energy to spare and the time NaN.
     """
     factor_less, factor_more = power_factors(error)
     track, total_wh = flight.track, used_wh + back_wh
@@ -518,7 +526,8 @@ def way_back(
         """Return the first row where home is out of reach, its time, s, and the least energy to
         spare, Wh.
 
-        If home is always in reach: the row with the least to spare, and NaN as time.
+        `factor` multiplies the energy needed. If home is always in reach: the row with the least to
+        spare, and NaN as time.
         """
         spare = usable_wh - factor * total_wh
         known = np.where(np.isfinite(spare), spare, np.inf)

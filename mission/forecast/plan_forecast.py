@@ -24,10 +24,13 @@ from thrustmargin.mission.forecast.experience import (
 )
 from thrustmargin.mission.forecast.fill_along import (
     LegForecast,
+    ThrustPlace,
     Weakest,
+    idle_use,
     largest_fill,
     leg_forecast,
     survivable_below,
+    thrust_places,
     weakest_place,
 )
 from thrustmargin.mission.forecast.legs import CHARGE_KEPT, Needs, leg_ends, needs, parts_flown
@@ -50,7 +53,6 @@ from thrustmargin.mission.forecast.plan_flight import (
     wind_ned,
     with_slower_yaw,
 )
-from thrustmargin.mission.forecast.thrust_places import ThrustPlace, idle_use, thrust_places
 from thrustmargin.mission.forecast.way import (
     Course,
     TimedLeg,
@@ -199,8 +201,12 @@ class PlanForecast:
 
     @property
     def as_flown(self) -> AsFlown | None:
-        """Return flight time, s, and utilisation, each with its 90 % interval, corrected by how
-        earlier missions differed from their forecasts; None without earlier missions."""
+        """Return flight time, s, and utilisation, each with its 90 % interval, as earlier missions
+        suggest.
+
+        The forecast is corrected by how earlier missions differed from theirs; None without enough
+        missions.
+        """
         shown = self.experience
         if shown is None:
             return None

@@ -69,7 +69,7 @@ class Course:
 
 
 def course(legs: Sequence[WayLeg], limits: FlightLimits, *, start_yaw: float = math.nan) -> Course:
-    """Compute the course along `legs`, from the ground to the end of the last leg.
+    """Compute the vehicle's motion along `legs`, from the ground to the end of the last leg.
 
     `start_yaw` is the heading before take-off, rad; NaN: that of the first level leg.
     """
@@ -133,10 +133,11 @@ def _aligned_s(turn: float, limits: FlightLimits) -> float:
 def _spans(
     timed: Sequence[TimedLeg], time_s: Floats, active: NDArray[np.intp], off: Floats
 ) -> tuple[Span, ...]:
-    """Divide the rows into turns and the legs, climbs and waits between them.
+    """Divide the T rows into spans: turns, and the legs, climbs and waits between them.
 
-    A turn lasts from braking until speed is regained and `off` (T,), rad of yaw still to turn, is
-    small.
+    `active` (T,) is the index of each row's leg in `timed`. A turn is at a corner between level
+    legs; it lasts from braking until speed is regained and `off` (T,), rad of yaw still to turn, is
+    small. Turns that overlap are one, under the item of the first.
     """
     uneasy = np.abs(off) > UNEASY
     turns: list[tuple[float, float, int]] = []
@@ -189,11 +190,13 @@ def heading(
     *,
     held: Bools | None = None,
 ) -> tuple[Floats, Floats]:
-    """Compute the target yaw (T,), rad and unwrapped, and the yaw still to turn (T,), rad.
+    """Compute the vehicle's yaw (T,), rad and unwrapped, and the yaw still to turn (T,), rad.
 
-    The target moves with `velocity_ned` m/s and `gained_ned` (acceleration) m/s², both (T, 3).
-    `ordered` (T,) rad is the heading that the plan orders, NaN where it orders none. `start` is the
-    first heading, rad. In rows `held` (T,) the yaw does not follow the path; None: in no row.
+    The yaw follows a target within the vehicle's limits of rate and acceleration. Unless ordered,
+    the target is the direction of `velocity_ned`, m/s; `gained_ned` is the acceleration, m/s², both
+    (T, 3). `ordered` (T,) rad is the heading that the plan orders, NaN where it orders none.
+    `start` is the first heading, rad. In rows `held` (T,) the target does not follow the path;
+    None: in no row.
     """
     held = np.zeros(time_s.size, dtype=np.bool_) if held is None else held
     headings, turning = _wanted_headings(velocity_ned, gained_ned, ordered, held, limits, start)
@@ -231,7 +234,14 @@ def _wanted_headings(
     limits: FlightLimits,
     start: float,
 ) -> tuple[Floats, Floats]:
-    """Compute the heading demanded (T,), rad and unwrapped, and its rate (T,), rad/s."""
+    """Compute the target heading (T,), rad and unwrapped, and its rate (T,), rad/s.
+
+    `velocity` and `gained` (T, 2 or 3) are velocity, m/s, and acceleration, m/s², north and east;
+    `ordered` (T,) rad is the heading that the plan orders, NaN where none; `start` is the first
+    heading, rad. Without an order the target is the direction of the velocity. It keeps its last
+    value in rows where it does not follow the path: too slow, `held`, or a vehicle that does not
+    turn to its course. The rate is 0 where the heading is ordered or kept.
+    """
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     way = np.arctan2(velocity[:, 1], velocity[:, 0])
     free = np.isnan(ordered)
@@ -264,7 +274,11 @@ class _Way:
     legs: list[WayLeg] = field(default_factory=list)
 
     def fly_to(self, step: Step, place: Floats, **options: float | bool | None) -> None:
-        """Append a leg to `place` (3,), m NED about home; none where it has no length."""
+        """Append the leg from the present place to `place` (3,), m NED about home.
+
+        `step` gives the item, climb speeds, pump and heading; `options` are further arguments of
+        `way_leg`. Nothing is appended where the leg has no length.
+        """
         heading = None if step.heading_deg is None else math.radians(step.heading_deg)
         leg = way_leg(
             self.limits,
@@ -289,7 +303,10 @@ class _Way:
             self.legs[-1] = replace(last, stops=True, wait_s=last.wait_s + seconds)
 
     def lift(self, step: Step, height: float) -> None:
-        """Append a vertical leg to `height`, m; the first one has the jerk of a take-off."""
+        """Append a vertical leg to `height`, m above home, that ends in a stop.
+
+        If it is the first leg, its jerk is that of a take-off.
+        """
         before = len(self.legs)
         self.fly_to(step, np.array([*self.place[:2], -height]), stops=True)
         if len(self.legs) > before and before == 0:
@@ -299,9 +316,10 @@ class _Way:
             )
 
     def home(self, step: Step, height: float) -> None:
-        """Append the leg to above home at `height`, m, and the wait there.
+        """Append the leg to above home at `height`, m above home, and the wait there.
 
-        If the aircraft yaws back over home, the wait lasts until it has.
+        If the vehicle yaws back to its first heading over home, the wait lasts at least until it
+        has.
         """
         limits, before = self.limits, len(self.legs)
         there = np.array([0.0, 0.0, -height])
@@ -336,12 +354,14 @@ def plan_legs(
     terrain: Terrain | None = None,
     start_yaw: float = math.nan,
 ) -> tuple[WayLeg, ...]:
-    """Return the straight legs that a vehicle flies for `steps`.
+    """Return the straight legs that a vehicle flies for `steps`, with climbs, waits and the way
+    home.
 
-    The first leg begins at `start` (3,), m NED about home; None: at home. `start_yaw` is as in
-    `course`. Between two places with heights above the ground the legs follow `terrain`; without
-    terrain a height above the ground counts as above home. Raise PlanError if the plan has no place
-    to fly to, is farther than a multirotor flies, or leaves the ground that `terrain` covers.
+    The first leg begins at `start` (3,), m NED about home; None: at home. `start_yaw`, rad, is the
+    first heading, NaN if unknown. Between two places with heights above the ground the legs follow
+    `terrain`; without terrain a height above the ground counts as above home. A take-off or return
+    without a height uses the return height of `limits`. Raise PlanError if the plan has no place to
+    fly to, is farther than a multirotor flies, or leaves the ground that `terrain` covers.
     """
     way = _Way(limits, np.zeros(3) if start is None else start, start_yaw)
     flown = steps.steps
@@ -427,8 +447,9 @@ def _places(plan: MissionPlan, steps: Sequence[Step], terrain: Terrain | None = 
     """Return the places of S steps (S, 3), m north, east and down from home.
 
     NaN where a step keeps the previous value: the whole place, or north and east where it changes
-    height alone. Raise PlanError where home's height is needed and unknown, or for a step beyond
-    FARTHEST.
+    height alone. Heights above ground are relative to the ground at home; without `terrain` the
+    ground counts as level. Raise PlanError where home's height is needed for a height above the sea
+    and unknown, or for a step beyond FARTHEST, m.
     """
     there = [(*(step.place or (math.nan, math.nan))[:2], step.height) for step in steps]
     degrees = np.array(there, dtype=np.float64).reshape(-1, 3)
@@ -545,9 +566,10 @@ def way_leg(
     holds_nose: bool = False,
     touches_down: bool = False,
 ) -> WayLeg | None:
-    """Return a leg within the limits of the vehicle; None if its length is negligible.
+    """Return the leg from `start_ned` to `end_ned` (3,), m about home, within the vehicle's limits.
 
-    Places are (3,), m NED about home; speeds, m/s, replace those of the limits; `heading` is rad.
+    None if its length is negligible. Speeds, m/s, replace those of the limits; `heading` is rad,
+    None: along the path. `stops`, `wait_s`, `pump`, `holds_nose` and `touches_down` are passed on.
     """
     north, east, down = (end_ned - start_ned).tolist()
     length = math.hypot(north, east, down)
@@ -591,11 +613,13 @@ def _share(level_most: float, vertical_most: float, level: float, rise: float) -
     return max(min(by_level, by_rise), 1e-3)
 
 
-def timed_legs(legs: Sequence[WayLeg], start_s: float = 0.0) -> tuple[TimedLeg, ...]:
-    """Return the legs with start and end times, s, from `start_s`; at a corner without a stop the
-    times of two legs overlap."""
+def timed_legs(legs: Sequence[WayLeg]) -> tuple[TimedLeg, ...]:
+    """Return the legs with their start and end times, s; the first starts at 0.
+
+    At a corner without a stop the next leg starts before a leg ends, so their times overlap.
+    """
     result: list[TimedLeg] = []
-    begun = active = start_s
+    begun = active = 0.0
     for leg, following in pairwise([*legs, None]):
         assert leg is not None
         timed = TimedLeg(leg=leg, profile=leg.profile, start_s=begun, active_s=active)
@@ -610,7 +634,9 @@ def timed_legs(legs: Sequence[WayLeg], start_s: float = 0.0) -> tuple[TimedLeg, 
 
 
 def _overlap(leg: WayLeg, following: WayLeg, *, most: float) -> float:
-    """Return how long, s, before the end of a leg the next one starts; at most `most` s."""
+    """Return the time, s, between the start of leg `following` and the end of `leg`; at most `most`
+    s.
+    """
     here, there = leg.profile.pulse, following.profile.pulse
     longest = min(here.seconds, there.seconds, most)
     (a, b, down_one), (c, d, down_two) = leg.vector.tolist(), following.vector.tolist()
@@ -633,10 +659,12 @@ def _overlap_of(
     near: tuple[float, float],
     gains: tuple[float, float],
 ) -> float:
-    """Return the longest overlap, s, of at most `longest` steps, that keeps `near` and `gains`.
+    """Return the longest overlap, s, of two legs in which both move at once within their limits.
 
-    `near` is the corner's radius, m, and top speed, m/s; `gains` its accelerations, m/s², level and
-    vertical. Cached.
+    `angles` are the corner's, rad, and the share of each leg's length that goes down. `pulses` are
+    the speed profiles at the end of the first and the start of the second leg. `longest` counts
+    time steps of TRIED_S. `near` is the largest cut of the corner, m, and top speed, m/s; `gains`
+    the largest accelerations, m/s², level and vertical. 0 if no overlap fits. Cached.
     """
     bend, down_one, down_two = angles
     radius, top_speed = near

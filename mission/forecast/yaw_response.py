@@ -44,7 +44,7 @@ class YawLoop:
 
 
 def yaw_authority(model: RotorModel) -> tuple[float, float]:
-    """Return the yaw acceleration, rad/s², for an output of 1, and the damping of yaw, 1/s.
+    """Return the yaw acceleration, rad/s², at full controller output, and the damping of yaw, 1/s.
 
     Both are NaN where the model has no yaw inertia. The autopilot compensates a low battery, so the
     largest thrust is that of a full one.
@@ -63,9 +63,11 @@ def yaw_authority(model: RotorModel) -> tuple[float, float]:
 
 
 def followed_yaw(time_s: Floats, target: Floats, loop: YawLoop) -> Floats:
-    """Compute the aircraft's yaw (T,), rad, for a target yaw (T,), rad; at rest in the first row.
+    """Simulate the aircraft's yaw (T,), rad, under its yaw controller `loop` for a `target` (T,),
+    rad.
 
-    Between rows the target changes linearly.
+    `time_s` (T,) are the rows' times, between which the target changes linearly. The aircraft is at
+    rest on the target in the first row. Without a rate gain or authority a simpler loop is used.
     """
     yaw = np.empty_like(target)
     at, rate, filtered, held = float(target[0]), 0.0, 0.0, 0.0

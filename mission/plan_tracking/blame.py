@@ -95,8 +95,9 @@ def which_was_off(
     """List the wrong assumptions in `given`, the one that explains most of the difference first.
 
     `fly` forecasts the plan under conditions and compares it with the flight; `day` are the values
-    that the flight showed. If no assumption explains the rest, the model is listed. Empty if
-    forecast and flight agree.
+    that the flight showed. If no assumption explains the rest, the model is listed. A wind that
+    differs by more than WIND is listed last even if it explains nothing. Empty if forecast and
+    flight agree.
     """
     off: list[Off] = []
     tracked = fly(given)
@@ -126,7 +127,7 @@ def which_was_off(
 def _model(stretches: Sequence[StretchComparison]) -> tuple[Off, ...]:
     """Return the model as a wrong assumption, with the stretch of the largest difference.
 
-    Empty if the root mean square difference of utilisation is at most MODEL.
+    Empty if the root mean square difference of mean utilisation is at most MODEL.
     """
     known = [s for s in stretches if math.isfinite(s.utilisation_mean.off)]
     squares = [s.utilisation_mean.off**2 for s in known]
@@ -154,10 +155,10 @@ def distances(stretches: Sequence[StretchComparison], fill_kg: float) -> Floats:
 def _candidates(
     given: PlanConditions, day: ShownDay, stretches: Sequence[StretchComparison]
 ) -> list[tuple[Off, PlanConditions]]:
-    """List, for each assumption in `given` that the flight measured, (difference, conditions).
+    """List the assumptions in `given` that the flight measured, each with corrected conditions.
 
-    The conditions are `given` with that one value as measured: wind, fill, density, battery voltage
-    or pump flow.
+    Each element is the difference and `given` with that one value as measured: wind, fill, density,
+    battery voltage or pump flow.
     """
     candidates: list[tuple[Off, PlanConditions]] = []
     if all(map(math.isfinite, day.wind_ned[:2])):

@@ -60,10 +60,10 @@ class PlanToFly:
         *,
         start_yaw: float = math.nan,
     ) -> PlanToFly:
-        """Return the plan with the model and its course over time, by the vehicle's `parameters`.
+        """Return the plan as a course of the vehicle over time, to be simulated with `model`.
 
-        `start_yaw` is the heading before take-off, rad; NaN unknown. Raise PlanError if the plan
-        flies nowhere.
+        `parameters` are the autopilot's, by name; `start_yaw` is the heading before take-off, rad;
+        NaN unknown. Raise PlanError if the plan flies nowhere.
         """
         px4 = plan.firmware == FIRMWARE_PX4
         limits = flight_limits(parameters, px4=px4, model=model)
@@ -232,10 +232,11 @@ def yaw_before(track: FlightTrack) -> float:
 
 
 def stretch_ends(flight: PlanFlight, flown: FlownWay, *, over_s: float = 0.0) -> tuple[int, ...]:
-    """Return, for each span of the forecast, the row of `flown` at which it ended.
+    """Return, for each span of the forecast in order, the row of `flown` at which it ended.
 
-    The result is shorter if the flight left the plan. In a flight still in progress a place counts
-    as passed once `over_s` s have gone by.
+    It is the row nearest to the planned end in place and time. The result is shorter if the flight
+    left the plan, and in a flight in progress, where an end counts only if `flown` goes on for
+    `over_s` s after it.
     """
     time_s, place = flight.track.time_s, flight.track.position_ned
     row, scale = 0, np.array([1.0, 1.0, HEIGHT_SHARE])
@@ -264,11 +265,13 @@ def stretch_ends(flight: PlanFlight, flown: FlownWay, *, over_s: float = 0.0) ->
 def compare_with_plan(
     flight: PlanFlight, forecast: FlightAnalysis, flown: FlownWay, *, over_s: float = 0.0
 ) -> PlanComparison:
-    """Compare a simulated `flight` of a plan and its analysis `forecast` with the path `flown`.
+    """Compare the simulated `flight` of a plan with the path `flown`, stretch by stretch.
 
-    One comparison per stretch; those shorter than SHORTEST_S s are left out. `over_s` is as in
-    `stretch_ends`. `left_at` of the result is the item at which the plan was left, None if it was
-    completed.
+    `forecast` is the analysis of the simulated flight. Stretches that lasted less than SHORTEST_S
+    s, forecast or flown, are left out. In a flight in progress a stretch has ended only if `flown`
+    has rows for `over_s` s more. `left_at` of the result is the mission item of the first stretch
+    whose end was not reached, None if all were. Without rows in `flown` it is the first item, None
+    if the plan has none.
     """
     if not flown.time_s.size or not flight.course.spans:
         return PlanComparison(
@@ -307,7 +310,10 @@ class _Planned(NamedTuple):
 def _stretch(
     span: Span, flight: PlanFlight, planned: _Planned, flown: FlownWay, done: slice
 ) -> StretchComparison:
-    """Return the comparison of one span; `done` are the rows of `flown` matched to it."""
+    """Return the comparison of one span of the forecast with the rows `done` of `flown`.
+
+    Each figure is a pair: as forecast and as flown.
+    """
     track, rows = flight.track, slice(span.first, span.last)
     end = min(span.last, track.time_s.size - 1)
     use = planned.utilisation[rows]

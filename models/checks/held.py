@@ -74,7 +74,8 @@ def is_held(time_s: Floats, body: Floats) -> bool:
     `body` (T, 15): height m, roll, pitch and yaw rad, velocity north, east and down m/s, two
     measures of thrust (mean squared rotor speed and mean output, in any unit), specific force m/s²
     along three body axes, and commanded roll and pitch, rad; then barometric height, m. NaN where
-    unknown.
+    unknown. Unless the accelerometer shows it, the result is False without a height, after a rise
+    of HANDS m, and at a speed of RUN m/s or more.
     """
     height, attitude, velocity_ned, thrusts = body[:, 0], body[:, 1:4], body[:, 4:7], body[:, 7:9].T
     if feels_nothing(time_s, body):
@@ -103,7 +104,9 @@ def is_held(time_s: Floats, body: Floats) -> bool:
 def feels_nothing(time_s: Floats, body: Floats) -> bool:
     """Return True if the accelerometer, over T rows, shows that thrust does not carry the aircraft.
 
-    `body` (T, 15) as of `is_held`. False with fewer than FEWEST_SECONDS of accelerometer data.
+    It does if the felt force is constant while thrust changes or tilt is commanded, or if force and
+    pressure deny the attitude in half of the rows. `body` (T, 15) has the motion columns that
+    `is_held` lists. False with fewer than FEWEST_SECONDS of accelerometer data.
     """
     if time_s.size == 0:
         return False
@@ -192,11 +195,12 @@ def _spread(values: Floats) -> Floats:
 def drop_held(
     flying: Bools, runs: Iterable[tuple[int, int]], time_s: Floats, body: Floats
 ) -> Bools:
-    """Unflag runs that start on the ground in which the aircraft is held; `flying` (T,) flags
-    flight.
+    """Return a copy of `flying` (T,) with False in runs in which the aircraft is held.
 
-    Return a copy. `runs` are (first, end) rows, end excluded; `body` (T, 15) as of `is_held`. All
-    rows become False if the accelerometer denies the whole flight.
+    `flying` flags flight by all other tests. `runs` are its (first, end) rows, end excluded; only
+    those that start on the ground are tested. `body` (T, 15) has the motion columns that `is_held`
+    lists. All rows become False if the accelerometer shows that thrust carried the aircraft in none
+    of them.
     """
     result = flying.copy()
     if feels_nothing(time_s[flying], body[flying]):  # all runs together, as each may be too short
@@ -224,7 +228,8 @@ def may_hover(squares: Floats, rotors: int, airframe: Airframe | None) -> Floats
 def _stands_still(attitude: Floats, low: bool) -> bool:
     """Return True if roll and pitch of (n, 3) change less than in any flight, but are not frozen.
 
-    `low`: the aircraft did not rise, so that the larger limit applies.
+    `low`: the aircraft did not rise, so that the larger limit applies. False with fewer than
+    FEWEST_ROWS known rows.
     """
     known = attitude[np.isfinite(attitude).all(axis=1), :2]
     if len(known) < FEWEST_ROWS or np.all(np.ptp(known, axis=0) == 0.0):
@@ -236,10 +241,11 @@ def _stands_still(attitude: Floats, low: bool) -> bool:
 def _speed_ignores_lean(
     time_s: Floats, attitude: Floats, velocity_ned: Floats, blocks: list[slice]
 ) -> bool:
-    """Return True if the aircraft, at walking speed, leans to and fro but does not accelerate so.
+    """Return True if the aircraft, below walking speed, tilts to and fro without accelerating.
 
     A free aircraft accelerates by g times the tangent of its tilt. `attitude` (T, 3) is roll,
-    pitch, yaw, rad; `velocity_ned` (T, 3) in m/s; `blocks` are slices of rows.
+    pitch, yaw, rad; `velocity_ned` (T, 3) in m/s; `blocks` are slices of rows. False with too few
+    blocks that are slow and known.
     """
     down = down_axis(attitude)  # of the body, in north, east, down
     upright = down[:, 2] > np.cos(TURNED)
@@ -261,11 +267,12 @@ def _speed_ignores_lean(
 def _thrust_too_uneven(
     time_s: Floats, attitude: Floats, thrust: Floats, blocks: list[slice]
 ) -> bool:
-    """Return True if steady vertical thrusts within NEAR s differ too much to be the weight both
-    times.
+    """Return True if steady vertical thrusts within NEAR s of each other cannot both carry the
+    weight.
 
     `attitude` (T, 3) is roll, pitch, yaw, rad; `thrust` (T,) the total along the body's axis, in
-    any unit; `blocks` are slices of rows.
+    any unit; `blocks` are slices of rows, each one value if its thrust is steady. False with fewer
+    than FEWEST_BLOCKS of them.
     """
     upwards = thrust * np.cos(attitude[:, 0]) * np.cos(attitude[:, 1])
     steady = []
@@ -301,11 +308,12 @@ class HeldSoFar:
 def flag_held(
     before: HeldSoFar, time_s: Floats, flying: Bools, off: Bools, body: Floats, *, clear: float
 ) -> tuple[Bools, HeldSoFar]:
-    """Flag rows (T,) where the aircraft is held or has not yet left the ground, without later rows.
+    """Flag rows (T,) in flight where the aircraft is held or has not yet left the ground.
 
-    `before` is the state from the last call; also return the state for the next one. `flying` (T,)
-    flags flight by all other tests, `off` (T,) motors off; `body` (T, 15) as in `is_held`. The
-    aircraft leaves the ground at `clear` m above its last height with motors off.
+    No row depends on later ones. `before` is the state from the last call; also return the state
+    for the next one. `flying` (T,) flags flight by all other tests, `off` (T,) motors off; `body`
+    (T, 15) as in `is_held`. The aircraft leaves the ground at `clear` m above its last height with
+    motors off.
     """
     found, now = np.zeros(time_s.size, dtype=np.bool_), before
     for k in range(time_s.size):

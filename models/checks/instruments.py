@@ -9,8 +9,7 @@
 
 All work on the whole flight, or on all of it that has been flown so far.
 
-Readings that cannot be true are dropped from the flight. Each
-instrument is compared with other measurements of the same flight, in two ways.
+Readings that cannot be true are dropped from the flight, in one of two ways.
 
 A frozen reading stays the same to the last digit while its quantity must change: a battery under
 load never keeps its voltage; a tank does not keep its level while the thrust shows that the
@@ -19,11 +18,17 @@ only the frozen rows are dropped; of a tank gauge all rows, because a gauge that
 trusted before or after either.
 
 A reading that changes, but not as its quantity does, is dropped in all rows.
+
+A temperature in a table may be of the air or of a warm circuit board. Rotor speeds show which: at
+one weight and pressure N² is proportional to the air's temperature, T (Eq. 1 with T_i ~ rho N²). If
+good flights agree better with the thermometer's differences than without, its reading is used, less
+its mean excess over the standard atmosphere (`Thermometer`). The mean difference of the flights'
+air from the standard is in the model's effect `air_density`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,10 +38,18 @@ from thrustmargin.models.checks.speed_readings import FEWEST_ROWS, lifted_mass
 from thrustmargin.models.checks.voltage import VoltageSoFar, broken_voltage
 from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
-from thrustmargin.models.physics.atmosphere import pressure_altitude
+from thrustmargin.models.physics.atmosphere import (
+    FARTHEST_FROM_STANDARD,
+    G0,
+    isa_temperature,
+    pressure_altitude,
+    track_air,
+)
+from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.physics.motor_output import output_curve
 from thrustmargin.models.physics.smoothing import known_median
-from thrustmargin.models.provenance import Provenance, Reason, Rejected, SourceKind
+from thrustmargin.models.provenance import Meaning, Provenance, Reason, Rejected, SourceKind
+from thrustmargin.models.scores import t_quantile
 from thrustmargin.models.statement import Statement, state
 
 LEAST_S = 60.0  # s in flight before a voltage must have moved
@@ -88,10 +101,11 @@ def voltage_without_sag(track: FlightTrack) -> bool:
 def lifted_masses(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> list[Floats]:
-    """Return the masses (T,), kg, that the thrust by rotor speeds, then by motor outputs, would
-    lift.
+    """Return two masses (T,), kg: the mass that the thrust by rotor speeds carries, and the one by
+    motor outputs.
 
-    Empty if the airframe has another number of rotors. `parameters` are the autopilot's, by name.
+    NaN where thrust is unknown. Empty if the airframe has another number of rotors. `parameters`
+    are the autopilot's, by name.
     """
     if track.rotor_count != airframe.rotor_count:
         return []
@@ -112,12 +126,14 @@ def share_lighter(mass: Floats) -> float:
 def gauge_unfollowed(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> bool:
-    """Return True if the tank gauge does not follow the mass by thrust.
+    """Return True if the reported tank mass contradicts the mass that the rotors' thrust would
+    lift.
 
-    One estimate by thrust suffices for a gauge that hardly moves while the aircraft becomes
-    lighter. All available ones must agree on a gauge that falls while the aircraft does not, and on
-    a wrong gain, because wrong rotor speeds look alike. Motor outputs give no gain without the
-    battery's voltage.
+    Either of two estimates, by rotor speeds or by motor outputs, suffices for a gauge that hardly
+    moves while the aircraft becomes lighter. Both, where available, must agree on a gauge that
+    falls while the aircraft does not, and on a wrong slope between the two masses, because wrong
+    rotor speeds look alike. Outputs count only with a measured voltage. False without a gauge or
+    with too few rows.
     """
     gauge = track.measured("tank_kg")
     if not track.source("tank_kg").reported:
@@ -176,11 +192,10 @@ def _gain(mass: Floats, level: Floats) -> tuple[float, float, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sprayed:
-    """The mass, by thrust, that left the aircraft while its pump ran: interval and pump time."""
+    """The mass, by thrust, that left the aircraft while its pump ran, at most, and pump time."""
 
     pump_s: float  # s in flight with the pump on
-    least_kg: float  # ends of the 99 % interval
-    most_kg: float
+    most_kg: float  # upper end of the 99 % interval
 
 
 def sprayed_by_thrust(
@@ -206,11 +221,7 @@ def sprayed_by_thrust(
         slope, error, _ = _gain(lifted, pumped_s)
         left, reach = -slope * np.ptp(pumped_s), SURELY * error * np.ptp(pumped_s)
         whole = float(seconds.sum()) / max(float(np.ptp(pumped_s)), 1.0)
-        return Sprayed(
-            pump_s=float(seconds.sum()),
-            least_kg=(left - reach) * whole,
-            most_kg=(left + reach) * whole,
-        )
+        return Sprayed(pump_s=float(seconds.sum()), most_kg=(left + reach) * whole)
     return None
 
 
@@ -456,3 +467,108 @@ def _grew_lighter(
     quarter of `rows` (T,)."""
     known = (m[rows & np.isfinite(m)] for m in lifted_masses(track, airframe, parameters))
     return any(share_lighter(m) > LIGHTER for m in known if m.size >= 4 * FEWEST_ROWS)
+
+
+SURE = 0.95  # probability required: standard air is off by the weather, a wrong reading by more
+FEWEST_FLIGHTS = 3  # so that without one of them the others still differ
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Thermometer:
+    """The offset and error of one aircraft's thermometer as a measure of air temperature."""
+
+    warmer_k: float  # reading minus air temperature
+    error_k: float  # standard error of the air temperature, between flights
+
+
+def with_air_temperature(track: FlightTrack, thermometer: Thermometer | None) -> FlightTrack:
+    """Replace a thermometer's reading of unknown meaning by the air temperature estimated from it.
+
+    Return the track unchanged without a thermometer or such a reading.
+    """
+    if thermometer is None or not needs_thermometer(track):
+        return track
+    source = Provenance(
+        kind=SourceKind.INFERRED,
+        name=f"the thermometer less {thermometer.warmer_k:.1f} K, as good flights show",
+        parts=(track.source("temperature"),),
+    )
+    return replace(
+        track,
+        temperature=track.temperature - thermometer.warmer_k,
+        sources={**track.sources, "temperature": source},
+        standard_errors={
+            **track.standard_errors,
+            "temperature": np.full(track.time_s.size, thermometer.error_k),
+        },
+    )
+
+
+def learnt_thermometer(tracks: Sequence[FlightTrack], airframe: Airframe) -> Thermometer | None:
+    """Estimate the thermometer's offset, K, and its error from fault-free flights.
+
+    The offset is how much warmer the thermometer reads than the standard atmosphere, in the mean.
+    Return it only if it makes flights agree better in ln N² than the standard atmosphere does (each
+    against the mean of the others; Student's t test of the squared differences); else None. Also
+    None with fewer than FEWEST_FLIGHTS usable flights, if a flight needs no correction, or if one
+    is over FARTHEST_FROM_STANDARD K from the mean.
+    """
+    used = [track for track in tracks if training_rows(track, ("tank_kg",)).any()]
+    if len(used) < FEWEST_FLIGHTS or not all(map(needs_thermometer, used)):
+        return None
+    above, standard, speed = _readings_and_speeds(used, airframe)
+    warmer = float(above.mean())
+    if np.any(np.abs(above - warmer) > FARTHEST_FROM_STANDARD):
+        return None
+    by_it = speed - np.log1p((above - warmer) / standard)
+    gain = (speed - _others(speed)) ** 2 - (by_it - _others(by_it)) ** 2
+    limit = t_quantile(gain.size - 1, SURE)
+    if not gain.mean() > limit * np.std(gain, ddof=1) / np.sqrt(gain.size):
+        return None
+    error = float(np.std(by_it, ddof=1) * standard.mean())
+    return Thermometer(warmer_k=warmer, error_k=error)
+
+
+def needs_thermometer(track: FlightTrack) -> bool:
+    """Return True if a temperature is reported, and nothing states that it is that of the air or
+    of a board."""
+    stated = "temperature" in track.standard_errors
+    board = track.source("temperature").meaning is Meaning.BOARD_TEMPERATURE
+    return track.reports("temperature") and not (stated or board)
+
+
+def _readings_and_speeds(
+    tracks: Sequence[FlightTrack], airframe: Airframe
+) -> tuple[Floats, Floats, Floats]:
+    """Return three values (F,) of each flight, from its training rows.
+
+    They are the reading's median excess over standard air, K; the temperature of standard air, K;
+    and the mean of ln(sum N² rho / mass), rho by standard air, corrected for the influence of
+    airspeed, climb and load factor within flights.
+    """
+    above, standard, speed, motion = [], [], [], []
+    for track in tracks:
+        rows = training_rows(track, ("tank_kg",))
+        air = track_air(track)
+        altitude = (
+            track.altitude if track.reports("altitude") else pressure_altitude(track.pressure)
+        )
+        isa = isa_temperature(np.nan_to_num(altitude))[rows]
+        above.append(float(np.nanmedian(track.temperature[rows] - isa)))
+        standard.append(float(np.median(isa)))
+        n2 = np.sum(track.rotor_speed_rpm[rows] ** 2, axis=1)
+        mass = airframe.empty_mass + track.tank_kg[rows]
+        speed.append(np.log(n2 * air.density[rows] / mass))
+        v, down = track.airspeed[rows], track.velocity_ned[rows, 2]
+        load = np.linalg.norm(track.specific_force_frd[rows], axis=1) / G0
+        motion.append(np.nan_to_num(np.stack([v, v**2, v**3, down, load], axis=1)))
+    within = [m - m.mean(axis=0) for m in motion]
+    wanted = np.concatenate([s - s.mean() for s in speed])
+    slope = np.linalg.lstsq(np.concatenate(within), wanted, rcond=None)[0]
+    means = [float(np.mean(s - m @ slope)) for s, m in zip(speed, motion, strict=True)]
+    return np.array(above), np.array(standard), np.array(means)
+
+
+def _others(values: Floats) -> Floats:
+    """Return, for each of F values, the mean of the remaining F - 1; shape (F,)."""
+    return (values.sum() - values) / (values.size - 1)

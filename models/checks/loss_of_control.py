@@ -110,10 +110,11 @@ def recovered_signs(track: FlightTrack) -> tuple[LossOfControl, ...]:
 
 @lru_cache(maxsize=1)  # five callers need it for one flight
 def _signs(track: FlightTrack) -> tuple[list[LossOfControl], list[LossOfControl]]:
-    """Return the signs that lasted long enough, in two lists: before the last calm flight, and
-    after it.
+    """Return the signs of lost control that lasted long enough, in two lists.
 
-    The second list is a loss of control; a hard jolt alone is none.
+    The first has the signs before the last calm flight, from which the aircraft recovered; the
+    second the signs after it: a loss of control. A hard jolt alone is a hard landing and counts in
+    the first.
     """
     watched, driven = _in_or_after_flight(track), _motors_above_idle(track)
     if not (watched | driven).any():
@@ -143,8 +144,13 @@ def _first_of_each_kind(found: list[LossOfControl]) -> tuple[LossOfControl, ...]
 
 
 def movements(track: FlightTrack) -> Movements:
-    """Flag the rows in which each sign of lost control shows, for any time, and rows of calm
-    flight."""
+    """Flag the rows (T,) of calm flight, and map each kind of lost control to its rows (T,) and its
+    size (T,).
+
+    A row is flagged however briefly a sign lasts. Sizes are angles, rad, or rad/s, m/s and m/s² by
+    the kind. SATURATED is not among the kinds. An unknown channel, or an attitude that specific
+    force and pressure deny, shows no sign and does not prevent calm.
+    """
     down = down_axis(track.attitude)
     tilt = np.arccos(np.clip(down[:, 2], -1.0, 1.0))
     rate = np.linalg.norm(track.angular_rate_frd, axis=1)
@@ -180,11 +186,12 @@ def movements(track: FlightTrack) -> Movements:
 
 
 def _height_contradicts(track: FlightTrack, sink: Floats) -> Bools:
-    """Flag the rows (T,) where the height falls too little for a sink rate `sink` (T,), m/s.
+    """Flag the rows (T,) where the height does not fall as fast as the sink rate `sink` (T,), m/s,
+    states.
 
-    Too little is half of the rate, or FALL_SPEED: an estimated rate drifts if an accelerometer is
-    off. Height is by barometer, else above ground, over HEIGHT_S about the row; False where
-    unknown.
+    Only rates above FALL_SPEED are tested: the height must fall by half of the rate, and by
+    FALL_SPEED, over HEIGHT_S about the row. An estimated rate drifts if an accelerometer is off.
+    Height is by barometer, else above ground; False where unknown.
     """
     heights = (pressure_altitude(track.pressure), track.height_agl)
     known = [h for h in heights if np.isfinite(h).any()]
@@ -203,10 +210,11 @@ def _height_contradicts(track: FlightTrack, sink: Floats) -> Bools:
 
 
 def signs_so_far(track: FlightTrack) -> tuple[Movements, Mapping[LossKind, Bools]]:
-    """Return the movements, and for each sign the rows (T,) at which it has lasted long enough.
+    """Return the movements, and for each sign of lost control the rows (T,) in which it has lasted
+    enough.
 
-    For a flight in progress, in which later calm flight is not yet known. A hard jolt alone is no
-    sign.
+    For a flight in progress, in which it is not yet known whether calm flight follows. A hard jolt
+    alone is no sign, and is left out.
     """
     seen = movements(track)
     lasted: dict[LossKind, Bools] = {}
@@ -306,10 +314,11 @@ class StoppedRotor:
 
 
 def stopped_rotors(track: FlightTrack) -> tuple[StoppedRotor, ...]:
-    """List the rotors that stopped in flight for LOOK seconds or more, in order of time.
+    """List the rotors that stopped in flight, in order of time; at most one stop for each rotor.
 
-    A rotor without readings up to the last row is listed sooner, once the other rotors can be
-    compared, for live use. Inferred speeds are not used.
+    A rotor has stopped if it has no speed above 0 for more than LOOK seconds while the other rotors
+    take over its thrust, and its output is not as for a turning rotor. After a rotor's last reading
+    the silence need not last LOOK, for live use. Inferred speeds are not used.
     """
     turning = track.measured("rotor_speed_rpm")
     squares = np.where(turning > 0.0, turning, np.nan) ** 2
@@ -342,8 +351,10 @@ class StoppedWatch:
         self._kept: FlightTrack | None = None
 
     def add(self, track: FlightTrack) -> Bools:
-        """Add N new rows, in order of time; return flags (N, R), set in the last row for stopped
-        rotors."""
+        """Add N new rows, in order of time; return flags (N, R) of rotors that have stopped by now.
+
+        Flags are only set in the last row.
+        """
         kept, found = self._kept, np.zeros(track.rotor_speed_rpm.shape, dtype=np.bool_)
         if not track.time_s.size:
             return found
@@ -373,10 +384,11 @@ def _taken_over(track: FlightTrack, own: Floats, others: Floats, time_s: float) 
 
 
 def _asked_as_turning(track: FlightTrack, rotor: int, time_s: float) -> bool:
-    """Return True if `rotor`'s motor output, relative to the others', hardly changes at `time_s`.
+    """Return True if `rotor`'s motor output, relative to the other motors' output, hardly changes
+    at `time_s`.
 
     The autopilot then still controls the rotor as one that turns. False where outputs are unknown,
-    or the others' did not rise.
+    or the other outputs did not rise.
     """
     asked = track.throttle
     own, others = asked[:, rotor], np.mean(np.delete(asked, rotor, axis=1), axis=1)

@@ -80,7 +80,7 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
     """
     nan = float("nan")
     same = tuple(range(airframe.rotor_count))
-    rows = _samples(track)[-1].size
+    rows = response_samples(track)[-1].size
     if rows < FEWEST_ROWS or track.rotor_count != airframe.rotor_count:
         return MotorOrder(
             verdict="unclear",
@@ -91,18 +91,18 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
             lead=0.0,
             rows=rows,
         )
-    places = np.array(list(_assignments(airframe.rotor_count)))
+    places = np.array(list(assignments(airframe.rotor_count)))
     arms = mixer(airframe)[1:] * airframe.rotor_effectiveness
-    likelihood, correlation = _likelihood(track, places, arms)
-    order = _decide(airframe, places, likelihood, correlation, rows)
+    likelihood, correlation = order_likelihood(track, places, arms)
+    order = decide_order(airframe, places, likelihood, correlation, rows)
     if order.verdict != "agrees":
         # Speeds reported late can fit another order of motors: try delays.
         for late in LATE_S:
-            other, at_delay = _likelihood(_shift_speeds(track, late), places, arms)
+            other, at_delay = order_likelihood(_shift_speeds(track, late), places, arms)
             if other[0, 0] > likelihood[0, 0]:
                 correlation = at_delay
             likelihood = np.maximum(likelihood, other)
-        order = _decide(airframe, places, likelihood, correlation, rows)
+        order = decide_order(airframe, places, likelihood, correlation, rows)
         seen = _is_resolved(track) or not _is_rotated_layout(airframe, order.places)
         if order.verdict == "differs" and not (
             seen and _persists_in_means(track, order.places, arms)
@@ -121,7 +121,7 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
         and _is_resolved(track)
         and all(
             _fits_free_arms(samples, axis, arms[axis])
-            for samples in (_samples(track), _slow_means(_samples(track)))
+            for samples in (response_samples(track), _slow_means(response_samples(track)))
             for axis in range(2)
         )
     ):
@@ -130,21 +130,22 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
     return order
 
 
-def _likelihood(
+def order_likelihood(
     track: FlightTrack, places: np.ndarray, arms: Floats
 ) -> tuple[Floats, tuple[float, float, float]]:
-    """Return the log-likelihood (2, P) of P orders of the rotors, and the airframe order's
-    correlations.
+    """Return the log-likelihood (2, P) of P motor orders, and the correlations of the airframe's
+    order.
 
-    The first row is with the airframe's spins, the second with all reversed. The correlations are
-    of roll, pitch and yaw.
+    `places` (P, R) gives the place of each motor in each order, the airframe's order first; `arms`
+    (3, R) are the roll, pitch and yaw arms by place. Row 0 is with the airframe's spin directions,
+    row 1 with all reversed. The correlations are those of roll, pitch and yaw.
     """
-    acceleration, rate, squares, step = _samples(track)
+    acceleration, rate, squares, step = response_samples(track)
     likelihood = np.zeros((2, len(places)))
     correlation = []
     for axis in range(3):
         weights = arms[axis][places]  # (P, R): arm of each reported speed under each assignment
-        correlated, effective = _correlations(
+        correlated, effective = response_correlations(
             acceleration[:, axis], rate[:, axis], squares, weights, step
         )
         correlation.append(float(correlated[0]))
@@ -179,12 +180,12 @@ def _is_half_rotated(track: FlightTrack, arms: Floats) -> bool:
         for a in (angle, -angle)
     ]
 
-    samples = _samples(track)
+    samples = response_samples(track)
     fast, slow = (
         max(_roll_and_pitch(of, a) for a in turned) for of in (samples, _slow_means(samples))
     )
     for late in (0.0, *LATE_S):
-        own = _samples(_shift_speeds(track, late)) if late else samples
+        own = response_samples(_shift_speeds(track, late)) if late else samples
         if fast - _roll_and_pitch(own, arms) < DECISIVE:
             return False
         if slow - _roll_and_pitch(_slow_means(own), arms) < DECISIVE:
@@ -193,11 +194,15 @@ def _is_half_rotated(track: FlightTrack, arms: Floats) -> bool:
 
 
 def _roll_and_pitch(samples: tuple[Floats, Floats, Floats, Floats], arms: Floats) -> float:
-    """Return the log-likelihood of roll and pitch with the arms (2, R) or (3, R) of each rotor."""
+    """Return the log-likelihood gained by the rotors' moments in roll and pitch.
+
+    `samples` are those of `response_samples`: angular acceleration, rate, squared speeds, step.
+    `arms` (2 or more, R) are each rotor's roll and pitch arms in its first two rows.
+    """
     acceleration, rate, squares, step = samples
     total = 0.0
     for axis in range(2):
-        (correlated,), (count,) = _correlations(
+        (correlated,), (count,) = response_correlations(
             acceleration[:, axis], rate[:, axis], squares, arms[axis][None], step
         )
         total -= 0.5 * float(count * np.log1p(-(np.clip(correlated, 0.0, 0.999999) ** 2)))
@@ -207,24 +212,32 @@ def _roll_and_pitch(samples: tuple[Floats, Floats, Floats, Floats], arms: Floats
 def _is_resolved(track: FlightTrack) -> bool:
     """Return True if roll and pitch acceleration correlate from one difference of the rates to
     the next."""
-    acceleration = _samples(track)[0][:, :2]
+    acceleration = response_samples(track)[0][:, :2]
     power = np.sum(acceleration**2, axis=0)
     return bool(np.all(np.sum(acceleration[2:] * acceleration[:-2], axis=0) > RESOLVED * power))
 
 
 def _persists_in_means(track: FlightTrack, places: tuple[int, ...], arms: Floats) -> bool:
-    """Return True if an order of the rotors also explains roll and pitch in means over
-    SLOW_ROWS. `places` gives the place of each motor, `arms` (3, R) the moment arms by place."""
+    """Return True if an order of the rotors explains roll and pitch also in means over SLOW_ROWS.
+
+    Vibration correlates in single rows only. `places` gives the place of each motor, `arms` (3, R)
+    the moment arms by place. The best correlation in means, over all delays of the speeds, must
+    reach SLOW_SHARE of that in single rows.
+    """
     fast, slow = [], []
     for late in (0.0, *LATE_S):
-        samples = _samples(_shift_speeds(track, late) if late else track)
+        samples = response_samples(_shift_speeds(track, late) if late else track)
         for found, (acceleration, rate, squares, step) in (
             (fast, samples),
             (slow, _slow_means(samples)),
         ):
             found.append(
                 sum(
-                    float(_correlations(acceleration[:, k], rate[:, k], squares, row, step)[0][0])
+                    float(
+                        response_correlations(acceleration[:, k], rate[:, k], squares, row, step)[
+                            0
+                        ][0]
+                    )
                     for k, row in enumerate(arms[:2, None, list(places)])
                 )
             )
@@ -240,12 +253,12 @@ def _shift_speeds(track: FlightTrack, late: float) -> FlightTrack:
     return replace(track, rotor_speed_rpm=np.stack(speeds, axis=1))
 
 
-def _samples(track: FlightTrack) -> tuple[Floats, Floats, Floats, Floats]:
+def response_samples(track: FlightTrack) -> tuple[Floats, Floats, Floats, Floats]:
     """Return angular acceleration (n, 3), rate (n, 3), squared speeds (n, R) in 1e6 rpm² and step
-    (n,) s.
+    (n,), s.
 
-    Acceleration is the central difference over two rows; the speeds are smoothed alike. Trends are
-    subtracted. Empty with fewer than FEWEST_ROWS.
+    Rates are in rad/s, roll, pitch, yaw. Acceleration is the central difference over two rows; the
+    speeds are smoothed in the same way. Trends are subtracted. Empty with fewer than FEWEST_ROWS.
     """
     time_s, rate = track.time_s, track.angular_rate_frd
     squares = (track.rotor_speed_rpm / 1000.0) ** 2
@@ -262,7 +275,12 @@ def _samples(track: FlightTrack) -> tuple[Floats, Floats, Floats, Floats]:
     use &= ~((track.throttle >= FULL_OUTPUT) & inferred)[1:-1].any(axis=1)
     if np.sum(use) < FEWEST_ROWS:
         use[:] = False
-    return _detrend(acceleration[use]), _detrend(rate[1:-1][use]), _detrend(smooth[use]), step[use]
+    return (
+        detrend(acceleration[use]),
+        detrend(rate[1:-1][use]),
+        detrend(smooth[use]),
+        step[use],
+    )
 
 
 def _slow_means(
@@ -273,7 +291,7 @@ def _slow_means(
     return acceleration, rate, squares, samples[3]
 
 
-def _detrend(values: Floats) -> Floats:
+def detrend(values: Floats) -> Floats:
     """Subtract the running mean over _TREND_ROWS rows (T, ...).
 
     Slow changes, as the tank empties, and jumps, when a propeller is damaged, are no manoeuvres.
@@ -281,9 +299,11 @@ def _detrend(values: Floats) -> Floats:
     return values - running_mean(values, _TREND_ROWS)
 
 
-def _assignments(rotors: int) -> Iterator[tuple[int, ...]]:
-    """Yield assignments of speeds to places, the airframe's own first: all, or exchanges of up
-    to two pairs beyond ALL_UP_TO."""
+def assignments(rotors: int) -> Iterator[tuple[int, ...]]:
+    """Yield tuples with the place of each motor, the airframe's own order first.
+
+    All permutations up to ALL_UP_TO rotors; with more rotors, exchanges of one or two pairs.
+    """
     same = tuple(range(rotors))
     if rotors <= ALL_UP_TO:
         yield from permutations(same)
@@ -304,14 +324,15 @@ def _exchange(places: tuple[int, ...], pair: tuple[int, int]) -> tuple[int, ...]
     return tuple(changed)
 
 
-def _correlations(
+def response_correlations(
     acceleration: Floats, rate: Floats, squares: Floats, weights: Floats, step: Floats
 ) -> tuple[Floats, Floats]:
-    """Return the correlation (P,) of an axis's acceleration with P assignments' moments, and
-    samples.
+    """Correlate an axis's angular acceleration with the moment of P assignments of rotors.
 
-    The samples (P,) are the effective numbers of independent ones. The influence of rate,
-    collective and a constant is removed first.
+    `acceleration` and `rate` (n,) are of the axis, `squares` (n, R) squared rotor speeds, `weights`
+    (P, R) each speed's arm in an assignment, `step` (n,), s. A constant, the rate and the
+    collective are regressed out first. Return the correlations (P,), 0 for an assignment without
+    moment, and the effective numbers (P,) of independent samples.
     """
     known = np.stack([np.ones_like(rate), rate, squares.sum(axis=1)], axis=1)
     basis = np.linalg.qr(known)[0]
@@ -339,25 +360,25 @@ def _correlations(
 def _fits_free_arms(
     samples: tuple[Floats, Floats, Floats, Floats], axis: int, own_arms: Floats
 ) -> bool:
-    """Return True if fitted arms of all rotors explain an axis that the airframe's arms (R,) do
-    not.
+    """Return True if freely fitted arms explain an axis that the airframe's arms (R,) do not.
 
-    The penalty is one independent sample for each arm.
+    `samples` are those of `response_samples`, `axis` is 0 roll, 1 pitch, 2 yaw. The log-likelihood
+    must rise by DECISIVE; the penalty is one independent sample for each fitted arm.
     """
     acceleration, rate, squares, step = samples
     response, rates = acceleration[:, axis], rate[:, axis]
     known = np.stack([np.ones_like(rates), rates, squares.sum(axis=1)], axis=1)
     solved = np.linalg.lstsq(np.hstack([known, squares]), response)[0]
     arms = solved[known.shape[1] :].astype(np.float64)
-    (freely,), (count,) = _correlations(response, rates, squares, arms[None], step)
-    (own,), _ = _correlations(response, rates, squares, own_arms[None], step)
+    (freely,), (count,) = response_correlations(response, rates, squares, arms[None], step)
+    (own,), _ = response_correlations(response, rates, squares, own_arms[None], step)
     explained = np.clip([own, freely], 0.0, 0.999999) ** 2
     own_likelihood, likelihood = -0.5 * max(count - arms.size, 0.0) * np.log1p(-explained)
     lead = likelihood - own_likelihood - 0.5 * arms.size * np.log(max(count, 1.0))
     return bool(freely > ANSWERS and own < 0.5 * freely and lead >= DECISIVE)
 
 
-def _decide(
+def decide_order(
     airframe: Airframe,
     places: np.ndarray,
     likelihood: Floats,
@@ -365,7 +386,11 @@ def _decide(
     rows: int,
 ) -> MotorOrder:
     # By places and spins alone: the lower effectiveness of coaxial rotors is a guess.
-    """Return the verdict from the log-likelihoods (2, P) of P assignments `places` (P, R)."""
+    """Return the verdict from the log-likelihoods (2, P) of P assignments `places` (P, R).
+
+    Row 0 is with the airframe's spins, row 1 with all reversed. `correlation` (roll, pitch, yaw)
+    and the number of `rows` are passed on to the result.
+    """
     layouts = mixer(airframe)[1:][:, places]  # (3, P, R)
     layouts = np.concatenate([layouts, layouts * np.array([1.0, 1.0, -1.0])[:, None, None]], axis=1)
     flat = likelihood.ravel()
@@ -400,10 +425,12 @@ def _decide(
 def _open_pairs(
     places: np.ndarray, likelihood: Floats, layouts: Floats
 ) -> tuple[tuple[int, int], ...]:
-    """List pairs of rotors whose exchange has a log-likelihood within DECISIVE of the airframe's
+    """List the pairs of rotors, from 0, that the flight cannot distinguish from the airframe's
     order.
 
-    Pairs with equal places and spins in `layouts` (3, P, R) are excluded.
+    `places` (P, R) are the orders, the airframe's first, with log-likelihoods `likelihood` (P,). A
+    pair is listed if its exchange alone is within DECISIVE of the airframe's order. Pairs that are
+    alike in `layouts` (3, P, R), the arms of each order, are excluded.
     """
     moved = places != places[0]
     found = []

@@ -94,11 +94,6 @@ class OutputEvidence:
         less; else 1."""
         return float(np.exp(self.over_speeds)) if self.over_speeds < -self.shows else 1.0
 
-    def surely_more_than(self, mass: float) -> bool:
-        """Return True if the outputs surely show more thrust than an aircraft of `mass` kg can
-        need."""
-        return bool(np.log(self.lifted_kg / mass) > SURELY * self.error)
-
 
 def output_evidence(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
@@ -112,7 +107,11 @@ def output_evidence(
 
 @lru_cache(maxsize=1)  # four callers need it for one flight
 def _evidence(track: FlightTrack, airframe: Airframe, curve: OutputCurve) -> OutputEvidence:
-    """Estimate thrust by motor outputs with the autopilot's thrust curve."""
+    """Compare the thrust by motor outputs with the load and with the thrust by rotor speeds.
+
+    `curve` is the autopilot's thrust curve. Values are medians in flight: masses in kg, the ratio
+    as a logarithm with its error. All NaN if the airframe has another number of rotors.
+    """
     nan = float("nan")
     if track.rotor_count != airframe.rotor_count:
         return OutputEvidence(lifted_kg=nan, load_kg=nan, over_speeds=nan, error=nan)
@@ -147,10 +146,11 @@ def _thrust_error(measured: float, airframe: Airframe, behind: tuple[str, ...]) 
 
 
 def thrust_by_outputs(track: FlightTrack, airframe: Airframe, curve: OutputCurve) -> Floats:
-    """Return the total thrust (T,), N, that the motor outputs imply by the airframe's largest one.
+    """Return the total thrust (T,), N, that the motor outputs imply.
 
-    NaN where an output is unknown, or where some outputs are full and others not: the autopilot
-    gives a stopped rotor full output.
+    It is the thrust share of each output, by `curve`, of the rotor's largest thrust at this density
+    and voltage. NaN where an output is unknown, or where some outputs are full and others not: the
+    autopilot gives a stopped rotor full output.
     """
     limits = ceiling(airframe, track_air(track).density, track.voltage)
     thrust = np.sum(limits.max_thrust * curve.thrust_share(track.throttle), axis=1)

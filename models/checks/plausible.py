@@ -139,9 +139,11 @@ def _compared(
     brief: Statement | None = None,
     **limits: Any,
 ) -> Comparison:
-    """Build the comparison `check` of a value, or of an interval, with its limits in LIMITS.
+    """Build the result of the comparison `check`, with the limits of that name in LIMITS.
 
-    `found` and `brief` describe the result; `limits` replace fields of these limits.
+    `value` is the compared number, or the interval (low, high) in which it is; the limits decide
+    the verdict. `found` states the result, `brief` (or None) the same in short; `limits` are fields
+    of these limits to replace.
     """
     low, high = value if isinstance(value, tuple) else (value, value)
     used = replace(LIMITS[check], **limits)
@@ -154,10 +156,12 @@ def comparisons(
     facts: VehicleFacts,
     parameters: Mapping[str, float],
 ) -> tuple[Comparison, ...]:
-    """Compare a flight with an airframe by every test in the table of this module.
+    """Compare a flight with an airframe by the tests of this module, in a fixed order.
 
-    Tests without data are omitted or "unknown". Values inferred with the airframe's help are
-    excluded. `parameters` are the autopilot's, by name.
+    A contradiction ends it where later tests would only repeat it: after a contradicting motor
+    count no other test follows, after a contradicting voltage none that uses the voltage. Tests
+    without data are omitted or "unknown". Values inferred with the airframe's help are excluded.
+    `parameters` are the autopilot's, by name.
     """
     found: list[Comparison | None] = [_vehicle(track, facts), _clock(track)]
     found.append(motors := _motors(track, airframe, facts))
@@ -183,7 +187,8 @@ def recognition(found: tuple[Comparison, ...]) -> tuple[Statement, ...]:
     """Return short statements of what matches the airframe; empty if the flight is not recognised.
 
     Number of rotors, voltage, and rotor speed or else motor output must be close; nothing may
-    contradict.
+    contradict. Not recognised either is a vehicle whose kind was compared (one that is no
+    multirotor).
     """
     by_name = {c.check: c for c in found}
     strength = by_name.get("rotor speed")
@@ -214,7 +219,12 @@ def _clock(track: FlightTrack) -> Comparison | None:
 
 
 def _motors(track: FlightTrack, airframe: Airframe, facts: VehicleFacts) -> Comparison:
-    """Compare the airframe's number of rotors with those of the vehicle's report and the track."""
+    """Compare the airframe's number of rotors with the number that the vehicle reports and the
+    number in the track.
+
+    The compared value is the larger difference; infinite if the vehicle's own reports conflict. If
+    the vehicle reports none and the track agrees, the result is only that rotors are not reported.
+    """
     own = {"airframe": airframe.name, "own": airframe.rotor_count}
     if not facts.rotor_count and track.rotor_count == airframe.rotor_count:
         return _compared("motors", 0.0, state("rotors not reported", **own), close=None)
@@ -254,7 +264,12 @@ def _frame(airframe: Airframe, parameters: Mapping[str, float]) -> Comparison | 
 
 
 def _voltage(track: FlightTrack, airframe: Airframe, battery: StatedBattery) -> Comparison:
-    """Compare median voltage in flight, or the stated cells, with the nominal voltage."""
+    """Compare the median voltage in flight with the airframe's nominal voltage, as their ratio.
+
+    If the vehicle states a number of cells that its voltage allows and the nominal voltage does
+    not, the nominal voltage of one cell, V, is compared instead. NaN with fewer than FEWEST_ROWS
+    voltages.
+    """
     volts = track.voltage[track.flying & (track.voltage > 0.0)]
     found = known_median(volts) if volts.size >= FEWEST_ROWS else np.nan
     each = airframe.nominal_voltage / battery.cells if battery.cells else np.nan
@@ -293,10 +308,10 @@ def _full_battery(track: FlightTrack, airframe: Airframe) -> Comparison | None:
 def _surplus_thrust(
     track: FlightTrack, airframe: Airframe, outputs: OutputEvidence
 ) -> Comparison | None:
-    """Report surplus thrust: what motor outputs or rotor speeds show beyond rotor speeds or weight.
+    """Report thrust in use that the reported load or speeds do not account for; None without one.
 
-    The verdict is "apart": the intervals of margin and fill reach to the larger surplus. None
-    without one.
+    It is what motor outputs show beyond rotor speeds, or either shows beyond the weight; the larger
+    one counts. The intervals of margin and fill are extended to it, so the verdict is only "apart".
     """
     outputs = replace(outputs, ceiling_high=0.0)
     beyond, kind = outputs.share_beyond_speeds, "outputs beyond speeds"
@@ -339,7 +354,8 @@ def _rotor_speed(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence
 
 
 def _one_esc(track: FlightTrack) -> Comparison | None:
-    """Report the rotor whose ratio of speed to output differs too much from the others' median.
+    """Report the rotor whose ratio of speed to output differs too much from the other rotors'
+    median.
 
     No other propeller explains such a difference. None without such a rotor, or with too few rows.
     """
@@ -356,7 +372,13 @@ def _one_esc(track: FlightTrack) -> Comparison | None:
 
 
 def _speed_limit(track: FlightTrack, airframe: Airframe) -> Comparison | None:
-    """Report rotor speeds in flight above the airframe's largest; None if short, rare or absent."""
+    """Report rotor speeds in flight that need more than IMPOSSIBLE_USE of the airframe's largest
+    thrust at the battery's median voltage.
+
+    The compared value is the time above it, s. None if that is at most MOMENT_S, or less than
+    MOMENT_SHARE of the flight, or without speeds. If one rotor alone is above for most of that
+    time, it is named.
+    """
     volts = track.voltage[track.flying & (track.voltage > 0.0)]
     battery = known_median(volts)  # median: a failing voltmeter must not look like a fast rotor
     limit = ceiling(airframe, airframe.reference_density, battery).max_rotor_speed_rpm

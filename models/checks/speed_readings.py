@@ -80,13 +80,15 @@ def checked_readings(
     before: LastReading,
     look_ahead: bool,
 ) -> tuple[NDArray[np.uint8], LastReading]:
-    """Classify n speed readings of one rotor, and return its last reading for the next call.
+    """Classify n speed readings of one rotor; also return its last reading, for the next call.
 
     MEASURED is valid; ZERO: reported as stopped though driven; HELD: an old value repeated; LONE: a
-    jump too large for a rotor. `rpm` (n,) are finite; `output` (n,) is the motor output, NaN where
-    unknown, `asked` (n,) flags outputs above idle, and `others` (n,) is the median speed, rpm, of
-    the other rotors. `look_ahead`: the readings are those of the whole flight, so that later
-    readings are used too.
+    jump too large for a rotor, or a speed above the channel's range. `time_s` (n,) is the time of
+    the readings, s, `rpm` (n,) the speed, finite, of either sign, `output` (n,) the motor output,
+    NaN where unknown; `asked` (n,) flags outputs above idle, and `others` (n,) is the median speed,
+    rpm, of the other rotors. `before` is the reading before the first. `look_ahead`: the readings
+    are those of the whole flight, so later ones are used too, and all are ZERO if none turns
+    although driven or without a known output.
     """
     verdict = np.full(time_s.size, MEASURED, dtype=np.uint8)
     if time_s.size == 0:
@@ -125,9 +127,13 @@ def _mark_repeats(
     *,
     look_ahead: bool,
 ) -> LastReading:
-    """Mark readings as HELD in `verdict` (n,) that repeat while the output or the others changed.
+    """Mark in `verdict` (n,), in place, as HELD, readings that repeat for HELD_S s or more while
+    the motor output changed.
 
-    Return the last run of equal readings.
+    Where the output is unknown, the other rotors' speed must have changed instead. `time_s` (n,) s,
+    `rpm` (n,), `output` (n,), NaN where unknown, and `others` (n,), rpm, are of the readings;
+    `before` is the last run of equal readings before them. With `look_ahead` all repeats of such a
+    run are marked, else only those from when it is certain. Return the last run of equal readings.
     """
     drive = np.where(np.isfinite(output), np.fmax(output, FLOOR), np.fmax(others, SLOW))
     earlier = np.concatenate([[before.value], rpm[:-1]])
@@ -207,10 +213,11 @@ class ReadingScatter:
         return most > (0.0 if self.in_steps else NOTABLE)
 
     def of_mean(self, seconds: float) -> Floats:
-        """Return the standard deviation (R,) of means over `seconds`, as a share of the speed.
+        """Return the standard deviation (R,) of a mean of readings over `seconds`, as a share of
+        the speed.
 
-        With coarse steps a mean is no better than a reading, since the speed may lie between two
-        steps.
+        For readings in coarse steps it is that of a single reading, since the speed may stay
+        between two steps.
         """
         if self.in_steps:
             return self.share
@@ -256,8 +263,8 @@ _NORMAL = 1.4826  # standard deviation of a normal distribution over its median 
 
 
 def speed_resolution(track: FlightTrack) -> Statement | None:
-    """Report that rotor speeds in flight are coarse, scattered or slowly updated; None if they
-    are not."""
+    """Report the first of: rotor speeds in flight are coarse, scattered, or slowly updated; None if
+    they are not, or with fewer than LEAST_ROWS rows."""
     rows = track.flying & np.isfinite(track.rotor_speed_rpm).all(axis=1)
     rpm = track.rotor_speed_rpm[rows]
     if rpm.shape[0] < LEAST_ROWS or not rpm.shape[1]:
@@ -363,10 +370,10 @@ def lifted_mass(track: FlightTrack, thrust: Floats) -> Floats:
 def _scale_verdict(
     ratio: float, low: float, high: float, airframe: Airframe
 ) -> tuple[Literal["rotor", "electrical", "unit", "odd"], Statement]:
-    """Classify the `ratio` of reported to expected rotor speed, possible from `low` to `high`.
+    """Classify the `ratio` of reported to expected rotor speed, uncertain from `low` to `high`.
 
     "rotor": as expected; "unit": another unit; "electrical": electrical speed, by a possible pole
-    count; "odd": none of them. Also return the statement of it.
+    count; "odd": none of them. Also return the statement for the user.
     """
     if low <= USUAL_RATIO[1] and high >= USUAL_RATIO[0]:
         return "rotor", state("speeds fit", ratio=ratio)
@@ -416,11 +423,11 @@ def late_speeds(track: FlightTrack) -> Statement | None:
 
 
 def delays(track: FlightTrack) -> tuple[Floats, Floats, Floats]:
-    """Return delays (D,), s, of rotor speeds behind specific force, positive if they are late.
+    """Correlate squared rotor speeds with the upward specific force at D delays.
 
-    Also the correlation (D,) of squared speeds and upward force at each delay, and its log
-    likelihood (D,). All empty if either is known in fewer than FEWEST_OF_ORDER rows in flight, or
-    if rows are too far apart.
+    Return the delays (D,), s, positive if the speeds are late; the correlation (D,) at each; and
+    its log-likelihood (D,) over no correlation. All empty if either is known in fewer than
+    FEWEST_OF_ORDER rows in flight, or if rows are too far apart.
     """
     time_s = track.time_s
     squares = np.sum(track.rotor_speed_rpm**2, axis=1)
@@ -435,28 +442,28 @@ def delays(track: FlightTrack) -> tuple[Floats, Floats, Floats]:
     grid = np.arange(time_s[known][0], time_s[known][-1], step)
     # Pauses and landings are interpolated; a real delay outweighs these rows.
     together, felt = (
-        _band_pass(np.interp(grid, time_s[known], c[known]), step) for c in (squares, upward)
+        band_pass(np.interp(grid, time_s[known], c[known]), step) for c in (squares, upward)
     )
     furthest = min(round(REACH / step), grid.size - FEWEST_OF_ORDER)
     if furthest < 1:
         return empty, empty, empty
     rows = np.arange(-furthest, furthest + 1)
-    found = np.array([_lagged_correlation(together[max(k, 0) :], felt[max(-k, 0) :]) for k in rows])
+    found = np.array([lagged_correlation(together[max(k, 0) :], felt[max(-k, 0) :]) for k in rows])
     return (rows * step).astype(np.float64), found[:, 0], found[:, 1]
 
 
-def _band_pass(values: Floats, step: float) -> Floats:
+def band_pass(values: Floats, step: float) -> Floats:
     """Subtract from values (n,), `step` s apart, the mean over TREND s; smooth over SMOOTH_ROWS."""
     values = values - running_mean(values, round(TREND / step) | 1)
     return running_mean(values, SMOOTH_ROWS)
 
 
-def _lagged_correlation(one: Floats, other: Floats) -> tuple[float, float]:
-    """Return the correlation of two series (n,) over their common rows, and its log-likelihood over
-    none.
+def lagged_correlation(one: Floats, other: Floats) -> tuple[float, float]:
+    """Return the correlation of two series, and its log-likelihood over no correlation.
 
-    Neighbours correlate, so the number of independent samples is reduced by Bartlett's rule (1935)
-    for two autoregressive series of first order. 0 and 0 for a series of zeros.
+    The series are cut to the length of the shorter one. Neighbours correlate, so the number of
+    independent samples is reduced by Bartlett's rule (1935) for two autoregressive series of first
+    order. 0 and 0 for a series of zeros.
     """
     rows = min(one.size, other.size)
     one, other = one[:rows], other[:rows]

@@ -74,9 +74,10 @@ def log_likelihood(a: Floats, b: Floats, step: Floats, width: Floats) -> Floats:
 
 
 def log_own(a: Floats, b: Floats) -> Floats:
-    """Return ln J, the mean likelihood ratio of a change with a size in SIZES to no change.
+    """Return ln J: the mean likelihood ratio of a change of size in SIZES to no change.
 
-    A and B, of one shape, are the sums of the module docstring.
+    `a` and `b`, of one shape, are the sums A = sum g²/v and B = sum g e/v over innovations e of
+    variance v, with g the filter's response to a unit step. The result has their shape.
     """
     square = SQUARES.reshape(-1, *[1] * a.ndim)
     wide = 1.0 + square * a
@@ -94,8 +95,11 @@ class SuddenChange:
     """
 
     def __init__(self, prior: Prior, block: float, window: float = WINDOW) -> None:
-        """Start the filters from the prior of a flight. `block` is the length, s, of a block; a
-        change is sought up to `window` s after its start."""
+        """Start the filters from the prior of a flight.
+
+        `block` is the length of a block, s; `window` is the time, s, after its start within which a
+        change is searched for.
+        """
         signals, inputs = prior.inputs.shape
         self.noise, self.lag = prior.noise**2, np.full(signals, 0.5)  # s², f
         self._keep, self._ages = float(np.exp(-block / MEMORY)), round(window / block)
@@ -172,8 +176,12 @@ class SuddenChange:
         self._last_residual = left
 
     def _begin_start(self) -> None:
-        """Begin a filter that assumes a change now, as a copy of filter 0, and drop the oldest
-        one."""
+        """Begin a filter that assumes that a change begins now, and drop the oldest if it is too
+        old.
+
+        It is a copy of the filter that assumes no change. A filter begins in every SETTLE-th block;
+        while a change is held, none begins after some blocks and none is dropped.
+        """
         self._sums[:, 0] = self._filters[:, -1, 0] = 0.0
         if self._hold_blocks >= 0:
             self._hold_blocks += 1
@@ -194,10 +202,11 @@ class SuddenChange:
         self._sums, self._age = self._sums.take(order, axis=1), self._age[order]
 
     def _weigh(self) -> None:
-        """Compute for all starts ln of 1 - q and of q J (K, M), and ln of the likelihood that no
-        part changed (K,).
+        """Compute the log likelihoods of each of K starts of a change, and store them.
 
-        Also the posterior shares (K, M + 1) of a signal's own change and of a turn.
+        Stored for each signal (K, M): ln(1 - q), no change of its own, and ln(q J), one of its own;
+        (K,) ln of the likelihood that no part changed; and (K, M + 1) the posterior probability of
+        a signal's own change and, last, of a turn.
         """
         self._rate_index = np.minimum(self._age[1:], self._ages) - 1
         self._rate_index[0] = -1
@@ -214,7 +223,12 @@ class SuddenChange:
         self._log_still, self._log_moved, self._log_none = still[:, :-1], moved[:, :-1], none[:, 0]
 
     def _update_rates(self, sound: float) -> None:
-        """Update q and q_all of each age by one more block, except while a change is held."""
+        """Update the rates q (own changes of a signal) and q_all (turns) of each age by one more
+        block.
+
+        `sound` is the probability that no part has changed, by which the block counts. No update
+        while a change is held.
+        """
         if self._hold_blocks >= 0:
             return
         age, shares = self._rate_index[1:], self._shares[1:]
@@ -227,10 +241,11 @@ class SuddenChange:
         self._q[age] += rate * moved
 
     def change(self, steps: Floats, widths: Floats, least: float) -> Change | None:
-        """Return the best-supported start of a change by one of H hypotheses, `steps` (H, M) +-
-        `widths`.
+        """Return the best-supported start of a change by one of H hypotheses, with its log ratio.
 
-        None if no start can have a log likelihood ratio of `least`, except while a change is held.
+        `steps` (H, M) are the changes of the M signals under each hypothesis, `widths` (H, M) their
+        standard deviations. None if no start can reach the log likelihood ratio `least`; while a
+        change is held, its start is always returned.
         """
         a, b, square = self._sums[:, 1:]
         still, moved, none = self._log_still, self._log_moved, self._log_none

@@ -216,8 +216,10 @@ class TakeoffWatch:
         """Add new rows, in order of time; return the check of the last run-up, None before the
         first.
 
-        Rows that do not follow the last ones begin another flight. Of a run-up of more than
-        MOST_ROWS rows the middle is dropped.
+        `airframe` is None where it is not known: then only the rotors are compared. `arms` are
+        figures of the aircraft's earlier flights, None where none are known. Rows that do not
+        follow the last ones begin another flight. Of a run-up of more than MOST_ROWS rows the
+        middle is dropped.
         """
         if not track.time_s.size:
             return self.now
@@ -305,10 +307,11 @@ def checked_run_up(
     *,
     ended: bool = False,
 ) -> TakeoffCheck:
-    """Check motors, speeds, ESCs, mass and yaw in one run-up, given its rows (`run_ups`) so far.
+    """Check motors, speeds, ESCs, mass and yaw in one run-up, whose rows so far are `track`.
 
-    Without an airframe of the track's rotor count, mass and yaw are not checked (NaN). `ended`
-    states that the run-up has no later rows.
+    Without an airframe of the track's rotor count, mass and yaw are not checked (NaN). `arms` are
+    figures of the aircraft's earlier flights or None. `ended` states that the run-up has no later
+    rows.
     """
     time_s, flying = track.time_s, track.flying
     begin = int(np.argmax(motors_on(track)))
@@ -362,9 +365,10 @@ def checked_run_up(
 def _starts(
     track: FlightTrack, begin: int, lift: int
 ) -> tuple[list[MotorStart], list[TakeoffFinding]]:
-    """Return each motor's start, up to row `lift`, and findings of motors that stand or start late.
+    """Return each motor's start, and findings of motors that do not start or start late.
 
-    A motor without a reported speed is NOT_KNOWN; one already turning in its first report is
+    `begin` is the first row with motors on, `lift` the row of lift-off (the number of rows if
+    none). A motor without a reported speed is NOT_KNOWN; one already turning in its first report is
     TURNED_BEFORE.
     """
     time_s, speeds, outputs = (
@@ -439,10 +443,11 @@ def _idle_rpm(track: FlightTrack, motor: int, rows: slice) -> float:
 def _at_common_output(
     track: FlightTrack, begin: int, lift: int, arms: ArmLaw | None
 ) -> tuple[list[TakeoffFinding], list[tuple[float, float]]]:
-    """Compare each rotor's speed with that of the others at the outputs of the run-up, and with
-    its own on the earlier flights of `arms`.
+    """Compare each rotor's speed with the speed that its output and the other rotors imply.
 
-    Also return for each rotor the medians of its ratios of speed and of output to the others.
+    Rows are from `begin` to just after `lift`. With the earlier flights in `arms` each rotor is
+    also compared with its own history. Return the findings, and for each rotor the medians of its
+    speed and of its output over those of the other rotors (NaN where unknown).
     """
     end = int(
         np.searchsorted(track.time_s, track.time_s[min(lift, track.time_s.size - 1)] + SETTLED_S)
@@ -505,7 +510,11 @@ def _at_common_output(
 def _unlike(
     time_s: Floats, motor: int, speed: Floats, off: Floats, most: Floats
 ) -> list[TakeoffFinding]:
-    """Return a finding where a motor is off its own history, ln (T,), by more than `most` (T,)."""
+    """Return a finding at the first lasting difference of a motor from its own history; else empty.
+
+    `off` (T,) is ln of its speed over the usual one, `most` (T,) the largest normal |off|, `speed`
+    (T,) the speed itself, rpm.
+    """
     with np.errstate(invalid="ignore"):
         row = _first_lasting(time_s, np.abs(off) > most, LASTS_S, READINGS)
     if row is None:
@@ -525,9 +534,11 @@ def _unlike(
 
 
 def exchanged_with(motor: int, speeds: Floats, outputs: Floats) -> int | None:
-    """Return the rotor whose speed must be swapped with that of `motor` to match all outputs (R,).
+    """Return the rotor whose speed signal seems swapped with that of `motor`; None if none does.
 
-    None if no swap explains the speeds.
+    `speeds`, rpm, and `outputs` are (R,), rotors from 0; values not above 0 are unknown. Swapping
+    both speeds must reduce the misfit of the speeds of all rotors with their outputs to less than
+    EXCHANGE_EXPLAINS of it. None also with fewer than FEWEST_TO_EXCHANGE known rotors.
     """
     known = np.flatnonzero(np.isfinite(speeds * outputs) & (speeds > 0.0) & (outputs > 0.0))
     if known.size < FEWEST_TO_EXCHANGE or motor not in known:
@@ -544,15 +555,20 @@ def exchanged_with(motor: int, speeds: Floats, outputs: Floats) -> int | None:
 
 
 def _off_output(speeds: Floats, outputs: Floats) -> float:
-    """Return the largest deviation of ln speed (n,) from a power of output that rotors have."""
+    """Return the largest deviation (natural log) of speeds (n,) from a power of the outputs (n,).
+
+    The power is fitted, within the range that rotors have.
+    """
     x, y = np.log(outputs) - np.log(outputs).mean(), np.log(speeds) - np.log(speeds).mean()
     power = float(np.clip(x @ y / max(float(x @ x), 1e-12), LEAST_POWER, MOST_POWER))
     return float(np.max(np.abs(y - power * x)))
 
 
 def _mean_before(time_s: Floats, values: Floats, seconds: float = MEAN_S) -> Floats:
-    """Return the mean (T, R) of values over the last `seconds` s up to each row; NaN where any
-    is NaN."""
+    """Return the mean (T, R) of `values` (T, R) over the last `seconds` s up to each row, included.
+
+    NaN where one of these values is NaN.
+    """
     first = np.searchsorted(time_s, time_s - seconds - 1e-6)
     total = np.vstack([np.zeros(values.shape[1]), np.cumsum(np.nan_to_num(values), axis=0)])
     gaps = np.vstack([np.zeros(values.shape[1]), np.cumsum(~np.isfinite(values), axis=0)])
@@ -582,9 +598,9 @@ def _median_of_known(values: Floats) -> Floats:
 
 
 def _first_lasting(time_s: Floats, wrong: Bools, seconds: float, readings: int = 2) -> int | None:
-    """Return the first row at which `wrong` (T,) has held for `seconds` s and `readings` samples.
+    """Return the first row at which `wrong` (T,) has been True for `seconds` s and `readings` rows.
 
-    None without one.
+    The rows must be consecutive. None without one.
     """
     since, count = math.nan, 0
     for row in range(time_s.size if wrong.any() else 0):
@@ -599,9 +615,11 @@ def _first_lasting(time_s: Floats, wrong: Bools, seconds: float, readings: int =
 
 
 def _reversed(track: FlightTrack, airframe: Airframe, begin: int) -> list[TakeoffFinding]:
-    """Return a finding, if any, where yaw accelerates against the yaw moment of the rotors.
+    """Return a finding if yaw accelerates against the yaw moment that the rotors should produce.
 
-    Then the spin of the named motors is reversed.
+    Then rotors of one spin in `airframe` turn the other way; the finding names the motors whose
+    reversed spin would produce the observed moment. Only rows from `begin` on count. Empty if no
+    row shows it.
     """
     time_s, rate = track.time_s, track.angular_rate_frd[:, 2]
     square = track.measured("rotor_speed_rpm") ** 2
@@ -701,11 +719,12 @@ def _yaw(
 
 
 def _voltages(track: FlightTrack, begin: int, lift: int) -> tuple[float, float, float, float]:
-    """Return the battery's voltage at rest, with motors idling, the lowest, and its resistance.
+    """Return the battery's median voltage at rest, its median with motors idling, the lowest of all
+    rows, V, and its resistance, ohm.
 
-    In V and ohm, NaN where unknown. At rest is before row `begin`, idling from there to row `lift`.
-    The resistance is from the voltage drop between rest and the row of the largest current; NaN if
-    that current is small.
+    NaN where unknown. At rest is before row `begin`, idling from there to row `lift`. The
+    resistance is the voltage drop from rest to the row of the largest current, over the rise of the
+    current; NaN if that is below LEAD_CURRENT.
     """
     volts, amperes = track.voltage, track.current
     with np.errstate(invalid="ignore"):
@@ -773,7 +792,7 @@ def bad_leads(
     `battery` (T,) is the battery's voltage, V; `volts` and `amperes` (T, R) are those of the ESCs.
     The voltage drop at small current is an offset of the voltmeters and is subtracted. ESCs report
     one after the other, so only means over LEAD_S s of a steady current are compared: in most
-    take-offs those of the first seconds of hover.
+    take-offs the first seconds of hover.
     """
     drop = battery[:, None] - volts
     with np.errstate(invalid="ignore"):

@@ -38,9 +38,13 @@ class VoltageSoFar:
 def broken_voltage(
     track: FlightTrack, so_far: VoltageSoFar | None = None
 ) -> tuple[Bools, VoltageSoFar]:
-    """Flag the rows (T,) in which the voltage reading broke down; also return the state after them.
+    """Flag the rows (T,) in which the voltage reading fell without the battery's voltage falling.
 
-    `so_far` is the state after earlier rows.
+    A reading is wrong if it is below FALL times an earlier sound reading, at most LOOK s old, while
+    motor speeds and outputs do not respond. A fall that lasts LOOK s or more is wrong even if they
+    do. The five rows on either side of a wrong one are flagged too. Voltages of 0 V, and outputs on
+    the ground, count as unknown; an unknown voltage is not wrong. Also return the state after the
+    rows, to pass as `so_far` with the flight's next rows; None starts a flight.
     """
     so_far = VoltageSoFar() if so_far is None else so_far
     volts = np.where(track.voltage > 0.0, track.voltage, np.nan)

@@ -120,7 +120,7 @@ class Channels:
 
 
 def concatenate(parts: list[Channels]) -> Channels:
-    """Concatenate the channels of several flights; scalars are those of the first."""
+    """Concatenate the channels of several flights; scalars are taken from the first flight."""
     joined: dict[str, Any] = {}
     for f in fields(Channels):
         values = [getattr(p, f.name) for p in parts]
@@ -134,10 +134,10 @@ def concatenate(parts: list[Channels]) -> Channels:
 
 
 def shifts_look(lag: float, channel: float = 0.0) -> Look:
-    """Return the s before and after a row that a shift table depends on, read `lag` s later.
+    """Return the times, s, before and after a row that a shift table read at `lag` s depends on.
 
-    `channel` is the window, s, of the channel itself to both sides. The result is at least
-    NEAR_LAG.
+    `channel` is the time, s, to both sides of a row that the channel itself depends on. Each result
+    is at least NEAR_LAG plus that.
     """
     reach = 4 * LAG_STEP  # of the weights
     return max(NEAR_LAG, reach - lag) + channel, max(NEAR_LAG, reach + lag) + channel
@@ -159,13 +159,13 @@ def lag_weights(
     time_constant: float = 0.0,
     since: float = np.inf,
 ) -> Floats:
-    """Return the weights (len(LAGS),) that interpolate a shift table `lag` seconds later.
+    """Return weights (len(LAGS),) that interpolate a shift table at `lag` seconds.
 
-    Cubic convolution (Keys 1981): smooth in the lag, and exact on the grid. A
-    `derivative_correction` of s subtracts s times the second difference, twice: 1/12 undoes to
-    third order the smoothing of a derivative over two rows, -1/3 is the mean of three rows applied
-    twice. With a `time_constant` in s the result is the channel after a first-order lag: the mean
-    over the past, or over the last `since` seconds, with exponentially decreasing weights.
+    Cubic convolution (Keys 1981): smooth in the lag, and exact on the grid. `derivative_correction`
+    c (dimensionless) subtracts c times the second difference, twice: 1/12 undoes to third order the
+    smoothing of a derivative over two rows, -1/3 is the mean of three rows applied twice. With a
+    `time_constant`, s, the result is the channel after a first-order lag: the mean over the past,
+    or over the last `since` seconds, with exponentially decreasing weights.
     """
     if time_constant > 0.0:
         share = -np.expm1(-since / time_constant)
@@ -318,10 +318,10 @@ class _TrackChannels:
 
     @cached_property
     def load_factor(self) -> Floats:
-        """Return the load factor (T,) of the motion along thrust, or the IMU's if velocity is
-        unknown.
+        """Return the load factor (T,): rotor force over that of steady flight, from the motion.
 
-        With a model of forward flight, drag and lift are included.
+        With a model of forward flight, drag and lift are included. Where velocity is unknown in the
+        whole flight, it is the IMU's specific force instead.
         """
         track, span = self._track, VELOCITY_SPAN * self._quick
         if self._forward_flight is None:
@@ -371,10 +371,10 @@ def own_channels(
     effects: Iterable[Effect],
     start: FlightState | None = None,
 ) -> tuple[dict[str, Any], FlightState]:
-    """Return the channels that effects compute for themselves, by effect name, and the state in
-    which the next window of rows starts.
+    """Return the channels that effects compute for themselves, by effect name, and the state after.
 
-    `start` is that state of the rows before; None: the flight begins.
+    The state after the last row is passed as `start` with the next rows of the flight; None: the
+    flight begins.
     """
     makers = {e.name: e.own_channel for e in effects if e.own_channel is not None}
     before = {} if start is None else start.carried
@@ -427,10 +427,10 @@ def _along_axis(track: FlightTrack) -> Floats:
 def _shift_tables(time_s: Floats, *, late: bool) -> Callable[[Floats], Floats]:
     """Return a function from channels (..., T) to their values (..., T, len(LAGS)) at all lags.
 
-    Values are NaN where a neighbouring row is missing or far, and beyond the ends of the rows. At
-    lags above NEAR_LAG, which only late reports need, a channel is interpolated over gaps and
-    constant beyond the ends; unless an effect needs these lags (`late`), they are the values of the
-    row itself.
+    At lags up to NEAR_LAG, values are NaN where a neighbouring row is missing or far, and beyond
+    the ends of `time_s` (T,). Larger lags are needed for late reports only: with `late` the channel
+    is interpolated over gaps there and constant beyond the ends, without it these entries are the
+    row's own value. With a single row all entries are its own value.
     """
     if time_s.size < 2:
         return lambda values: np.repeat(values[..., None], len(LAGS), axis=-1)

@@ -25,7 +25,7 @@ import numpy as np
 
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import KAPPA_FLOOR, Array, Effect, Kind, Placed, Values
-from thrustmargin.models.effects.channels import LAGS, NEAR_LAG, Channels
+from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.physics.airframe import Airframe
@@ -58,7 +58,11 @@ class BaseTable:
     yaw_rows: Any  # (R,) yaw moment of each rotor's torque, by apparent thrust
 
     def look_up(self, airspeed: Array, tank_kg: Array) -> Array:
-        """Return the apparent thrust (T, R) N; constant beyond the grid, with NaN inputs as 0."""
+        """Interpolate the apparent thrust (T, R), N, linearly at `airspeed` (T,), m/s, and
+        `tank_kg` (T,).
+
+        Constant beyond the grid; a NaN input counts as 0.
+        """
         i, u = _cell(airspeed / self.airspeed_step, self.thrust.shape[0])
         j, v = _cell(tank_kg / self.tank_step_kg, self.thrust.shape[1])
         u, v, wide = u[:, None], v[:, None], self.thrust.shape[1]
@@ -82,7 +86,11 @@ def base_table(
     *,
     thrust_coefficient: float,
 ) -> BaseTable:
-    """Tabulate the base model `speed`, a function (airspeed (N,), tank_kg (N,)) -> (N, R) rpm."""
+    """Tabulate the base model on a grid of airspeed and tank mass, and its mixer's responses.
+
+    `speed` is the base model: (airspeed (N,) in m/s, tank_kg (N,)) -> rotor speeds (N, R) in rpm.
+    `thrust_coefficient`, N/rpm², converts them to thrust.
+    """
     # An aircraft without a tank carries a payload.
     most_kg = airframe.tank_capacity_kg or float(np.nan_to_num(airframe.empty_mass)) or 1.0
     tank_step_kg = most_kg / 80.0
@@ -121,8 +129,11 @@ def coefficient(placed: Sequence[Placed], x: Channels, rotors: int) -> Array:
 def _product(
     placed: Sequence[Placed], x: Channels, rotors: int, factor: Callable[[Placed], Any]
 ) -> Array:
-    """Multiply `factor(item)(p, x)` over effects, each on the rotors that it acts on; (T, R) or
-    (T, 1)."""
+    """Multiply the factors of effects, each on the rotors that it acts on.
+
+    `factor(item)` returns the function of effect `item` that computes its factor (T,) from its
+    values and the channels. Return (T, `rotors`), or (T, 1) if every effect acts on all rotors.
+    """
     product = np.ones_like(x.time_s)[:, None]
     for item in placed:
         value = factor(item)(item.values, x)[:, None]
@@ -133,7 +144,11 @@ def _product(
 
 
 def apparent_thrust(base: BaseTable, placed: Sequence[Placed], x: Channels) -> Array:
-    """Return the apparent thrust a0 N² (T, R), N, of every rotor with the effects."""
+    """Return the apparent thrust (T, R), N, of every rotor with the effects `placed`.
+
+    Apparent thrust is a0 N² with the base model's thrust coefficient a0: it is how rotor speed N is
+    represented, not the real thrust. Never below THRUST_FLOOR.
+    """
     x = correct_inputs(placed, x)
     thrust = base.look_up(x.airspeed, x.tank_kg)
     demand = total = thrust @ base.effectiveness
@@ -222,7 +237,11 @@ def rotor_speed_rpm(base: BaseTable, placed: Sequence[Placed], x: Channels) -> A
 
 
 def with_neutral_gaps(item: Placed) -> Placed:
-    """Return the effect in a form that has no influence where numpy channels have gaps."""
+    """Return the effect in a form that has no influence in rows that lack one of its channels.
+
+    Missing values (NaN) are replaced by the effect's neutral ones, in numpy channels only. An
+    effect without neutral values is returned unchanged.
+    """
     effect = item.effect
     if not effect.neutral:
         return item
@@ -241,10 +260,10 @@ def with_neutral_gaps(item: Placed) -> Placed:
 
 
 def fill_neutral(effect: Effect, p: Values, x: Channels) -> Channels:
-    """Return the channels with the effect's neutral values in place of missing ones.
+    """Return the channels with the effect's neutral values in place of NaN.
 
-    A row without one of the plain channels gets the neutral values of all of them; in a table of
-    delays only the missing delays are filled.
+    `p` are the effect's values by name. A row that lacks one of the effect's (T,) channels gets the
+    neutral values of all of them; in a shift table (T, lags) only the missing entries are filled.
     """
     gap = np.zeros(x.time_s.shape, dtype=np.bool_)
     for name in effect.neutral:
@@ -271,22 +290,6 @@ def outside_identified(placed: Sequence[Placed], x: Channels) -> Bools:
         if item.effect.seen is not None:
             out |= ~item.effect.seen(item.values, x)
     return out
-
-
-def lacks_channel(placed: Sequence[Placed], x: Channels) -> Bools:
-    """Flag the rows (T,) without a channel of an effect, near the row or, with late reports, at
-    any lag."""
-    near = np.flatnonzero(np.abs(LAGS) <= NEAR_LAG)
-    late = any(item.effect.delays for item in placed)
-    looked_at = slice(None) if late else slice(near[0], near[-1] + 1)
-    total = np.zeros(x.time_s.shape)  # a sum is finite only if all its terms are
-    for name in {name for item in placed for name in item.effect.neutral}:
-        value = x.read(name)
-        for part in value if isinstance(value, tuple) else (value,):
-            if name.endswith("_shifts"):
-                part = part[:, looked_at]
-            total = total + np.add.reduce(part, axis=tuple(range(1, part.ndim)))
-    return ~np.isfinite(total)
 
 
 #: Part of parameter names in older model files, and its present form.
@@ -319,9 +322,10 @@ class EffectRecord:
 
     @property
     def loss(self) -> Identified | None:
-        """Return the share of thrust that one rotor loses (of a loss curve, the largest).
+        """Return the share of thrust that one rotor loses, negative for a gain; of a loss curve,
+        its largest knot.
 
-        None for an effect that is not of one rotor.
+        None for an effect that is not of one rotor, or has no loss.
         """
         of_curve = [v for name, v in self.parameters.items() if name.startswith("at_")]
         losses = [self.parameters["loss"]] if "loss" in self.parameters else of_curve
@@ -330,7 +334,10 @@ class EffectRecord:
 
 
 def losses_of(records: Sequence[EffectRecord]) -> dict[int, Identified]:
-    """Sum the share of thrust lost by each weak rotor, from 1, over all records."""
+    """Sum the share of thrust lost by each weak rotor, from 1, over all records.
+
+    The ends of the 95 % intervals are summed as well.
+    """
     losses: dict[int, Identified] = {}
     for record in records:
         if record.loss is not None and record.rotor is not None:
@@ -349,7 +356,12 @@ def placed_from(records: Sequence[EffectRecord], rotor_count: int) -> tuple[Plac
 
 
 def _place_effect(record: EffectRecord, rotor_count: int) -> Placed:
-    """Return the effect of one record. Raises ModelError as `placed_from`."""
+    """Return the effect of one record with its values, rotor from 0 (None if not of one).
+
+    A detail that an older file lacks has no influence. Raise ModelError for an unknown effect, a
+    rotor that the effect or the aircraft does not have, and a parameter that is missing, not finite
+    or in another unit.
+    """
     key = f"{record.name}:{record.variant}" if record.variant else record.name
     effect = BY_KEY.get(key)
     if effect is None:

@@ -98,8 +98,6 @@ LOAD_FACTOR = Effect(
     looks=lambda p: shifts_look(p["lag"], LOAD_LOOK),
 )
 
-_WEIGHT = (EXTRA_MASS, ARM_WEIGHT, LOAD_FACTOR)
-
 
 def _with_drag(p, x: Channels, thrust):
     """Return the thrust (T,) N with parasite drag and its work while speeding up."""
@@ -133,8 +131,6 @@ PARASITE_DRAG = Effect(
     apply=_with_drag,
     looks=lambda p: (derivative_look(ALONG_SPAN), derivative_look(ALONG_SPAN)),
 )
-
-_DRAG = (PARASITE_DRAG,)
 
 
 SHORTEST = 4.0  # arms of the aircraft
@@ -182,9 +178,10 @@ def cable_pull(
 ) -> tuple[Floats, SwingState | None]:
     """Return the extra pull (T, LENGTHS) of a swinging load along the thrust axis, over its weight.
 
-    It is the tension along the axis less |f|/g, the pull of a load that does not swing: 0 in a
-    steady hover. One column for each cable length. NaN without accelerometer or attitude. Also
-    return the state after the last row; `start` is the state before the first.
+    It is the cable's tension along the axis less that of a load that does not swing, which is |f|/g
+    with f the specific force: 0 in a steady hover. One column for each cable length. NaN without
+    accelerometer or attitude. Also return the state after the last row, to pass as `start` with the
+    next rows.
     """
     if start is not None:
         return _compute_pull(track, airframe, start)
@@ -210,10 +207,12 @@ def _compute_pull(
 
 
 def swing(track: FlightTrack, lengths: Floats, start: SwingState | None = None) -> Swing:
-    """Simulate the direction and pull of a load on cables of `lengths` (L,) m.
+    """Simulate the direction (T, L, 3) and pull (T, L) of a load on cables of `lengths` (L,) m.
 
-    Without `start`, and after a pause of FORGOTTEN s, the load hangs at rest along the apparent
-    gravity of the row. Rows without a specific force use the last known one; their results are NaN.
+    Direction is a unit vector, NED, from aircraft to load; pull is along the thrust axis, over the
+    load's weight. Without `start`, and after a pause of FORGOTTEN s, the load hangs at rest along
+    the apparent gravity of the row. Rows without a specific force use the last known one; their
+    results are NaN.
     """
     rows = track.time_s.size
     force, down = force_ned(track)
@@ -258,10 +257,10 @@ def _at_rest(force: Floats, count: int) -> Floats:
 
 
 def _step(state: Floats, force: list[Floats], cables: _Cables, span: float) -> Floats:
-    """Advance direction and rate (6, L) by `span` s by Runge-Kutta of order 4, normalised to the
-    sphere.
+    """Advance direction and rate (6, L) of L cables by `span` s by a Runge-Kutta step of order 4.
 
-    `force` contains the specific forces at the start, in the middle and at the end of the step.
+    `force` has the specific forces (3,), m/s² NED, at the start, in the middle and at the end of
+    the step. Directions are normalised to the unit sphere, rates made tangential to it.
     """
     start, middle, end = force
     k1 = _motion(state, start, cables)
@@ -307,9 +306,11 @@ def _with_slung_load(p, x: Channels, thrust):
 
 
 def _cable_bracket(number: int) -> Effect:
-    """Return the effect with cable lengths in one of BRACKETS parts of the range.
+    """Return the effect of a slung load whose cable length, m, is limited to part `number` of the
+    range, from 0.
 
-    The fit can follow a swing's phase only from a length near the true one.
+    The range of lengths is divided into BRACKETS parts of equal ratio, which overlap, because the
+    fit can follow a swing's phase only from a length near the true one.
     """
     width = RATIO ** ((LENGTHS - 1) / BRACKETS)
     low, longest = SHORTEST * width**number, SHORTEST * RATIO ** (LENGTHS - 1)
@@ -340,7 +341,6 @@ def _cable_bracket(number: int) -> Effect:
 
 
 SLUNG_LOADS = tuple(_cable_bracket(k) for k in range(BRACKETS))
-_SLUNG = SLUNG_LOADS
 
 
-EFFECTS = (*_WEIGHT, *_DRAG, *_SLUNG)
+EFFECTS = (EXTRA_MASS, ARM_WEIGHT, LOAD_FACTOR, PARASITE_DRAG, *SLUNG_LOADS)

@@ -62,8 +62,6 @@ AIRSPEED_GAIN = Effect(
     apply=lambda p, x, airspeed, tank_kg: (airspeed * p["gain"], tank_kg),
 )
 
-_AIRSPEED = (AIRSPEED_BIAS, AIRSPEED_GAIN)
-
 
 def _delayed_airspeed(p, x: Channels, airspeed, tank_kg):
     """Undo a delay of the airspeed channel."""
@@ -111,8 +109,6 @@ ROTOR_SPEED_LAG = Effect(
     looks=lambda p: shifts_look(0.0),
     delays=True,
 )
-
-_LAGS = (SENSOR_LAG, ROTOR_SPEED_LAG)
 
 
 LEAST_SPREAD = 0.02  # share of the tank, between flights: a smaller spread is a mass on board
@@ -173,8 +169,6 @@ TANK_DRIFT = Effect(
     apply=lambda p, x, airspeed, tank_kg: (airspeed, tank_kg + p["rate"] * x.time_s),
 )
 
-_TANK = (TANK_SCALE, TANK_ZERO, TANK_DRIFT)
-
 
 LEAST_AIRSPEED_ERROR = 0.8  # m/s RMS: less may be gusts
 
@@ -223,7 +217,14 @@ WIND = Effect(
 #: A wind beyond the training range, which the reported airspeed already contains.
 FOLLOWED_WIND = replace(WIND, variant="already followed")
 
-_WIND = (WIND,)
 
-
-EFFECTS = (*_AIRSPEED, *_LAGS, *_TANK, *_WIND)
+EFFECTS = (
+    AIRSPEED_BIAS,
+    AIRSPEED_GAIN,
+    SENSOR_LAG,
+    ROTOR_SPEED_LAG,
+    TANK_SCALE,
+    TANK_ZERO,
+    TANK_DRIFT,
+    WIND,
+)

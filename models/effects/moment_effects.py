@@ -65,11 +65,12 @@ SPIN_UPS = 0.025 * RATIO ** np.arange(12)
 def slowed_yaw_rate(
     track: FlightTrack, airframe: Airframe, start: Floats | None = None
 ) -> tuple[Floats, Floats]:
-    """Return the yaw rate after first-order lags of SPIN_UPS (T, K), rad/s; NaN where it is
-    unknown.
+    """Return the yaw rate, rad/s, after first-order lags with the K time constants SPIN_UPS, (T,
+    K).
 
-    The rate is linear between rows, so the steps are exact. Also return the state (K,) after the
-    last row; `start` is the state before the first.
+    NaN where the rate is unknown. The rate counts as linear between rows, so the steps are exact.
+    Also return the state (K,) after the last row, to pass as `start` with the next rows; without
+    `start` the rate was constant before.
     """
     time_s, rate = track.time_s, track.angular_rate_frd[:, 2]
     known = np.isfinite(rate)
@@ -94,19 +95,19 @@ def slowed_yaw_rate(
 def spin_up_moment(
     x: Channels, slowed: Floats, at_once: Floats, *, inertia, damping, lag: float, constant: float
 ) -> Floats:
-    """Return the yaw moment (T,) N m of turning, after the rotors' spin-up with time `constant`, s.
+    """Return the yaw moment (T,), N m, of a turn, delayed by the rotors' spin-up.
 
-    It is inertia d(r)/dt + damping r of the yaw rate r, read `lag` s later. `at_once` (T,) is the
-    moment without spin-up, `slowed` (T, K) the rate after lags SPIN_UPS.
-
-    The derivative of a lagged r is (r - lagged r) / lag constant.
+    The moment is inertia dr/dt + damping r of the yaw rate r, read `lag` s later, after a
+    first-order lag of `constant`, s. `at_once` (T,) is it without spin-up and is returned for a
+    `constant` of 0. `slowed` (T, K) is r after lags of SPIN_UPS, between which the result is
+    interpolated; the derivative of a lagged r is (r - lagged r) / time constant.
     """
     if not constant > 0.0:
         return at_once
     rate, now = x.rate_shifts[2], lag_weights(lag)
 
     def lagged_moment(k: int) -> Floats:
-        """Return the yaw moment (T,), N m, after the lag SPIN_UPS[k]."""
+        """Return the moment (T,), N m, after a lag with the time constant SPIN_UPS[k]."""
         own = float(SPIN_UPS[k])
         if lag < 0.0:  # rotor speeds are late: use the past columns of the table
             earlier = lag_weights(lag, time_constant=own) - lag_weights(0.0, time_constant=own)
@@ -169,8 +170,6 @@ CG_OFFSET_TANK = Effect(
     apply=_tank_moment,
 )
 
-_CG = (CG_OFFSET, CG_OFFSET_TANK)
-
 
 MEAN_SPAN = (
     2.0  # s of an aircraft of the F16's size: the lean into wind is slow, reports of it noisy
@@ -179,9 +178,11 @@ LOOK = derivative_look(VELOCITY_SPAN) + MEAN_SPAN / 2 + LAG_STEP
 
 
 def lean(track: FlightTrack, airframe: Airframe, start: None = None) -> tuple[Floats, None]:
-    """Return the specific force forward and right (T, 2), in g, from attitude and velocity.
+    """Return the specific force forward and right (T, 2), in g, computed from attitude and
+    velocity.
 
-    NaN in rows with a reported wind, where the flow's moment follows from the velocity.
+    Smoothed over MEAN_SPAN Froude time scales. NaN in rows with a reported wind, where the flow's
+    moment follows from the velocity. The second result is a state that is not used.
     """
     leaning = np.full((track.time_s.size, 2), np.nan)
     quick = froude_time_scale(airframe)
@@ -221,13 +222,12 @@ DRAG_MOMENT = Effect(
     apply=_drag_moment,
 )
 
-_DRAG_MOMENT = (DRAG_MOMENT,)
-
 
 def flow(track: FlightTrack, airframe: Airframe, start: None = None) -> tuple[Floats, None]:
-    """Return the horizontal airspeed forward and right (T, 2) m/s.
+    """Return the airspeed along the horizontal directions forward and right (T, 2), m/s.
 
-    NaN without a reported wind; still air must be reported too. `drag_moment` then uses the lean.
+    It is velocity less wind, turned by the heading. NaN without a reported wind (still air must be
+    reported too); `drag_moment` then uses `lean`. The second result is a state that is not used.
     """
     north, east, _ = (track.velocity_ned - track.wind_ned).T
     yaw = track.attitude[:, 2]
@@ -263,8 +263,6 @@ FLOW_MOMENT = Effect(
     apply=_flow_moment,
 )
 
-_FLOW = (FLOW_MOMENT,)
-
 
 SAMPLED = 0.04  # accuracy of the derivative of a rate that is sampled and noisy
 MOST_DAMPING = 300.0  # a rate loop responds to gusts: commanded speeds act against the rate
@@ -275,8 +273,11 @@ AT_THE_ROTORS = USUAL_MASS * USUAL_ARM**2 / MOST
 
 
 def _turning_moment(p, x: Channels, thrust):
-    """Return the moments of turning: inertia and damping at a lag, with the rotors' spin-up
-    about yaw."""
+    """Return the roll, pitch and yaw moments (T,), N m, of turning: inertia and damping at a lag.
+
+    `p` are the effect's values by name. Moments scale with a power of the load; yaw includes the
+    rotors' spin-up.
+    """
     lag, loaded = p["lag"] - x.delay, (thrust / x.empty_weight) ** p["load_exponent"]
     weights = lag_weights(lag)
     tilt, yaw = (lag_weights(lag, p[f"derivative_correction_{of}"]) for of in ("tilt", "yaw"))
@@ -315,11 +316,12 @@ def _turning_parameter(name: str, unit: str, most: float) -> Parameter:
 def _share_effect(
     effect: Effect, has: Sequence[Values], scatter: Mapping[str, float]
 ) -> Effect | None:
-    """Return the effect that changes all turning moments by one share, as mass on arms and booms
-    does.
+    """Return the effect that multiplies all turning moments by one share, as mass on the arms does.
 
-    Single axes do not get their own share: roll and pitch of an aircraft on its route are small,
-    and would absorb late rotor speeds. None if the model's yaw inertia is not positive.
+    `effect` is the model's turning effect, `has` its values in each of the model's records (they
+    add up), `scatter` the between-flight scatter by value name. Single axes do not get their own
+    share: roll and pitch of an aircraft on its route are small, and would absorb late rotor speeds.
+    None if the model's yaw inertia is not positive.
     """
     moments = [p.name for p in effect.parameters if not p.detail]
     whole = {name: sum(values[name] for values in has) for name in moments}
@@ -382,8 +384,6 @@ MANOEUVRE_MOMENT = Effect(
     change=_share_effect,
     looks=lambda p: shifts_look(p["lag"], derivative_look(RATE_SPAN)),
 )
-
-_MANOEUVRE = (MANOEUVRE_MOMENT,)
 
 
 def _trim_moment(p, x: Channels, thrust):
@@ -488,7 +488,14 @@ WEATHERVANE = Effect(
     apply=_yaw_moment,
 )
 
-_YAW = (YAW_TRIM, TILTED_ARM, WEATHERVANE)
 
-
-EFFECTS = (*_CG, *_DRAG_MOMENT, *_FLOW, *_MANOEUVRE, *_YAW)
+EFFECTS = (
+    CG_OFFSET,
+    CG_OFFSET_TANK,
+    DRAG_MOMENT,
+    FLOW_MOMENT,
+    MANOEUVRE_MOMENT,
+    YAW_TRIM,
+    TILTED_ARM,
+    WEATHERVANE,
+)

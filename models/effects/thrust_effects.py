@@ -73,8 +73,6 @@ AIR_DENSITY = Effect(
     temperature_offset=lambda p: float(p["temperature_offset"]),
 )
 
-_DENSITY = (AIR_DENSITY,)
-
 
 THRUST_DRIFT = Effect(
     name="thrust_drift",
@@ -116,8 +114,6 @@ BATTERY_VOLTAGE = Effect(
     "the battery show thrust going with voltage^p, speeds that follow it too far against it",
     apply=_voltage_thrust,
 )
-
-_ALL_ROTORS = (THRUST_DRIFT, BATTERY_VOLTAGE)
 
 
 CLIMB_SHARE = 0.15  # share of the scatter of axial inflow that must be due to climb
@@ -178,8 +174,6 @@ GROUND_EFFECT = Effect(
     apply=lambda p, x: 1.0 / (1.0 - p["strength"] * x.radius_over_height**2),
 )
 
-_INFLOW = (CLIMB_INFLOW, TRANSLATIONAL_LIFT, GROUND_EFFECT)
-
 
 LONG_BEFORE = 1e4  # s
 
@@ -195,8 +189,11 @@ def _degraded_torque(p, x: Channels):
 
 
 def _after_onset(p, x: Channels):
-    """Return 1 between onset and end and 0 outside, (T,), by the onset and end in `p`; 1 without
-    one."""
+    """Return (T,): 1 from the onset in `p` to its end, 0 outside; 1 everywhere without an onset.
+
+    Onset and end, s, are Unix times (`onset_clock`, `end_clock`) or on the flight's clock
+    (`onset_time`, `end_time`); without an end the 1 lasts. The edges are smooth.
+    """
     if "onset_clock" in p:
         began = _step(x.clock_s - p["onset_clock"])
         return began * _step(p["end_clock"] - x.clock_s) if "end_clock" in p else began
@@ -294,7 +291,15 @@ ONSETS = (
     ROTOR_DEGRADATION_SINCE,
     ROTOR_DEGRADATION_UNTIL,
 )
-_DEGRADATION = (ROTOR_DEGRADATION, *ONSETS)
 
 
-EFFECTS = (*_DENSITY, *_ALL_ROTORS, *_INFLOW, *_DEGRADATION)
+EFFECTS = (
+    AIR_DENSITY,
+    THRUST_DRIFT,
+    BATTERY_VOLTAGE,
+    CLIMB_INFLOW,
+    TRANSLATIONAL_LIFT,
+    GROUND_EFFECT,
+    ROTOR_DEGRADATION,
+    *ONSETS,
+)

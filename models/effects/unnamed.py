@@ -99,7 +99,11 @@ def curve_columns(values: Any, low: Any, high: Any) -> Any:
 
 
 def _unnamed_effect(mode: str, channel: str) -> Effect:
-    """Return the effect of a curve over a channel, acting in a mode or on one rotor."""
+    """Return the effect of an unnamed cause: a curve over a channel, acting in a mode or on one
+    rotor.
+
+    `mode` is one of MODES or ROTOR. A `channel` outside ALONG means a constant instead of a curve.
+    """
     along = ALONG.get(channel)
 
     def curve(p: Values, x: Channels) -> Any:

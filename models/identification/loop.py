@@ -12,6 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from thrustmargin.models.checks.arms.arm_causes import Cause
+from thrustmargin.models.checks.arms.arm_posterior import loss_evidence
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.effects import CATALOGUE, effects_for
 from thrustmargin.models.effects.base import Effect
@@ -23,7 +25,6 @@ from thrustmargin.models.identification.answer.acceptance import (
     accept_effects,
     open_cause,
     residual_rms,
-    wind_in_airspeed,
 )
 from thrustmargin.models.identification.answer.constant_shares import constant_shares
 from thrustmargin.models.identification.answer.cross_validation import (
@@ -33,8 +34,13 @@ from thrustmargin.models.identification.answer.cross_validation import (
 from thrustmargin.models.identification.answer.floor import floor_rpm
 from thrustmargin.models.identification.answer.held_out_errors import HeldOutResidual, errors_of
 from thrustmargin.models.identification.answer.posterior import EffectEstimate
-from thrustmargin.models.identification.answer.result import Identification, ReportedEffect
-from thrustmargin.models.identification.rows.candidates import Candidate, slopes
+from thrustmargin.models.identification.answer.result import (
+    Identification,
+    ReportedEffect,
+    weak_rotors,
+)
+from thrustmargin.models.identification.answer.wind_in_airspeed import wind_in_airspeed
+from thrustmargin.models.identification.rows.candidates import Candidate, slopes, with_arm_evidence
 from thrustmargin.models.identification.rows.modes import sensor_noise_rpm
 from thrustmargin.models.identification.rows.output_shares import (
     effects_on_shares,
@@ -48,6 +54,7 @@ from thrustmargin.models.identification.rows.usable_flights import Flown, requir
 from thrustmargin.models.identification.sets.onsets import drop_rotor_effects, onset_candidates
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Progress, Search
+from thrustmargin.models.model.flight_arms import figures_of, flights_arm_answer
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -95,16 +102,22 @@ def identify_checked(
     catalogue: Sequence[Effect] = CATALOGUE,
     progress: Progress | None = None,
 ) -> Identification:
-    """Identify like `identify`, from tracks that have passed `require_airframe` already.
+    """Identify the effects that explain the flights `fit`, from tracks that have passed
+    `require_airframe` already.
 
-    Tracks are read one at a time, so a sequence may load each from disk.
+    `held_out` are flights to test the result on, which are not fitted; without any, errors are by
+    cross-validation. `catalogue` are the effects to consider. `progress` is called with a sentence
+    and the share done. Tracks are read one at a time, so a sequence may load each from disk.
     """
     catalogue = effects_for(model.airframe, catalogue)
     problem, means = rows_and_means(model, fit)
     if problem.of_outputs:
         catalogue = effects_on_shares(catalogue)
     space = search_space(model, fit, catalogue, means)
-    search = Search(space.reduced, space.nuisance, (*space.candidates, *space.unnamed))
+    figures = figures_of(model, fit)
+    arms = loss_evidence(figures, model.arms)
+    candidates = with_arm_evidence((*space.candidates, *space.unnamed), arms)
+    search = Search(space.reduced, space.nuisance, candidates)
     search.run(progress)
     # With reports seconds apart, slow noise cannot be distinguished from a step in time.
     stepwise = not (problem.of_outputs or space.nuisance.whitening.unfiltered.any())
@@ -142,10 +155,17 @@ def identify_checked(
     open_keys = {search.candidates[c].key for c in accepted.unnamed_members}
     shares = constant_shares(problem, left_out.trial_effects(values), left_out.residual(values))
     wind = wind_in_airspeed(problem, after, left_out.trial_effects(values), fit)
+    named = [f for f in reported if f.term.key not in open_keys]
+    by_arms = flights_arm_answer(model, figures, sorted(weak_rotors(named)))
+    read_wrong = {
+        one.arm for one in by_arms.findings if one.cause is Cause.SPEED_READING
+    } & weak_rotors(named)
     return Identification(
         model=model,
         problem=problem,
-        found=tuple(f for f in reported if f.term.key not in open_keys),
+        found=tuple(f for f in named if f.term.degraded_rotor not in read_wrong),
+        misread=tuple(f for f in named if f.term.degraded_rotor in read_wrong),
+        arms=by_arms,
         left=accepted.unexplained,
         contradicted=tuple(search.candidates[c].term for c in accepted.contradicted),
         closest=tuple(search.candidates[c].term for c in accepted.lookalikes),
@@ -189,9 +209,9 @@ def unnamed_causes_help(unused: Problem, accepted: AcceptedEffects) -> bool:
 
 
 def is_constant_in_flights(reduced: Reduced, step: Candidate) -> bool:
-    """Return True if a rotor's step change `step` is constant within each flight.
+    """Return True if the change by a rotor's step `step` is constant within each flight.
 
-    A load or a trim that was changed between two flights looks the same.
+    Then it cannot be distinguished from a load or a trim that was changed between two flights.
     """
     effect = step.term.effect
     main = [k for k, p in enumerate(effect.parameters) if p.absent is not None and not p.detail]

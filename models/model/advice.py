@@ -337,8 +337,9 @@ def advise(
 def _misread_rotor(analysis: FlightAnalysis, found: FaultHistory) -> MisreadSpeed | None:
     """Return the rotor whose ESC misreports its speed, from the rows in flight.
 
-    Return None where no speeds were measured, no margin is claimed, or `found` contains a fault,
-    which changes speeds as well. Speeds made from motor outputs are of no ESC.
+    None if no rotor's does, no speeds were measured, the aircraft is unknown (`no_verdict`), or
+    `found` contains a fault, which changes speeds as well. Speeds inferred from motor outputs are
+    of no ESC.
     """
     measured = analysis.track.flying & ~analysis.from_outputs.any(axis=1)
     track = analysis.track
@@ -365,7 +366,7 @@ def pauses_in_flight(track: FlightTrack) -> tuple[Floats, Floats]:
 
 
 def _paused_s(track: FlightTrack) -> float:
-    """Return how many s of the flight the log lacks.
+    """Return the time of the flight, s, for which the log has no rows.
 
     If all gaps together are long and a large share of the flight (LONG_PAUSE_S and MUCH), they all
     count; else only single pauses of LONG_PAUSE_S or more.
@@ -378,9 +379,11 @@ def _paused_s(track: FlightTrack) -> float:
 
 
 def _load_level(use: ThrustUse, low: Floats, high: Floats) -> FlightLevel:
-    """Return the level of load, from lasting utilisation and the redundancy after losing a rotor.
+    """Return the warning level by load: critical, over, near or under the limit.
 
-    `low` and `high` (N,) are the ends of the redundancy's interval in rows in flight.
+    CRITICAL: the redundancy after losing a rotor is surely below 1 in a row. OVER: lasting
+    utilisation surely exceeds its limit. NEAR: either may. `low` and `high` (N,) are the ends of
+    the redundancy's interval in the rows in flight; NaN counts as no loss.
     """
     if np.any(high < 1.0):
         return FlightLevel.CRITICAL

@@ -182,8 +182,12 @@ def _difference(step: WalkStep, mode: int) -> tuple[float, float]:
 
 
 def _mode_change(step: WalkStep, mode: int, airframe: Airframe, speed_rpm: float) -> ModeChange:
-    """Return the change of mode number `mode`, in rpm at `speed_rpm`, the flight's mean rotor
-    speed."""
+    """Return the change of mode number `mode` over `step`, with its interval, in rpm at
+    `speed_rpm`, the flight's mean rotor speed.
+
+    It also lists the rotors, from 0, that turn faster and slower by it; rotors with hardly any
+    share are in neither.
+    """
     value, error = _difference(step, mode)
     column: Floats = math.copysign(1.0, value) * mode_columns(airframe)[:, mode]
     names = tuple(ChangeMode)

@@ -88,11 +88,13 @@ def match_airframe(
     *,
     given: bool,
 ) -> AirframeMatch:
-    """Decide whether a flight may be analysed with `airframe`, and return decision and reasons.
+    """Decide whether a flight may be analysed with `airframe`; return the decision with its
+    reasons.
 
     With `given` (the user stated the airframe) it is accepted unless a comparison contradicts it;
-    otherwise only if the flight is recognised as this airframe's. `parameters` are the autopilot's,
-    by name. `no_verdict` of the result lists why not; empty if accepted.
+    otherwise only if the flight is recognised as this airframe's. `facts` are what the vehicle
+    reports of itself, `parameters` the autopilot's, by name. `no_verdict` of the result lists why
+    it was not accepted; empty if it was.
     """
     found = comparisons(track, airframe, facts, parameters)
     outputs = output_evidence(track, airframe, parameters)

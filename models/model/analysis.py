@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from thrustmargin.models.checks.instruments import with_air_temperature
 from thrustmargin.models.checks.loss_of_control import FULL_OUTPUT
 from thrustmargin.models.checks.speed_readings import reading_scatter
 from thrustmargin.models.effects.base import FlightState as FlightState
@@ -49,7 +50,6 @@ from thrustmargin.models.model.rotor_model import (
     predict,
     temperature_offset,
 )
-from thrustmargin.models.model.thermometer import with_air_temperature
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0, track_air
 from thrustmargin.models.physics.margin import (
@@ -174,12 +174,11 @@ def _exhausted_rotor(spent: Bools, length: Floats) -> int | None:
 
 
 def _window_centres(known: Bools) -> NDArray[np.intp]:
-    """Return, for each of S seconds, the index (S,) of the second whose window stands in for its
-    own.
+    """Return for each of S seconds the index (S,) of the second whose window of LASTING_S s to use.
 
-    That is the nearest second whose whole window of LASTING_S seconds lies in the same stretch of
-    `known` (S,) seconds, or the stretch's middle if there is none. Half a window, at the end of a
-    stretch, would count a short use as lasting.
+    That is the nearest second whose whole window lies in the same stretch of seconds flagged in
+    `known` (S,), or the stretch's middle if there is none: half a window, at the end of a stretch,
+    would count a short use as lasting.
     """
     at, half, rows = np.arange(known.size), LASTING_S // 2, np.flatnonzero(known)
     for stretch in np.split(rows, np.flatnonzero(np.diff(rows) > half) + 1) if rows.size else ():
@@ -204,10 +203,11 @@ def _silent_seconds(track: FlightTrack, second: NDArray[np.int64], count: int) -
 
 
 def _lasting_use(means: Floats, silent: Bools) -> Floats:
-    """Return a lower bound (S, R) of the running median of the means (S, R) over LASTING_S.
+    """Return a lower bound (S, R) of the running median over LASTING_S seconds of means (S, R).
 
-    Seconds in a pause of the log, `silent` (S,), count as 0, but the result is at least the lowest
-    known mean of the window. NaN without a known mean in the window.
+    `means` has one row a second. Seconds flagged in `silent` (S,), in a pause of the log, count as
+    0, but the result is at least the lowest known mean of the window. NaN without a known mean in
+    the window.
     """
     seen = np.isfinite(means)
     least = running_median(np.where(silent[:, None] & ~seen, 0.0, means), LASTING_S)
@@ -351,8 +351,11 @@ class FlightAnalysis:
 
     @property
     def margin_predicted(self) -> Floats:
-        """Return the thrust margin (T, R) by predicted rotor speeds."""
-        return 1.0 - self.utilisation_predicted
+        """Return the thrust margin (T, R) by predicted rotor speeds, which are of sound rotors.
+
+        NaN where a rotor or motor is known to be bad.
+        """
+        return np.where(self.bad_part, np.nan, 1.0 - self.utilisation_predicted)
 
     @property
     def yaw_reserve(self) -> Floats:
@@ -364,12 +367,6 @@ class FlightAnalysis:
         if self.no_verdict or not airframe.rotor_count:
             return np.full(self.track.time_s.size, np.nan)
         return yaw_reserve(airframe, self.utilisation * airframe.rotor_effectiveness)
-
-    @property
-    def measured(self) -> Bools:
-        """Flag the rows (T,) in which every rotor has a speed, measured or inferred from its motor
-        output."""
-        return np.all(np.isfinite(self.utilisation), axis=1)
 
     @property
     def any_measured(self) -> Bools:
@@ -437,28 +434,8 @@ class FlightAnalysis:
         One rotor is enough, whatever is known of the others: an ESC without readings hides no
         overload.
         """
-        return self._above(limit, 0.0)
-
-    def surely_above(self, limit: float) -> Bools:
-        """Flag rows (T,) like `above_limit`, where the low end of a rotor's 90 % interval exceeds
-        `limit`."""
-        return self._above(limit, -INTERVAL)
-
-    def maybe_above(self, limit: float) -> Bools:
-        """Flag rows (T,) like `above_limit`, where the high end of a rotor's 90 % interval exceeds
-        `limit`."""
-        return self._above(limit, INTERVAL)
-
-    def _above(self, limit: float, errors: float) -> Bools:
-        """Flag the rows (T,) in flight in which any rotor's utilisation surely, or possibly, tops
-        `limit`.
-
-        `errors` standard errors are added to it first; of the high side if positive, else the low
-        side.
-        """
-        use = self.known_utilisation + errors * self.row_errors[errors > 0.0]
         with np.errstate(invalid="ignore"):
-            return self.track.flying & np.any(use > limit, axis=1)
+            return self.track.flying & np.any(self.known_utilisation > limit, axis=1)
 
 
 def analyse(
@@ -563,8 +540,12 @@ def with_load_beyond_gauge(analysis: FlightAnalysis, beyond_kg: float) -> Flight
 
 
 def with_density_error(analysis: FlightAnalysis, share: float) -> FlightAnalysis:
-    """Set the density's standard error to `share` of the density, which widens the redundancy's
-    interval."""
+    """Return a copy of the analysis in which the density's standard error is `share` of the density
+    in every row.
+
+    It replaces the earlier error; `share` 0.02 is 2 %. The standard error of the redundancy is
+    computed again from it; densities and redundancy remain.
+    """
     shares = np.full(analysis.density.shape, share)
     airframe = identified_airframe(analysis.model)
     return replace(

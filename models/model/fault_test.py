@@ -56,8 +56,11 @@ class FaultTest:
     """
 
     def __init__(self, kind: Kind, steps: Floats, widths: Floats, prior: Prior) -> None:
-        """Begin without faults. `steps` (R, J, M) are the changes of M signals by a thrust loss of
-        size j of rotor r, `widths` (R, J, M) their standard deviations."""
+        """Begin without faults.
+
+        `steps` (R, J, M) are the changes of M signals by a thrust loss of rotor r of the j-th of J
+        sizes; `widths` (R, J, M) are their standard deviations.
+        """
         self.kind: Kind = kind
         self.faults: dict[int, RotorFault] = {}
         self._suspect: RotorFault | None = None  # of one of several rotors
@@ -214,10 +217,14 @@ class FaultTest:
     def _ambiguous_fault(
         self, share: Floats, rotor: int, before: int, suspected: RotorFault | None
     ) -> RotorFault | None:
-        """Return a fault of one of the rotors that neither this block nor the last one excludes.
+        """Return a fault of one of several rotors, where the block does not show which; else None.
 
-        `share` (R, 1 + J) is the posterior by rotor and size. None for a single rotor, if one of
-        the rotors already has a fault, or if sound rotors are more probable.
+        `share` (R, 1 + J) is the posterior by rotor and size, the first column of no fault;
+        `rotor`, from 0, is the most probable one. The possible rotors are those with a share above
+        EXCLUDED, `before` (the most probable one in the block before; -1: none) and those of
+        `suspected`, the ambiguous fault of that block. The upper end of the size is MOST, because
+        the rotor is unknown. None if only one rotor is possible, if one of them already has a
+        fault, or if sound rotors are more probable.
         """
         rotors = set(np.flatnonzero(share.sum(axis=1) > EXCLUDED).tolist())
         rotors |= set(suspected.rotors if suspected else ()) | ({before} - {-1})
@@ -243,12 +250,12 @@ class FaultTest:
         return sizes / sizes.sum()
 
     def _set_fault(self, rotor: int, posterior: Floats, *, begins: bool) -> None:
-        """Set or remove the fault of a rotor, from the posterior (1 + J,): of no fault, then of J
+        """Set or remove the fault of `rotor`, from 0, by its posterior (1 + J,): no fault, then J
         sizes.
 
-        `begins`: the change may still be growing, so only the lower end of its size is reported. A
+        `begins`: the change may still be growing, so the upper end of its size is left open. A
         fault is removed after two consecutive blocks in which the rotor is sound, and keeps its
-        size while it shrinks.
+        size while the signals shrink.
         """
         was = self.faults.get(rotor)
         self.faults = {r: f for r, f in self._faults_before.items() if r != rotor}

@@ -98,12 +98,12 @@ def largest_fills(
     rotor_lost: bool = True,
     density_error: float = 0.0,
 ) -> Fills:
-    """Compute the largest fills in air of `density` (C,) kg/m³ at battery voltages `voltage` (C,)
-    V.
+    """Compute the largest fills for C conditions, by each reason that limits a fill.
 
-    `airspeed` is in m/s, in flight into the wind; `density_error` is the standard error of ln
-    density. With `rotor_lost` the loss of one rotor must be survivable with yaw uncontrolled.
-    Raises AirframeError where the model has no rotors.
+    Conditions are air densities `density` (C,), kg/m³, and battery voltages `voltage` (C,), V,
+    which broadcast. `airspeed` is in m/s, in flight into the wind; `density_error` is the standard
+    error of ln density. With `rotor_lost` the loss of one rotor must be survivable with yaw
+    uncontrolled. Raise AirframeError where the model has no rotors.
     """
     density, voltage = np.broadcast_arrays(
         np.asarray(density, np.float64).ravel(), np.asarray(voltage, np.float64).ravel()
@@ -220,7 +220,12 @@ class NextFill:
 
     @property
     def level(self) -> FillLevel:
-        """Return the verdict on this fill: FILL, or why nothing or no amount can be stated."""
+        """Return the verdict on this fill: FILL if an amount can be filled, else why not.
+
+        In this order: UNSOUND for a bad part, UNPREDICTED or UNKNOWN for an unknown amount; where
+        nothing fits at all WEIGH, TOO_HEAVY, NO_TANK or NO_SPARE_MASS; for 0 kg or less UNSURE if
+        the expected limit is above 0, NO_FILL if not.
+        """
         if self.reason == "unsound":
             return FillLevel.UNSOUND
         if not np.isfinite(self.kg):
@@ -278,10 +283,12 @@ def next_fill(
 ) -> tuple[NextFill, Floats, Floats]:
     """Return the fill for another flight like this one, and two fill limits (T,), kg, for each row.
 
+    The fill holds for the row in flight with the lowest thrust ceiling; it is reduced by mass that
+    the gauge does not show, and to the least fill of this flight that certainly exceeded the limit.
     In a row, the first limit is the fill at which utilisation reaches `limit` (the share of a
     rotor's largest thrust that may last), the second that at which the loss of a rotor is no longer
-    survivable. `heard` is the source of measured values, log or link. All are NaN where no airframe
-    is claimed or no row is in flight.
+    survivable. `heard` is the source of measured values, log or link. All are NaN if the aircraft
+    (`no_verdict`) or its empty mass is unknown, or no row in flight has a known ceiling.
     """
     track, craft = analysis.track, identified_airframe(analysis.model)
     nothing = np.full(track.time_s.size, np.nan)
@@ -336,11 +343,12 @@ def next_fill(
 def _ends(
     analysis: FlightAnalysis, row: int, volts: float, airspeed: float, limit: float
 ) -> tuple[Floats, Floats, Floats]:
-    """Return the fill limits (4,), kg, in the order of REASONS, and the ends (4,) of their
-    intervals.
+    """Return the fill limits (4,), kg, in the order of REASONS, and the low and high ends (4,) of
+    each.
 
-    They are for the air of `row` at `volts` V. The intervals include the error of the air and the
-    thrust that motor outputs show beyond the reported load.
+    They are for the air of `row`, `volts` V and `airspeed` m/s; `limit` is the allowed utilisation.
+    The intervals include the error of the air and the thrust that motor outputs show beyond the
+    reported load.
     """
     empty = identified_airframe(analysis.model).empty_mass
     found = largest_fills(

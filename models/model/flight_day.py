@@ -22,7 +22,7 @@ from thrustmargin.models.physics.atmosphere import (
     track_air,
 )
 from thrustmargin.models.physics.day import UNKNOWN_DAY, UNKNOWN_VALUE, Day, DaySource, DayValue
-from thrustmargin.models.physics.resistance import battery_resistance
+from thrustmargin.models.physics.known_battery import battery_resistance
 from thrustmargin.models.provenance import Meaning, SourceKind
 
 REST_S = 10.0  # s before take-off in which the battery is looked at
@@ -64,10 +64,12 @@ def day_before_take_off(analysis: FlightAnalysis, *, heard: DaySource = DaySourc
 
 
 def day_on_ground(analysis: FlightAnalysis, *, heard: DaySource = DaySource.LINK) -> Day:
-    """Return the day (air, battery at rest) of an aircraft that is on the ground now, by its last
-    rows.
+    """Return the day (air, battery at rest) of an aircraft that is on the ground now, by its rows
+    since the last landing.
 
-    Values are unknown and left out as in `day_before_take_off`.
+    A temperature of the standard atmosphere is left out, since nobody measured it; so are wind and
+    the battery's resistance. Voltage and air are unknown without a row on the ground or a report.
+    `heard` is the source of the values.
     """
     flying = np.flatnonzero(analysis.track.flying)
     since = int(flying[-1]) + 1 if flying.size else 0
@@ -102,8 +104,13 @@ def flight_wind(track: FlightTrack, *, heard: DaySource = DaySource.LOG) -> tupl
 
 
 def _air(analysis: FlightAnalysis, row: int, heard: DaySource) -> Day:
-    """Return the air of a row as a `Day`: temperature, and pressure or else height; unknown
-    where the density was given."""
+    """Return the air of a row as a `Day`: temperature, and pressure or else height, with their
+    errors.
+
+    Empty (UNKNOWN_DAY) where the density was given. Without a measured temperature its source is
+    the standard atmosphere. Pressure counts only if plausible; with neither pressure nor height the
+    day has only the temperature. `heard` is the source of measured values.
+    """
     track = analysis.track
     if analysis.density_given:
         return UNKNOWN_DAY

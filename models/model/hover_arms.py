@@ -35,12 +35,11 @@ class ArmAgainstModel:
 
 
 def arms_against_model(analysis: FlightAnalysis, lift_s: float) -> tuple[ArmAgainstModel, ...]:
-    """Return each rotor's mean measured over predicted speed in the first hover.
+    """Return each rotor's mean measured speed over the predicted one, in the first hover.
 
-    Also the ends of the model's interval over the predicted speed.
-
-    Rows are SETTLED_S to HOVER_S s after lift-off at `lift_s` s. All NaN if a rotor has too few
-    rows, the model had no training flights, or the aircraft is unknown.
+    With it come the means of the ends of the model's interval over the predicted speed. Rows are
+    SETTLED_S to HOVER_S s after lift-off at `lift_s` s. All NaN if a rotor has too few rows, the
+    model had no training flights, or the aircraft is unknown.
     """
     track, made = analysis.track, analysis.prediction
     since = track.time_s - lift_s

@@ -117,7 +117,10 @@ class WalkStep:
 
     @property
     def changed(self) -> tuple[int, ...]:
-        """Return the modes, from 0, that differ by more than the walk allows in FALSE_CHANGE."""
+        """Return the modes, from 0, that differ from the state before by more than chance explains.
+
+        Of fault-free flights a share of FALSE_CHANGE has such a mode.
+        """
         beyond = surprise_limit(len(self.surprise))
         beyond_walk = np.abs(self.surprise) > beyond * np.array(self.scale)
         return tuple(np.flatnonzero(beyond_walk).tolist())
@@ -125,8 +128,11 @@ class WalkStep:
 
 @lru_cache(maxsize=16)
 def surprise_limit(modes: int) -> float:
-    """Return the standard deviations that no mode of `modes` exceeds, but in FALSE_CHANGE of
-    flights."""
+    """Return the limit, in standard deviations, that a mode exceeds by chance in FALSE_CHANGE of
+    flights.
+
+    It is for the largest of `modes` independent modes, either sign.
+    """
     return NormalDist().inv_cdf(1.0 - FALSE_CHANGE / (2.0 * modes))
 
 
@@ -198,9 +204,11 @@ def _filtered(
     last_training: FlightOffsets | None,
     repairs: Sequence[float],
 ) -> Iterator[_Update]:
-    """Yield the filter's update by each flight, in order of time. Step sizes may be arrays (S, 1).
+    """Yield the Kalman filter's update by each flight, in order of time.
 
-    Raises DataError where one flight is given twice.
+    `repairs` are Unix times, s; `last_training` is the last flight of the model's training, or
+    None. The step sizes may be arrays (S, 1), to try S of them at once. Raise DataError where one
+    flight is given twice.
     """
     ordered = sorted(flights, key=lambda one: one.start_unix_s)
     for one, other in pairwise(sorted(one.flight for one in ordered)):
@@ -251,10 +259,13 @@ def state_before(
     last_training: FlightOffsets | None = None,
     repairs: Sequence[float] = (),
 ) -> ModeState:
-    """Return the mode state with which to predict a flight of `rotors` rotors starting at a Unix
-    time, s.
+    """Return the mode state with which to predict a flight that starts at `start_unix_s` (Unix
+    time, s).
 
-    Only earlier flights count. See `walk` for the other arguments.
+    `rotors` is the number of modes, `longitude_deg` the place of the flight, which sets its local
+    day. Only `flights` that started earlier count. `steps` are the sizes of the random walk,
+    `last_training` the last training flight (None: unknown) and `repairs` the Unix times of
+    repairs, as in `walk`.
     """
     earlier = [one for one in flights if one.start_unix_s < start_unix_s]
     coming = FlightOffsets(
@@ -266,15 +277,6 @@ def state_before(
         rows=0,
     )
     return walk([*earlier, coming], steps, last_training=last_training, repairs=repairs)[-1].before
-
-
-def log_likelihood(made: Sequence[WalkStep]) -> float:
-    """Return the log likelihood of a walk: each flight's offsets given the state before it."""
-    total = 0.0
-    for one in made:
-        variance = np.square(one.before.error) + np.square(one.flight.error)
-        total -= 0.5 * float(np.sum(np.square(one.surprise) + np.log(2.0 * math.pi * variance)))
-    return total
 
 
 def fit_steps(

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 
 from thrustmargin.models.checks.arms.arm_law import ArmLaw
+from thrustmargin.models.checks.instruments import Thermometer
 from thrustmargin.models.effects.compose import EffectRecord
 from thrustmargin.models.errors import AirframeError, ModelError
 from thrustmargin.models.json_values import from_json_values, to_json_values
 from thrustmargin.models.model.mode_walk import ModeState
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.model.thermometer import Thermometer
 from thrustmargin.models.network.network import RotorNetwork
 from thrustmargin.models.network.records import GoodFlights, TrainingRecord
 from thrustmargin.models.network.validity import Interval, TrainingDomain
@@ -159,8 +159,11 @@ def _tensors(network: RotorNetwork | None) -> dict[str, np.ndarray]:
 
 
 def _network(tensors: dict[str, np.ndarray]) -> RotorNetwork | None:
-    """Build a network from its tensors; None without tensors. Raises ModelError for a wrong name
-    or type."""
+    """Build a network from its tensors, by name; None without tensors.
+
+    Raise ModelError if a tensor is missing, superfluous or of another type: float64 for the
+    standardisation, float32 for the layers.
+    """
     if not tensors:
         return None
     depth = sum(name.endswith(".weight") for name in tensors)

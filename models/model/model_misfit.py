@@ -89,15 +89,14 @@ def caveats(
     misread: bool = False,
     complete: bool = True,
 ) -> tuple[Caveat, ...]:
-    """Return the caveats of a flight, in the order of `Caveat`.
+    """List the caveats of a flight, in the order of `Caveat`.
 
-    `beyond_gauge_kg` is the load by hover thrust beyond the reported one, `model_fails` whether the
-    model contradicts the measured speeds, `misread` whether one ESC reads too high or low,
-    `unsought_s` the s in flight without data for finding a weak rotor, and `by_outputs_s` the s in
-    which only motor outputs would have shown a sudden one. `trim_known` is whether flights have
-    shown how the sound rotors turn, without which a rotor weak from the start shows nothing.
-    `complete` is whether the log contains
-    the whole flight.
+    `beyond_gauge_kg`: load by hover thrust less the reported one. `model_fails`: the model
+    contradicts the measured speeds. `misread`: one ESC reports too high or too low a speed.
+    `unsought_s`: seconds in flight in which a weak rotor could not be found for lack of data;
+    `by_outputs_s`: seconds in which only motor outputs would have shown a suddenly weak rotor.
+    `trim_known`: earlier flights show how the sound rotors differ; without them a rotor weak from
+    the start is not found. `complete`: the log contains the whole flight.
     """
     found = {
         caveat
@@ -231,10 +230,10 @@ def with_misfit(analysis: FlightAnalysis, misfit: ModelMisfit) -> FlightAnalysis
 
 
 def _share(inside: Bools, time_s: Floats) -> scores.Estimate:
-    """Estimate the share of rows `inside` (n,), with an interval from the scatter of blocks of
-    BLOCK_S.
+    """Estimate the share of True in `inside` (n,), with its 95 % interval.
 
-    `time_s` (n,) are the times of the rows.
+    `time_s` (n,) are the times of the rows, s. The interval is by bootstrap over moving blocks of
+    BLOCK_S seconds; its ends are NaN if the times span too few blocks.
     """
     terms = np.zeros((inside.size, scores.BOUNDED + 1))
     terms[:, scores.INSIDE], terms[:, scores.BOUNDED] = inside, 1.0
@@ -243,9 +242,11 @@ def _share(inside: Bools, time_s: Floats) -> scores.Estimate:
 
 
 def _gain(speed: Floats, predicted: Floats, rows: Bools) -> tuple[float, float]:
-    """Bound the slope of measured on predicted deviations of squared speeds, both (T, R) rpm.
+    """Bound the slope of measured against predicted deviations of squared rotor speed.
 
-    Return NaN with fewer than FEWEST_ROWS rows or too low a correlation.
+    `speed` (measured) and `predicted` are (T, R) in rpm; only the flagged `rows` (T,) count. Return
+    the least-squares slope and the reverse regression's slope, between which the true one lies.
+    Both are NaN with fewer than FEWEST_ROWS rows or too low a correlation.
     """
     if np.count_nonzero(rows) < FEWEST_ROWS:
         return NAN, NAN

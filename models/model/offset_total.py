@@ -58,12 +58,13 @@ def rotor_total(
     since_unix_s: float = -math.inf,
     jump_unix_s: float = -math.inf,
 ) -> RotorTotal | None:
-    """Return the weak rotor that the offsets of an aircraft's flights add up to.
+    """Return the weak rotor that the mode offsets of an aircraft's flights, taken together, show,
+    with the 90 % interval of its loss.
 
-    None if its posterior probability is below NAMED. Of `flights` those after `since_unix_s`, the
-    time of the last repair, count. At `jump_unix_s` the offsets moved more than the walk allows:
-    the flights from there on must still show the loss, because the jump may be an unreported
-    repair.
+    None if its posterior probability is below NAMED, or without a flight. Only `flights` after the
+    last repair at `since_unix_s` (Unix time, s) count, and of these the last MOST_DAYS days with
+    flights. At `jump_unix_s` the offsets moved more than the random walk allows: the flights from
+    then on must show the loss by themselves, because the jump may be an unreported repair.
     """
     rows = sorted((one for one in flights if one.start_unix_s > since_unix_s), key=_start)
     if not rows:
@@ -119,11 +120,11 @@ def _losses() -> Floats:
 
 
 def _posterior(days: Sequence[Sequence[FlightOffsets]], model: RotorModel) -> Floats:
-    """Return ln of the unnormalised posterior (2 R + 1, 2, D, GRID) of pattern, course, day and
-    size.
+    """Return ln of the unnormalised posterior (2 R + 1, 2, D, GRID) over patterns of change.
 
-    Patterns: R weak rotors, R single modes, and no change, which has all of its weight in one cell.
-    Courses: at once, and flight by flight from day one of D on. GRID sizes of loss.
+    Axis 0: R weak rotors, R single modes, and no change, which has all of its probability in one
+    cell. Axis 1: the change is there at once, or grows flight by flight. Axis 2: the day, of D, on
+    which it begins. Axis 3: sizes. `days` has the flights of each day, in order.
     """
     columns = mode_columns(model.airframe)
     rotors, count = columns.shape[0], len(days)
@@ -162,10 +163,11 @@ class _LogDensity:
 
     @classmethod
     def of(cls, offsets: Floats, courses: Floats, day: NDArray[np.intp], scatter: Floats) -> Self:
-        """Compute the sums of a log density over N flights, between days and within days.
+        """Compute the sums of a log density over N flights, split into between and within days.
 
-        `offsets` (N, R) are the modes' offsets, `courses` (2, D, N) the D time courses tried in two
-        forms, `day` (N,) the number of each flight's day, from 0, `scatter` that of the modes.
+        `offsets` (N, R) are the modes' offsets; `courses` (2, D, N) the shares of the final change
+        that flights have, by form and first day; `day` (N,) the number of each flight's day, from
+        0; `scatter` (R,) the modes' prior deviation between flights.
         """
         days = int(day[-1]) + 1
         of_day = np.equal.outer(np.arange(days), day) / np.bincount(day)[:, None]
@@ -195,9 +197,10 @@ class _LogDensity:
 
 
 def _scatter(model: RotorModel, rotors: int) -> Floats:
-    """Return the standard deviation (R,) of each mode between the flights a model was trained on.
+    """Return the standard deviation (R,) of each mode between the flights a model was trained on,
+    over the mean rotor speed.
 
-    Relative to mean rotor speed; 0 where the model does not contain it.
+    0 where the model does not contain it.
     """
     good = model.good_flights
     if good is None or len(good.mode_scatter_rpm) != rotors:

@@ -77,7 +77,11 @@ class Deviations:
 
     @classmethod
     def of(cls, signals: Floats, rotors: int) -> Deviations | None:
-        """Return medians over rows (N, 7 + 3 R) of `fault_signals`; None with too few rows."""
+        """Return the rotors' median deviations over rows (N, 7 + 3 R) of `fault_signals`.
+
+        `rotors` is R. None with too few rows in which measured speeds and outputs of all rotors are
+        known.
+        """
         excess, motors = signals[:, 1 : 1 + rotors], signals[:, 1 + rotors : 1 + 2 * rotors]
         known = np.isfinite(excess).all(axis=1) & np.isfinite(motors).all(axis=1)
         count = np.count_nonzero(known)
@@ -90,8 +94,11 @@ class Deviations:
         return cls(speed=speed, output=speed - motor, error=math.hypot(MOTORS, noise))
 
     def misread(self, rotor: int) -> bool:
-        """Return True if a rotor's reported speed is off and its motor output did not change with
-        it."""
+        """Return True if the rotor's reported speed deviates and its motor output did not change
+        with it.
+
+        `rotor` is from 0.
+        """
         speed, output = float(self.speed[rotor]), float(self.output[rotor])
         output = output if speed > 0.0 else -output
         return (
@@ -125,8 +132,10 @@ class _FlightRows:
         self._count, self._stride = 0, 1
 
     def add(self, row: Floats) -> None:
-        """Store `row` if it is a `_stride`-th one; above MOST_ROWS drop every other stored row and
-        double the stride."""
+        """Store `row` if it is a `_stride`-th one.
+
+        Above MOST_ROWS stored rows, drop every other one and double the stride.
+        """
         if self._count % self._stride == 0:
             self.kept.append(row)
             if len(self.kept) > MOST_ROWS:
@@ -190,11 +199,12 @@ class OutputWitness:
     def _assessed(
         self, fault: RotorFault, rows: Floats, whole: Deviations | None
     ) -> RotorFault | None:
-        """Return one fault with the evidence of the outputs; None if only its ESC misreads.
+        """Return one fault with the evidence of the motor outputs; None if only its ESC misreads.
 
-        The rows compared are the whole flight if the fault was present from the start and most of
-        the flight shows it, else the last LOOK_S if they show it, else the rows since it was found.
-        Without outputs the fault is returned as not `witnessed`.
+        `rows` (N, 7 + 3 R) are the last LOOK_S of `fault_signals`, `whole` their deviations.
+        Compared are all rows of the flight if the fault was present from the start and most of the
+        flight shows it, else the last LOOK_S if they show it, else the rows since it was found.
+        Without outputs (`whole` None) the fault is returned as not `witnessed`.
         """
         if whole is None:
             return replace(fault, witnessed=False)
@@ -248,12 +258,12 @@ def undecided(
 
 
 def misread_speed(signals: Floats, rotors: int, *, taught: bool) -> MisreadSpeed | None:
-    """Return the rotor whose ESC reads too high or too low, from rows (N, 7 + 3 R) of
-    `fault_signals`.
+    """Return the rotor whose ESC reports too high or too low a speed; None without one.
 
-    None if no rotor's does, or two or more seem to: an off-centre load or a wrong motor order
-    changes several. Without outputs only a speed that reads too low is found (a high one counts as
-    a weak rotor), and only with `taught`: fault-free flights showed how the rotors share thrust.
+    `signals` (N, 7 + 3 R) are rows of `fault_signals`, `rotors` is R. None too if several rotors
+    deviate: an off-centre load or a wrong motor order changes several. Without known outputs only a
+    speed that reads too low is found (a high one counts as a weak rotor), and only with `taught`:
+    fault-free flights showed how the rotors share thrust.
     """
     shown = Deviations.of(signals, rotors)
     if shown is None:
@@ -267,10 +277,10 @@ def misread_speed(signals: Floats, rotors: int, *, taught: bool) -> MisreadSpeed
 
 
 def _slow(excess: Floats) -> MisreadSpeed | None:
-    """Return the rotor that alone is slow for its thrust, by the excess of its squared speed (N,
-    R).
+    """Return the rotor that alone turns too slowly, as a misread speed; None without one.
 
-    None without one.
+    `excess` (N, R) is measured less predicted squared speed, over the mean predicted square. None
+    too with too few rows in which all rotors are known.
     """
     known = excess[np.isfinite(excess).all(axis=1)]
     if len(known) < FEWEST:
@@ -324,9 +334,10 @@ def output_test(steps: Floats, widths: Floats, inputs: Floats) -> FaultTest:
 
 
 def of_outputs(fault: RotorFault) -> RotorFault:
-    """Widen the interval of a fault found by motor outputs by the error of the thrust curve.
+    """Return a copy of a fault found by motor outputs, whose interval is widened by the error of
+    the thrust curve and whose evidence is "outputs".
 
-    The upper end stays MOST while the fault grows.
+    The lower end is at least 0; the upper end stays MOST while the fault grows.
     """
     lower, upper = (
         math.hypot(end - fault.size, 1.96 * CURVE_ERROR * fault.size)

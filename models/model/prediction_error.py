@@ -49,10 +49,12 @@ class PredictionError:
 
 
 def prediction_error(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> PredictionError:
-    """Return RMSE, bias, R2 and interval coverage per rotor and overall, over the airborne rows.
+    """Return RMSE, bias, R2 and interval coverage per rotor and overall.
 
-    Overall RMSE and coverage pool the rotors; overall R2 is the mean of the rotors' R2, as the
-    paper's table has it.
+    Only rows in flight with a measured load count, and only measured speeds. Overall RMSE and
+    coverage pool the rotors; overall R2 is the mean of the rotors' R2, as the paper's table has it.
+    Intervals are by moving-block bootstrap. Rotors without a value are left out; overall is None
+    without any.
     """
     track, prediction = analysis.track, analysis.prediction
     terms = scores.error_terms(

@@ -95,8 +95,11 @@ class RotorFade:
             self._compare(np.array(self._medians))
 
     def _compare(self, windows: Floats) -> None:
-        """Update `current` from the medians (N, M) of all windows; two consecutive comparisons
-        must agree on the rotor."""
+        """Update `current`, the fading rotor, from the medians (N, M) of all windows.
+
+        The mean of the last windows is compared with that of the first. Two consecutive comparisons
+        must agree on the rotor before a fault is set.
+        """
         moved = windows[-RECENT:].mean(axis=0) - windows[:REFERENCE].mean(axis=0)
         variance = _variance(windows) * (1.0 / REFERENCE + 1.0 / RECENT)
         variance += self._drift**2 + 2.0 * self._coarse**2
@@ -117,18 +120,24 @@ class RotorFade:
     def _log_likelihood(
         self, moved: Floats, variance: Floats, steps: Floats, widths: Floats
     ) -> Floats:
-        """Return ln of the likelihood (...) of steps (..., M) given the shift `moved` (M,) of
-        the modes."""
+        """Return the log-likelihood of hypotheses `steps` (..., M) for the observed shift `moved`
+        (M,).
+
+        `variance` (M,) is that of the shift, `widths` (..., M) the standard deviations of the
+        steps; the result has the shape (...). Each mode may also have shifted for a reason of its
+        own.
+        """
         spread = variance + widths**2
         still = np.log1p(-self._drifts) + _log_normal(moved - steps, spread)
         drifts = np.log(self._drifts) + _log_normal(moved - steps, spread + OWN**2)
         return np.asarray(np.logaddexp(still, drifts).sum(axis=-1))
 
     def _fault(self, rotor: int, sizes: Floats) -> RotorFault:
-        """Return the fault of a rotor, from 0, by the posterior (J,) over its sizes.
+        """Return the fault of a rotor, from 0, by the posterior (J,) over its sizes: mean size and
+        95 % interval, shares of thrust lost.
 
-        The loss within the reference and after the middle of the last windows is not observed: at
-        the present rate of fading it is added to the upper end.
+        The loss within the reference windows and after the middle of the last ones is not observed:
+        at the present rate of fading it is added to the upper end, which stays below MOST.
         """
         lower, upper = np.interp([0.025, 0.975], np.cumsum(sizes) - 0.5 * sizes, FAULT_SIZES)
         size = float(sizes @ FAULT_SIZES)
@@ -147,9 +156,10 @@ class RotorFade:
 
 
 def _variance(windows: Floats) -> Floats:
-    """Return the variance (M,) of a window's median, from second differences of all N (N, M).
+    """Return the variance (M,) of the median of a window, from the medians `windows` (N, M).
 
-    A steady drift has no second difference. Outliers are clipped, and a prior is added.
+    Estimated from second differences, which a steady drift does not change. Outliers are clipped,
+    and a prior is added.
     """
     square = (windows[:-2] - 2.0 * windows[1:-1] + windows[2:]) ** 2
     most = OUTLIER**2 * np.median(square, axis=0) / NORMAL_SQUARE

@@ -99,8 +99,11 @@ class RowLimit(IntEnum):
 
 @lru_cache(maxsize=8)
 def fault_model(model: RotorModel) -> RotorModel:
-    """Return the model that faults are sought against: without the effects of AS_INPUTS, and
-    without the state of later flights, which may contain the fault."""
+    """Return the model with which the fault tests compare a flight.
+
+    It lacks the effects of AS_INPUTS, which the tests estimate themselves, and the state of later
+    flights, which may contain the fault.
+    """
     model = without_state(model)
     kept = tuple(effect for effect in model.effects if effect.name not in AS_INPUTS)
     return model if len(kept) == len(model.effects) else replace(model, effects=kept)
@@ -129,7 +132,7 @@ class RotorFaults:
         """Start with the weak rotors that the model contains as present faults."""
         enough = model.airframe.rotor_count >= FEWEST_ROTORS
         self._modes = mode_directions(model)
-        self._tests = [_propeller_test(model, self._modes), _motor_test(model)] if enough else []
+        self._tests = [propeller_test(model, self._modes), motor_test(model)] if enough else []
         self._known = faults_in_model(model)
         for test in self._tests[:1]:
             test.forget(self._known)
@@ -171,9 +174,12 @@ class RotorFaults:
             self._landed_s, self._rows = time_s, []
 
     def add(self, time_s: float, row: Floats) -> bool:
-        """Add a row of `fault_signals`, in flight and in order of time.
+        """Add a row of `fault_signals`, in flight and in order of time, s.
 
-        Return True if it completed a block, after which `current` may have changed.
+        Return True if the rows before it completed a block, after which `current` may have changed.
+        A row without the squared speeds of all rotors only counts for time. After a time on the
+        ground a new block begins, and after more than CHANGED s there earlier faults may have been
+        repaired.
         """
         begins = math.isnan(self._begun_s) or not math.isnan(self._landed_s)
         if not math.isnan(self._landed_s):
@@ -209,8 +215,14 @@ class RotorFaults:
             self.history.append((time_s, current))
 
     def _close_block(self, of_block: Sequence[Floats] | Floats) -> None:
-        """Pass the means and slopes of a completed block of rows of `fault_signals` to the
-        tests; skip a block with too few rows."""
+        """Pass the mean and slope of a completed block to the fault tests, and set `tested` to
+        their results.
+
+        `of_block` (N, 7 + 3 R) are rows of `fault_signals`. If some rows have measured speeds,
+        those by outputs alone are dropped. With fewer than FEWEST_ROWS rows, or all at one time,
+        nothing is tested and `tested` is empty. Rotor speed is tested only under load. If the
+        `RowLimit` of a row forbids new faults, the tests keep their earlier results.
+        """
         rotors, self.tested = len(self._modes), {}
         if not len(of_block) or not self._tests:
             return
@@ -320,7 +332,11 @@ def fault_episodes(history: FaultHistory) -> tuple[FaultEpisode, ...]:
 
 
 def _stood_longest(stood: Sequence[tuple[float, RotorFault]], end_s: float) -> RotorFault:
-    """Return the bounded size of a fault that lasted longest up to `end_s` s, or its last size."""
+    """Return the version of a fault that lasted longest among those with a bounded size.
+
+    `stood` are its versions with the time, s, at which each began, in order; the last one lasts
+    until `end_s`. The last version if none is bounded.
+    """
     ends = [time_s for time_s, _ in stood[1:]] + [end_s]
     known = [
         (until - since, fault)
@@ -351,11 +367,11 @@ def faults_in_model(model: RotorModel) -> tuple[RotorFault, ...]:
 
 @lru_cache(maxsize=8)
 def _sound_speed_ratio(model: RotorModel) -> Floats:
-    """Return the ratio (R,) of each rotor's predicted speed without the model's weak rotors to it
+    """Return the ratio (R,) of each rotor's predicted speed without the model's weak rotors to that
     with them.
 
-    Computed in hover with half a tank. The faults' predictions are multiplied by the ratio, so that
-    the fault tests compare a flight with an aircraft without faults.
+    Computed in hover with half a tank. Predictions are multiplied by the ratio, so that the fault
+    tests compare a flight with an aircraft without faults.
     """
     weak = {fault.rotor for fault in faults_in_model(model)}
     kept = tuple(r for r in model.effects if r.loss is None or (r.rotor or 0) - 1 not in weak)
@@ -453,8 +469,9 @@ def mode_directions(model: RotorModel) -> Floats:
 def loss_steps(model: RotorModel) -> tuple[Floats, Floats]:
     """Return the change (R, J, R) of all rotors' excess by a loss of each of J sizes on each rotor.
 
-    The excess is defined in `fault_signals`; hover with half a tank. Also return its standard error
-    (R, J, R), due to the unknown torque of the bad rotor relative to its thrust.
+    The excess is the squared speed less the predicted one, over the mean predicted square; computed
+    in hover with half a tank. Axis 0 is the bad rotor. Also return the standard error (R, J, R) of
+    the changes, due to the unknown torque of the bad rotor relative to its thrust.
     """
     rotors, rows = model.airframe.rotor_count, np.zeros(FAULT_SIZES.size)
     track = FlightTrack.of(
@@ -513,7 +530,7 @@ def rotor_fade(model: RotorModel, modes: Floats) -> RotorFade:
     return RotorFade(steps, np.hypot(torque, STEP_ERROR * steps), drift)
 
 
-def _propeller_test(model: RotorModel, modes: Floats) -> FaultTest:
+def propeller_test(model: RotorModel, modes: Floats) -> FaultTest:
     """Return the test for a sudden loss of a rotor's thrust, in modal signals.
 
     `modes` (R, R) has the direction of each signal as a column (`mode_directions`).
@@ -532,8 +549,13 @@ def _propeller_test(model: RotorModel, modes: Floats) -> FaultTest:
 
 
 def _turn_inputs(model: RotorModel) -> Floats:
-    """Return the prior standard deviations (R, 7) of each mode's coefficients of load factor,
-    the three body rates, and their slopes."""
+    """Return the prior standard deviations (R, 7) of the response of R modes to seven inputs.
+
+    Columns: load factor, three body rates (rad/s), the three slopes of the rates (rad/s²). Values
+    are shares of hover thrust per unit of the input. Rows are in the order of `mode_directions`; a
+    mode responds to the input of its own axis in full, and to any other input by the share LEAK,
+    never zero. A rate has the same value as its slope.
+    """
     airframe = model.airframe
     rotors, size = airframe.rotor_count, math.sqrt(airframe.rotor_count)
     # What a load factor of 2, or 1 rad/s² of a body all of whose mass sits at the rotors, needs.
@@ -550,8 +572,12 @@ def _output_test(model: RotorModel, modes: Floats) -> FaultTest:
     return output_test(steps, np.hypot(torque, STEP_ERROR * steps), _turn_inputs(model))
 
 
-def _motor_test(model: RotorModel) -> FaultTest:
-    """Return the test for a motor that does not reach the speed of its output."""
+def motor_test(model: RotorModel) -> FaultTest:
+    """Return the test for a motor that turns more slowly than its output demands, in R signals.
+
+    A signal is ln of squared speed less ln of the thrust share of the output, less the rotors'
+    median.
+    """
     rotors = model.airframe.rotor_count
     steps = 2.0 * np.log1p(-FAULT_SIZES)[:, None] * np.eye(rotors)[:, None, :]
     each = np.ones(rotors)

@@ -11,8 +11,7 @@ and the air of the row (N is proportional to 1/sqrt(rho) at one thrust); without
 weight shared by the rotors and the thrust curve in the air of the row (Eq. 4 and 6), without
 airspeed. Identified effects apply to all rows: outside the training they change the speed by the
 same share as they change the base. Fast effects need half a second around a row. At the end of live
-data, or where a channel is missing, the row is predicted without the effect and flagged
-(`Prediction.partial`).
+data, or where a channel is missing, the row is predicted without the effect.
 
 `identified_airframe` is the airframe with the changes of its identified effects.
 """
@@ -29,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models.checks.arms.arm_law import ArmLaw
+from thrustmargin.models.checks.instruments import Thermometer
 from thrustmargin.models.effects.base import Effect, FlightState, Placed, look_of
 from thrustmargin.models.effects.channels import Channels, channels_of
 from thrustmargin.models.effects.compose import (
@@ -36,7 +36,6 @@ from thrustmargin.models.effects.compose import (
     EffectRecord,
     Identified,
     base_table,
-    lacks_channel,
     losses_of,
     outside_identified,
     placed_from,
@@ -46,7 +45,6 @@ from thrustmargin.models.effects.compose import (
 from thrustmargin.models.errors import AirframeError, ModelError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.mode_walk import ModeState, shift_rpm
-from thrustmargin.models.model.thermometer import Thermometer
 from thrustmargin.models.network.network import CHUNK_ROWS, RotorNetwork, ensemble_speed
 from thrustmargin.models.network.records import GoodFlights, TrainingRecord
 from thrustmargin.models.network.validity import Interval, TrainingDomain
@@ -155,7 +153,9 @@ class RotorModel:
 
     @property
     def _base_words(self) -> str:
-        """Describe the model without its effects, in words."""
+        """Describe the model without its effects, in words: the number of members of its network,
+        or weight and thrust curve; flights and date of the training, and the kind of rotor speeds
+        if not measured."""
         if self.training_domain is None:
             return f"weight and thrust curve of {self.airframe.title}, no network"
         trained = f", trained {self.training.date}" if self.training else ""
@@ -298,19 +298,19 @@ def model_channels(
 
 def speed_with_effects(
     model: RotorModel, track: FlightTrack, start: FlightState | None = None
-) -> tuple[Floats, Bools, Bools]:
-    """Return rotor speeds (T, R) rpm with all effects, and two masks (T,).
+) -> tuple[Floats, Bools]:
+    """Return rotor speeds (T, R), rpm, with all of the model's effects, and a mask (T,).
 
-    The first mask flags rows without a channel that an effect needs, the second rows outside the
-    range in which an effect was identified. Speeds are NaN where one of the model's `inputs` is
-    missing.
+    The mask flags rows outside the range in which an effect was identified. Speeds are NaN where
+    one of the model's `inputs` is missing. `start` is the state of the effects before the first
+    row; None: the flight begins.
     """
     x = model_channels(model, track, start=start)
     with np.errstate(invalid="ignore", divide="ignore"):
         speed = rotor_speed_rpm(table_of(model), _tolerant_effects(model), x)
     for channel in model.inputs:
         speed[~np.isfinite(getattr(track, channel))] = np.nan
-    return speed, lacks_channel(model.placed, x), outside_identified(model.placed, x)
+    return speed, outside_identified(model.placed, x)
 
 
 @lru_cache(maxsize=8)
@@ -386,7 +386,6 @@ class Prediction:
     coverage: float  # nominal coverage of the interval, e.g. 0.9; NaN without one
     thrust: Floats  # (T, R) N
     basis: NDArray[np.int8]  # (T,) Basis
-    partial: Bools | None = None  # (T,) rows without a channel that an effect needs
 
     def __repr__(self) -> str:
         rows, rotors = self.rotor_speed_rpm.shape
@@ -400,17 +399,15 @@ class Prediction:
 def predict(
     model: RotorModel, track: FlightTrack, density: Floats, *, start: FlightState | None = None
 ) -> Prediction:
-    """Predict the rotor speeds of T rows from airspeed and tank level, in air of `density` (T,)
-    kg/m³.
+    """Predict rotor speeds, their interval and thrust (T, R) from airspeed and tank level.
 
-    NaN and Basis.NONE where density or one of the model's `inputs` is missing. With a network,
-    physics rows have the interval at the edge of the training domain, EXTRAPOLATED times as wide,
-    plus 10 % of what physics adds; rows outside the range of an effect are widened alike. Between
-    the training range and its tolerance both change step by step. Thrust is
-    by the thrust curve, in reference air for network rows because the network learnt in it. A
-    model's identified effects apply to every row. The mode state of a followed aircraft offsets
-    every rotor and widens the interval by its own error. Raises AirframeError when the rotor count
-    differs. `start` is the state of the effects before the first row of a window (see `analyse`).
+    `density` (T,) is the air's, kg/m³. NaN and Basis.NONE where it or one of the model's `inputs`
+    is missing. The network is used inside its training domain, weight and thrust curve outside;
+    within the tolerance between, both are mixed so that there is no step. Outside, the interval is
+    that at the domain's edge, EXTRAPOLATED times as wide, plus a share of the speed that physics
+    adds; rows outside an effect's range are widened alike. The mode state of a followed aircraft
+    shifts every rotor and widens the interval. `start` is the state of the effects before the first
+    row of a window (see `analyse`). Raise AirframeError when the rotor count differs.
     """
     airframe = model.airframe
     if track.rotor_count != airframe.rotor_count:
@@ -453,10 +450,9 @@ def predict(
             np.nan_to_num(airspeed[near]), np.zeros_like(half[near])
         )
         coverage = interval.coverage
-    lacking = None
     by_effects, held_at_edge = None, np.zeros(known.shape, dtype=np.bool_)
     if model.effects:
-        by_effects, lacking, held_at_edge = speed_with_effects(model, track, start)
+        by_effects, held_at_edge = speed_with_effects(model, track, start)
         half[held_at_edge] *= EXTRAPOLATED
         replaced = inside if model.network is not None else known
         speed[replaced] = by_effects[replaced] * np.sqrt(thin[replaced])[:, None]
@@ -491,7 +487,6 @@ def predict(
         coverage=coverage if np.any(np.isfinite(half)) else float("nan"),
         thrust=rotor_thrust(identified_airframe(model), speed, air),
         basis=basis,
-        partial=lacking,
     )
 
 

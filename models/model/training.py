@@ -124,11 +124,13 @@ def train(
     version: str,
     progress: Progress | None = None,
 ) -> Trained:
-    """Fit the rotor speed model of one aircraft to its flights.
+    """Fit the rotor speed model of one aircraft to its flights, with a prediction interval.
 
-    Rotor speeds are all measured or all from motor outputs; the model's record states which. Raises
-    DataError when they are not, when there are no usable rows or fewer than 3 flights, and
-    AirframeError when the flights have another number of rotors than the airframe.
+    Rotor speeds are all measured or all from motor outputs; the model's record states which, with
+    `date` and `version`. Rows in yaw turns are not trained on. `progress` is called after each
+    epoch of each network, with the network's name first. Raise DataError when speeds are of both
+    kinds, when there are no usable rows, no row outside yaw turns in a flight, or fewer than 3
+    flights, and AirframeError when the flights have another number of rotors than the airframe.
     """
     samples = gather(tracks)
     places = [i for i, track in enumerate(tracks) if training_rows(track).any()]
@@ -151,10 +153,12 @@ def train(
     names = iter(settings.names())
     curves: list[LossCurve] = []
 
-    slow = _slow_rows([tracks[i] for i in places], samples)
+    slow = slow_rows([tracks[i] for i in places], samples)
 
     def fit(split: Split, seed: int) -> NetworkFit:
-        """Fit the next network of `settings` on a split and record its loss curve."""
+        """Fit a network on the training rows of a split, with the loss curve recorded under the
+        next name.
+        """
         name = next(names)
         fitted = fit_network(
             samples.inputs,
@@ -178,10 +182,10 @@ def train(
     split_scores = []
     for kind in settings.splits:
         split = SPLITS[kind](samples, settings.seed)
-        split_scores.append(_split_score(kind, samples, split, fit(split, settings.seed)))
+        split_scores.append(split_score(kind, samples, split, fit(split, settings.seed)))
     fits = [fit(split, settings.seed + 1 + k) for k, split in enumerate(learnt)]
     network = stack_networks([f.network for f in fits])
-    left_out = _held_out_speeds(samples, fits, member_rows)
+    left_out = held_out_speeds(samples, fits, member_rows)
     spread = ensemble_speed(network, samples.airspeed, samples.tank_kg)[1]
     residual = samples.rotor_speed_rpm - left_out
     interval = calibrate(
@@ -226,8 +230,11 @@ def train(
 def _model_of_network(
     network: RotorNetwork, samples: Samples, tracks: Sequence[FlightTrack], airframe: Airframe
 ) -> RotorModel:
-    """Build a model from a network; its domain, medians and drag come from `samples` and `tracks`
-    alone."""
+    """Build a model from a network.
+
+    Its training domain and reference density and voltage come from `samples`, its drag from
+    `tracks`: those of a fold must lack the flights that it holds out.
+    """
     return RotorModel(
         airframe=airframe,
         network=network,
@@ -238,11 +245,11 @@ def _model_of_network(
     )
 
 
-def _slow_rows(tracks: Sequence[FlightTrack], samples: Samples) -> Bools:
-    """Flag the rows (N,) to train on: all, or every n-th of a track sampled faster than FASTEST.
+def slow_rows(tracks: Sequence[FlightTrack], samples: Samples) -> Bools:
+    """Flag the rows (N,) of `samples` to train on: all, but every n-th of a track sampled too fast.
 
-    Rotor speed depends on airspeed and tank here; rows a hundredth of a second apart add no
-    information.
+    Too fast is more than FASTEST rows a second: rows a hundredth of a second apart add no
+    information. `tracks` are in the order of the samples' flight numbers.
     """
     keep = np.ones(samples.flight.size, dtype=np.bool_)
     for flight, track in enumerate(tracks):
@@ -274,7 +281,7 @@ def _select(rows: Rows, wanted: np.ndarray) -> Rows:
     return rows[wanted[rows]]
 
 
-def _held_out_speeds(
+def held_out_speeds(
     samples: Samples, fits: Sequence[NetworkFit], splits: Sequence[Split]
 ) -> Floats:
     """Return rotor speeds (N, R) rpm, each the mean of the members that held out the row's
@@ -290,7 +297,7 @@ def _held_out_speeds(
     return total / count
 
 
-def _split_score(kind: str, samples: Samples, split: Split, fitted: NetworkFit) -> SplitScore:
+def split_score(kind: str, samples: Samples, split: Split, fitted: NetworkFit) -> SplitScore:
     """Score one network on the training, validation and test rows of its split."""
     predicted = member_speeds(fitted.network, samples.airspeed, samples.tank_kg)[0]
 
@@ -367,18 +374,18 @@ class NetworkPoints:
 
     title: str  # of the aircraft of the training flights, which may be simulated
     airspeed: Floats  # (P,) m/s
-    tank_kg: Floats  # (P,) kg
     rotor_speed_rpm: Floats  # (P, R)
     load: Floats  # (P,) N for each rotor
     left_out: int  # points outside the model's training domain
 
 
 def network_points(airframe: Airframe, model: RotorModel) -> NetworkPoints:
-    """Predict rotor speeds for the figure's airspeeds and shares of a full tank.
+    """Predict rotor speeds for the figure's grid of airspeeds and shares of a full tank.
 
     The model is evaluated in the air of its training, and Eq. 1 converts its speeds to the air of
-    its airframe's thrust curve, in which the figure is drawn. Raises ModelError when the model is
-    of another aircraft, or its network covers none of the points.
+    its airframe's thrust curve, in which the figure is drawn. Points that the network does not
+    cover are left out and counted. Raise ModelError when the model is of another aircraft than
+    `airframe`, or its network covers none of the points.
     """
     if not same_aircraft(airframe, model.airframe):
         raise ModelError(
@@ -411,7 +418,6 @@ def network_points(airframe: Airframe, model: RotorModel) -> NetworkPoints:
     return NetworkPoints(
         title=model.airframe.title,
         airspeed=speed[learnt],
-        tank_kg=tank[learnt],
         rotor_speed_rpm=predicted.rotor_speed_rpm[learnt] * to_curve,
         load=weight(airframe, tank[learnt]) / airframe.rotor_count,
         left_out=int(np.count_nonzero(~learnt)),

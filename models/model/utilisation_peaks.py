@@ -69,10 +69,10 @@ def airborne_use(analysis: FlightAnalysis) -> Floats:
 
 
 def utilisation_peaks(analysis: FlightAnalysis) -> tuple[UtilisationPeak, ...]:
-    """Return the rows with the highest thrust utilisation, worst first, APART_S or more apart.
+    """Return the up to MOST_PEAKS highest peaks of thrust utilisation, worst first.
 
-    When rotors peak together the peak is listed once, with its worst rotor. Empty where no
-    utilisation is known.
+    They are APART_S s or more apart. When rotors peak together the peak is listed once, with its
+    worst rotor. Left out are values whose interval includes 0. Empty where no utilisation is known.
     """
     use = airborne_use(analysis)
     # One that may as well be none says nothing.
@@ -88,7 +88,11 @@ def utilisation_peaks(analysis: FlightAnalysis) -> tuple[UtilisationPeak, ...]:
 
 
 def _peak(analysis: FlightAnalysis, use: Floats, row: int) -> UtilisationPeak:
-    """Return the peak at a row; `use` (T, R) is the utilisation in flight."""
+    """Return the peak at a row, of its most used rotor; `use` (T, R) is the utilisation in flight.
+
+    Values are NaN where unknown; so is a load of 0 kg of an aircraft without a tank, since it may
+    carry a payload.
+    """
     track = analysis.track
     tankless = not analysis.model.airframe.tank_volume_l
     rotor = int(np.nanargmax(use[row]))
@@ -122,7 +126,12 @@ def _peak(analysis: FlightAnalysis, use: Floats, row: int) -> UtilisationPeak:
 
 
 def activities(track: FlightTrack, row: int) -> tuple[Activity, ...]:
-    """List the vehicle's activities around a row, as far as the log has channels for them."""
+    """List the vehicle's activities in the AROUND_S s around a row, as far as the log has channels
+    for them.
+
+    "hovering" only if speed is steady and low, and neither at take-off nor landing; "flying, not
+    spraying" only if nothing else applies. Only "tilted" has an amount, degrees; others have NaN.
+    """
     time_s = track.time_s
     near = np.abs(time_s - time_s[row]) <= AROUND_S / 2
     words = []

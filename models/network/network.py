@@ -104,11 +104,12 @@ def fit_network(
     seed: int,
     on_epoch: OnEpoch | None = None,
 ) -> NetworkFit:
-    """Fit one network to the rows `training`, stopped early on the rows `validation`.
+    """Fit one network to the rows `training`, stopped early on the rows `validation` (row indices).
 
-    inputs (N, 2): airspeed m/s and tank kg; rotor_speed_rpm (N, R); both finite. The same seed,
-    data and settings give the same weights: one thread, and torch's global state is restored.
-    Raises DataError when either set of rows is empty or the inputs are not finite.
+    `inputs` (N, 2) are airspeed, m/s, and tank, kg; `rotor_speed_rpm` is (N, R); both finite. The
+    same seed, data and settings give the same weights: one thread, and torch's global state is
+    restored. `on_epoch` is called after each epoch. Raise DataError when either set of rows is
+    empty or a value is not finite.
     """
     if training.size == 0 or validation.size == 0:
         raise DataError(
@@ -164,8 +165,13 @@ def _fit(
     config: NetConfig,
     on_epoch: OnEpoch | None,
 ) -> NetworkFit:
-    """Fit one network with torch, seeded beforehand. `inputs` (T, k) and `rotor_speed_rpm` (T,
-    R) are standardised by the training rows; `training` and `validation` select rows."""
+    """Fit one network with torch, whose random generator the caller has seeded.
+
+    `inputs` (T, k) and `rotor_speed_rpm` (T, R) are standardised by the training rows; `training`
+    and `validation` are row indices. `on_epoch`, if not None, is called with the epoch's number,
+    from 1, and validation loss. Training stops early by the patience of `config`. The weights are
+    those of the epoch with the least validation loss.
+    """
     import torch
 
     input_mean, input_scale = inputs[training].mean(axis=0), _scale(inputs[training])
@@ -301,15 +307,6 @@ class RotorNetwork:
         """Return the number of rotors, R."""
         return self.output_mean.shape[1]
 
-    @property
-    def hidden(self) -> tuple[int, ...]:
-        """Return the units of each hidden layer."""
-        return tuple(w.shape[2] for w in self.weights[:-1])
-
-    def member(self, index: int) -> RotorNetwork:
-        """Return one of the networks, by its index from 0, as an ensemble of one."""
-        return _combine(lambda arrays: arrays[0][index : index + 1], self)
-
 
 def stack_networks(networks: Sequence[RotorNetwork]) -> RotorNetwork:
     """Combine the members of `networks`, in order, into one ensemble."""
@@ -319,7 +316,9 @@ def stack_networks(networks: Sequence[RotorNetwork]) -> RotorNetwork:
 def _combine(
     make: Callable[[Sequence[np.ndarray]], np.ndarray], *networks: RotorNetwork
 ) -> RotorNetwork:
-    """Return the network whose arrays are `make` of the corresponding arrays of all `networks`."""
+    """Return a network each of whose arrays is `make` of the corresponding arrays of all
+    `networks`.
+    """
 
     def combine_field(name: str) -> Any:
         """Apply `make` to the arrays (or tuples of arrays) named `name` of all networks."""
@@ -332,8 +331,10 @@ def _combine(
 
 
 def member_speeds(network: RotorNetwork, airspeed: Floats, tank_kg: Floats) -> Floats:
-    """Return the rotor speeds (M, N, R) rpm that each member predicts for N rows of airspeed and
-    tank."""
+    """Return the rotor speeds (M, N, R), rpm, that each of M members predicts for N rows.
+
+    `airspeed` (N,) is in m/s, `tank_kg` (N,) in kg.
+    """
     inputs = np.stack(
         [np.asarray(airspeed, dtype=np.float64), np.asarray(tank_kg, dtype=np.float64)], axis=-1
     )

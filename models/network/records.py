@@ -237,7 +237,7 @@ def _nothing_usable(tracks: Sequence[FlightTrack]) -> str:
 
 
 def _distinct(names: list[str]) -> tuple[str, ...]:
-    """Append " (2)", " (3)", ... to repeated names, so that all are distinct."""
+    """Return the names in order, with " (2)", " (3)", ... appended to repeated ones."""
     result: list[str] = []
     for name in names:
         unique, count = name, 2
@@ -289,8 +289,8 @@ def member_splits(samples: Samples, members: int, seed: int) -> tuple[Split, ...
     """Return one split by flight for each member; every flight is in the `test` of at least one.
 
     The flights are dealt into as many folds as there are members (at most one a flight). Member k
-    holds out fold k (`test`), stops early on 15 % of the other flights and trains on the rest.
-    Raises DataError for fewer than 3 flights or 3 members.
+    holds out fold k (`test`), stops early on a number of other flights (15 % of all) and trains on
+    the rest. Raise DataError for fewer than 3 flights or fewer than 3 members.
     """
     if members < 3:
         raise DataError(f"{members} members; with fewer than 3, each would learn too little")

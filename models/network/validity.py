@@ -75,10 +75,10 @@ class TrainingDomain:
         return excess
 
     def covers_inputs(self, airspeed: Floats, tank_kg: Floats) -> Bools:
-        """Flag the rows (N,) with airspeed and tank level inside the training ranges; NaN is
-        outside.
+        """Flag the rows (N,) with airspeed and tank level inside the training ranges, tolerance
+        included.
 
-        An airspeed that no training flight reported sets no limit.
+        NaN is outside. An airspeed that no training flight reported sets no limit.
         """
         inside = np.ones(tank_kg.shape, dtype=np.bool_)
         if not np.isnan(self.airspeed[0]):
@@ -86,8 +86,10 @@ class TrainingDomain:
         return inside & _within(tank_kg, self.tank_kg, TANK_TOLERANCE)
 
     def covers(self, airspeed: Floats, tank_kg: Floats, density: Floats) -> Bools:
-        """Flag the rows (N,) with airspeed, tank level and air density inside the training
-        ranges."""
+        """Flag the rows (N,) with airspeed, tank level and air density inside the training ranges.
+
+        The ranges are widened by their tolerances; NaN is outside.
+        """
         return self.covers_inputs(airspeed, tank_kg) & _within(
             density, self.density, DENSITY_TOLERANCE * self.density[1]
         )
@@ -217,9 +219,11 @@ def _knots(airspeed: Floats) -> Floats:
 def _scatter(
     size: Floats, airspeed: Floats, flight: Rows, knots: Floats, coverage: float
 ) -> Floats:
-    """Return the `coverage` quantile (B, R) of the residual's size (N, R) near each airspeed (B,).
+    """Return a quantile (B, R) of the residual's absolute size (N, R) near each of B airspeeds.
 
-    Every flight has the same weight near a knot, whatever its number of rows.
+    `airspeed` (N,) and the `knots` (B,) are in m/s, `coverage` is the quantile's level. Rows are
+    weighted by a Gaussian of the airspeed difference; each flight has the same weight, whatever its
+    number of rows. Never below SCATTER_FLOOR_RPM.
     """
     _, which, counts = np.unique(flight, return_inverse=True, return_counts=True)
     order = np.argsort(size, axis=0)

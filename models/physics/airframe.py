@@ -120,7 +120,11 @@ def table_problems(table: dict[str, Any]) -> list[str]:
 
 
 def _quantity_problems(name: str, unit: str, entry: Any) -> list[str]:
-    """List the problems of one quantity."""
+    """List the problems of the table `entry` of quantity `name`, in words; empty without one.
+
+    `unit` is the required unit. The value must be above 0, for the quantities of MAY_BE_ZERO 0 or
+    more.
+    """
     if not isinstance(entry, dict) or not {"value", "unit", "source"} <= entry.keys():
         return [f"{name} needs value, unit ({unit}) and source"]
     problems = _unknown(entry, _QUANTITY_KEYS, f"key of {name}")
@@ -139,7 +143,11 @@ def _quantity_problems(name: str, unit: str, entry: Any) -> list[str]:
 
 
 def _rotors_problems(table: dict[str, Any]) -> list[str]:
-    """List the problems of layout and rotors."""
+    """List the problems of an airframe table's layout and rotors, in words; empty without one.
+
+    Without rotors the layout must be known, and then the arm is missing. With fewer than 3 rotors,
+    or a problem of one rotor's table, the places are not compared with layout and arm.
+    """
     name = table.get("layout")
     layout = motor_layouts().get(str(name))
     if "rotors" not in table:
@@ -176,7 +184,11 @@ def _rotors_problems(table: dict[str, Any]) -> list[str]:
 
 
 def _rotor_problems(number: int, rotor: Any) -> list[str]:
-    """List the problems of one rotor; `number` counts from 1."""
+    """List the problems of one rotor's table (name, position, spin, effectiveness) in words; empty
+    without one.
+
+    `number` counts from 1 and names the rotor. An effectiveness that is absent counts as 1.
+    """
     where = f"rotor {number}"
     if not isinstance(rotor, dict):
         return [f"{where} must be a table with name, position_frd and spin"]
@@ -201,7 +213,12 @@ def _rotor_problems(number: int, rotor: Any) -> list[str]:
 
 
 def _impossible_together(table: dict[str, Any]) -> list[str]:
-    """List values that are plausible alone but impossible together, mostly due to a wrong unit."""
+    """List values of a table that are plausible alone but impossible together, in words.
+
+    Compared are thrust coefficient and propeller, the masses, the thrust of all rotors with the
+    empty weight and with a full tank, and the liquid's density. Mostly a unit is wrong. Empty
+    without any.
+    """
     problems = []
     slope, top = _value(table, "thrust_coefficient"), _value(table, "max_rotor_speed_rpm")
     density, diameter = _value(table, "reference_density"), _value(table, "propeller_diameter")
@@ -373,9 +390,12 @@ def load_airframe(name_or_path: str | Path) -> Airframe:
 
 
 def _read(name_or_path: str, children: tuple[str, ...]) -> dict[str, Any]:
-    """Read the table of an airframe, with the values it inherits by `extends`.
+    """Read the table of an airframe, with the values it inherits by `extends` (`_extend`).
 
-    `children` are the files that extend it, to find cycles.
+    `name_or_path` is a shipped airframe's name, or a path ending in .toml; a relative path in
+    `extends` is from the file's folder. `children` are the files that extend it, to find cycles.
+    Raise AirframeError for an unknown name, a file that cannot be read or is no such table, and a
+    cycle.
     """
     path = Path(name_or_path)
     if path.suffix == ".toml":
@@ -414,10 +434,13 @@ def _read(name_or_path: str, children: tuple[str, ...]) -> dict[str, Any]:
 
 
 def _extend(base: dict[str, Any], table: dict[str, Any]) -> dict[str, Any]:
-    """Return a copy of `base` with the keys of `table` replaced whole, "quantities" one by one.
+    """Return a copy of an airframe's TOML table `base` in which the keys of `table` replace those
+    of `base` whole, but "quantities" one by one.
 
-    A new layout or an arm drops the rotors of `base` unless `table` has its own. Rotors, or a new
-    layout, in `table` drop the arm of `base`."""
+    Rotors and the quantity "arm" both place the rotors. So rotors in `table` drop the arm of
+    `base`; without them, an arm or a different layout in `table` drops the rotors of `base`. A
+    different layout also drops the arm. What `table` itself has is kept.
+    """
     own, inherited = table.get("quantities", {}), dict(base.get("quantities", {}))
     base = dict(base)
     if "rotors" in table:
@@ -440,7 +463,11 @@ def quantity_table(quantity: Quantity) -> dict[str, Any]:
 
 
 def airframe_table(airframe: Airframe) -> dict[str, Any]:
-    """Return the airframe as the table of its file: strings, numbers, lists and tables."""
+    """Return the airframe as the table of its file: `name`, `title`, `layout`, `tank_source`,
+    `quantities`, `rotors`, and `pump_on` if it is not empty.
+
+    A rotor has `name`, `position_frd` (m), `spin` ("cw" or "ccw") and `effectiveness`.
+    """
     return {
         "name": airframe.name,
         "title": airframe.title,

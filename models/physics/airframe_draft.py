@@ -150,7 +150,7 @@ def airframe_toml(airframe: Airframe, heading: str = "") -> str:
 
 
 def _toml(value: Any) -> str:
-    """Format a value as TOML."""
+    """Format a dict (as an inline table), list, text, number or flag as a TOML value."""
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{key} = {_toml(v)}" for key, v in value.items()) + " }"
     if isinstance(value, list):

@@ -44,9 +44,9 @@ SENSOR_ERROR, WEATHER_ERROR = 0.005, 0.012
 ASSUMED_ERROR = 0.1  # kg/m³ of air of which nothing is known: sea level to 2 km
 
 
-def isa_temperature(altitude: ArrayLike, temperature_offset: float = 0.0) -> Floats:
+def isa_temperature(altitude: ArrayLike) -> Floats:
     """Return the temperature, K, at `altitude` in m AMSL (any shape); ISO 2533."""
-    return SEA_LEVEL_TEMPERATURE - LAPSE_RATE * _floats(altitude) + temperature_offset
+    return SEA_LEVEL_TEMPERATURE - LAPSE_RATE * _floats(altitude)
 
 
 def isa_pressure(altitude: ArrayLike) -> Floats:
@@ -64,12 +64,6 @@ def pressure_altitude(pressure: ArrayLike) -> Floats:
 def air_density(pressure: ArrayLike, temperature: ArrayLike) -> Floats:
     """Return the density, kg/m³, of dry air at `pressure` in Pa and outside `temperature` in K."""
     return _floats(pressure) / (GAS_CONSTANT * _floats(temperature))
-
-
-def isa_density(altitude: ArrayLike, temperature_offset: float = 0.0) -> Floats:
-    """Return the density, kg/m³, at `altitude` in m AMSL, `temperature_offset` K warmer than
-    standard."""
-    return air_density(isa_pressure(altitude), isa_temperature(altitude, temperature_offset))
 
 
 def isa_air(density: ArrayLike) -> tuple[Floats, Floats]:
@@ -112,7 +106,13 @@ def track_air(track: FlightTrack, temperature_offset: float = 0.0) -> Air:
 
 
 def _compute_air(track: FlightTrack, temperature_offset: float) -> Air:
-    """Compute the air, as `track_air` without its cache."""
+    """Compute density, kg/m³, its standard error, temperature, K, and the basis of the air of each
+    row.
+
+    Density is by pressure where it is plausible, else by altitude. Rows with neither have the
+    median of the other rows; without any the density is that at sea level, stated as assumed.
+    `temperature_offset`, K, is added to the temperature.
+    """
     low, high = PLAUSIBLE_PRESSURE
     reported = np.isfinite(track.pressure)
     by_pressure = reported & (track.pressure >= low) & (track.pressure <= high)

@@ -97,7 +97,8 @@ def stated_value(
 ) -> DayValue:
     """Return a user's `value`, in SI, for the field `name` of a day.
 
-    An air temperature has the same standard error as one stated for a log.
+    An air temperature has the same standard error as one stated for a log; every other value has
+    none (0). `given_at` is the time of the statement in words, empty if not known.
     """
     error = STATED_TEMPERATURE_ERROR if name == "air_temperature" else 0.0
     return DayValue(value, source, error, given_at=given_at)

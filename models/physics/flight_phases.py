@@ -95,7 +95,7 @@ def _climb_rate(track: FlightTrack) -> Floats | None:
 
 
 def stretches(mask: Bools) -> list[tuple[int, int]]:
-    """List (first, end) of each run of True."""
+    """List (first, end) of each run of True in `mask` (T,), end excluded."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 

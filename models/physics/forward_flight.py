@@ -89,11 +89,10 @@ def thrust_ratio(
 def manoeuvre_load(
     flight: ForwardFlight, track: FlightTrack, airframe: Airframe, span: float
 ) -> Floats:
-    """Return rotor force (T,) over that of steady flight at the same airspeed.
+    """Return the rotor force (T,) divided by that of steady flight at the same airspeed.
 
-    Velocity is differentiated over `span` s. Acceleration and drag are added as vectors. Gusts that
-    no channel reports are not included, so that a missing wind or drag remains in the residual of
-    the rotor speeds.
+    Velocity is differentiated over `span` s. Acceleration and drag are added as vectors. An unknown
+    wind counts as 0, so that its drag remains in the residual of the rotor speeds.
     """
     wind = np.where(np.isfinite(track.wind_ned), track.wind_ned, 0.0)
     way = (track.velocity_ned - wind) * np.array([1.0, 1.0, 0.0])
@@ -131,7 +130,8 @@ def fit_forward_flight(tracks: Sequence[FlightTrack], airframe: Airframe) -> For
 def wind_by_drag(track: FlightTrack, airframe: Airframe, flight: ForwardFlight) -> Floats:
     """Return the wind (T, 2), m/s, north and east, whose drag would explain the aircraft's tilt.
 
-    It is the direction the air moves to.
+    It is the velocity of the air, so it points where the air moves to. NaN where tilt, velocity or
+    mass is unknown.
     """
     _, pushed = _balance(track)
     mass = airframe.empty_mass + track.tank_kg
@@ -151,9 +151,11 @@ def _balance(track: FlightTrack) -> tuple[Floats, Floats]:
 
 
 def straight_flight(track: FlightTrack, airframe: Airframe) -> Straight:
-    """Return airspeed, mass, density, drag and lift in rows of straight flight.
+    """Return airspeed, mass, density, deceleration by drag and lift ratio in rows of straight
+    flight.
 
-    Rows with any of the five unknown are left out. An unknown wind counts as 0.
+    All are (n,) in SI; the lift ratio is thrust needed over thrust by the rotor speeds. Rows with
+    any of the five unknown are left out. An unknown wind counts as 0.
     """
     force, pushed = _balance(track)
     wind = np.where(np.isfinite(track.wind_ned), track.wind_ned, 0.0)

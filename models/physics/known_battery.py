@@ -1,4 +1,4 @@
-"""Summarise the battery of an aircraft from its earlier flights: voltage at rest, resistance."""
+"""Estimate the resistance of a battery in one flight; summarise what earlier flights had."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from statistics import fmean
 
+import numpy as np
+
+from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.scores import error_of_further
 
 #: Standard error of a resistance, as a share, from which on it is dropped: too uncertain.
@@ -33,12 +36,12 @@ class KnownBattery:
 def known_battery(
     rest_voltages: Sequence[float], resistances: Sequence[tuple[float, float]]
 ) -> KnownBattery:
-    """Estimate the battery from earlier flights: V at rest of each, and ohm with its standard
-    error.
+    """Estimate the battery from earlier flights: its voltage at rest, V, and its resistance, ohm.
 
-    The voltage is the mean, the resistance the geometric mean of those with a relative error below
-    UNSURE; each has the error of predicting one more flight, since a battery is not always full.
-    NaN counts as unknown.
+    `rest_voltages` has the voltage of each flight, `resistances` the resistance of each and its
+    standard error; NaN is unknown. The voltage is the mean, the resistance the geometric mean of
+    the resistances with a relative error below UNSURE; each has the error of predicting one more
+    flight, since a battery is not always full.
     """
     volts = [value for value in rest_voltages if value > 0.0]
     known = [math.log(ohm) for ohm, error in resistances if ohm > 0.0 and error < UNSURE * ohm]
@@ -54,3 +57,42 @@ def known_battery(
             battery, resistance=math.exp(mean), resistance_error=error * math.exp(mean)
         )
     return battery
+
+
+#: Seconds over which voltage and current are means: a flight has that many independent ones.
+_MEAN_S, _LEAST_MEANS = 5.0, 12
+
+
+def battery_resistance(
+    time_s: Floats, voltage: Floats, current: Floats, flying: Bools
+) -> tuple[float, float]:
+    """Estimate the battery's resistance, ohm, and its standard error from voltage, current (T,).
+
+    Least squares of 5 s means of the rest before take-off and the flight, with a polynomial of the
+    charge drawn (second degree) as regressor. In flight alone current falls as the tank empties and
+    the battery drains, which would give a value several times too large. Both NaN if the log has no
+    current, no rest before take-off, or too little flight.
+    """
+    nothing = float("nan"), float("nan")
+    known = np.isfinite(voltage) & np.isfinite(current)
+    known &= flying | (np.cumsum(flying) == 0)
+    if not (known & flying).any():
+        return nothing
+    time_s, aloft = time_s[known], flying[known].astype(np.float64)
+    bins = np.unique((time_s - time_s[0]) // _MEAN_S, return_inverse=True)[1]
+    count = np.bincount(bins)
+    volts, amperes, aloft = (
+        np.bincount(bins, weights=x) / count for x in (voltage[known], current[known], aloft)
+    )
+    if np.count_nonzero(aloft) < _LEAST_MEANS or aloft.all():
+        return nothing
+    charge = amperes * count
+    drawn = (np.cumsum(charge) - charge / 2.0) / max(float(np.abs(charge).sum()), 1e-9)
+    design = np.column_stack([np.ones_like(volts), drawn, drawn**2, -amperes])
+    solved, _, rank, _ = np.linalg.lstsq(design, volts, rcond=1e-9)
+    if rank < 4:
+        return nothing
+    remaining = volts - design @ solved
+    spread = float(remaining @ remaining) / (volts.size - 4)
+    error = float(np.sqrt(spread * np.linalg.inv(design.T @ design)[3, 3]))
+    return float(solved[3]), error

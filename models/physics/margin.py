@@ -76,8 +76,9 @@ def mixer(airframe: Airframe) -> Floats:
 def holdable(airframe: Airframe) -> Holdable:
     """Compute the largest level collective with all rotors, and with each of them lost.
 
-    On a quad with any offset of the centre of gravity a rotor on its side cannot be lost: two
-    rotors on a diagonal hold only a weight on the line between them.
+    The collective is the total thrust in level flight, in units of a free rotor's ceiling. NaN
+    without rotors. On a quad with any offset of the centre of gravity a rotor on its side cannot be
+    lost: two rotors on a diagonal hold only a weight on the line between them.
     """
     rotors = range(airframe.rotor_count)
     if not rotors:
@@ -98,9 +99,10 @@ def holdable(airframe: Airframe) -> Holdable:
 def trim_curve(airframe: Airframe, rotor: int, yaw_kept: bool = True) -> TrimCurve:
     """Compute the least thrust of rotor number `rotor`, from 0, for each level collective.
 
-    By the linear program's dual, the least thrust is the maximum of lines in the collective, one
-    for each corner of the dual. The curve follows the highest line from the largest collective
-    without the rotor to the largest one with it.
+    Both are in units of a free rotor's ceiling. By the linear program's dual, the least thrust is
+    the maximum of lines in the collective, one for each corner of the dual. The curve has the
+    corners of the highest line, from the largest collective without the rotor to the largest one
+    with it.
     """
     collective, largest = (_largest(airframe, yaw_kept=yaw_kept, lost=r) for r in (rotor, None))
     moments = _moments(airframe, yaw_kept)
@@ -122,11 +124,11 @@ def trim_curve(airframe: Airframe, rotor: int, yaw_kept: bool = True) -> TrimCur
 
 
 def _largest(airframe: Airframe, *, yaw_kept: bool, lost: int | None = None) -> float:
-    """Compute the largest level collective, by the linear program's dual; `lost` rotor has no
-    thrust.
+    """Compute the largest level collective, in units of a free rotor's ceiling.
 
-    The minimum over l of sum of ceiling x max(0, 1 + l . moments) lies at a corner, where as many
-    of its terms as l has components are 0.
+    `lost` is a rotor, from 0, without thrust; `yaw_kept`: the yaw moment must vanish too. By the
+    linear program's dual: the minimum over l of sum of ceiling x max(0, 1 + l . moments) lies at a
+    corner, where as many of its terms as l has components are 0.
     """
     works = np.arange(airframe.rotor_count) != (-1 if lost is None else lost)
     columns = _row_space(_moments(airframe, yaw_kept)[:, works])[2]
@@ -154,8 +156,10 @@ def _row_space(rows: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _intersections(columns: Floats, level: Floats) -> Floats:
-    """Return the points l (K, q) where q of the planes l . column = level meet, of columns (q,
-    R)."""
+    """Return the K points l (K, q) that solve l . c = level for q of the R columns c at once.
+
+    `columns` is (q, R), `level` (R,). Every choice of q linearly independent columns gives a point.
+    """
     size, count = columns.shape
     picks = np.array(list(combinations(range(count), size)), dtype=np.int64)
     planes = columns.T[picks]
@@ -214,8 +218,12 @@ def ceiling(airframe: Airframe, density: ArrayLike, voltage: ArrayLike | None = 
 
 
 def nameplate_ceiling(airframe: Airframe) -> Ceiling:
-    """Return the ceiling, one row, by the maker's printed maximum thrust, whatever the air and
-    battery."""
+    """Return the ceiling, one row, by the maker's printed maximum thrust, N, whatever the air and
+    battery.
+
+    The free thrust (1,) is that of a sound rotor, `max_thrust` (1, R) that of each rotor with its
+    effectiveness.
+    """
     free = np.array([airframe.nameplate_max_thrust])
     return Ceiling(
         max_rotor_speed_rpm=speed_from_thrust(free, coefficient=airframe.thrust_coefficient),
@@ -308,11 +316,12 @@ def yaw_reserve(airframe: Airframe, thrust: Floats) -> Floats:
 
 
 def _most(airframe: Airframe, columns: Floats, way: float, moments: Floats) -> Floats:
-    """Return the largest yaw moment (T,) in one direction with the other `moments` unchanged.
+    """Return the largest yaw moment (T,) in one direction with the other `moments` (T, q)
+    unchanged.
 
-    `way` is the sign of that yaw moment: 1 right, -1 left. Computed by linear programming's dual:
-    the minimum, over its corners l, of l . moments plus the sum over rotors of ceiling x max(0, way
-    x spin - l . column).
+    `way` is the sign of that yaw moment: 1 right, -1 left; `columns` (q, R) are the rotors' shares
+    in the moments. Computed by linear programming's dual: the minimum, over its corners l, of l .
+    moments plus the sum over rotors of ceiling x max(0, way x spin - l . column).
     """
     gain = way * airframe.rotor_spin
     corners = _intersections(columns, gain)
@@ -327,11 +336,11 @@ def largest_fill(
     criterion: Criterion = "utilisation",
     limit: float | None = None,
 ) -> Floats:
-    """Return the fill (T,) kg at which the worst rotor's u, or the redundancy, equals `limit`.
+    """Return the fill (T,), kg, at which the worst rotor's u, or the redundancy, equals `limit`.
 
-    `limit` is 0.5 for utilisation and 1 for redundancy unless given. The result is not limited to
-    the tank: above its capacity a full tank is within the limit, below 0 even the empty aircraft
-    exceeds it.
+    `criterion` is "utilisation", or redundancy with "yaw kept" or "yaw uncontrolled"; `limit` is
+    0.5 for utilisation and 1 for redundancy unless given. The result is not limited to the tank:
+    above its capacity a full tank is within the limit, below 0 even the empty aircraft exceeds it.
     """
     capacity = holdable(airframe)
     if criterion == "utilisation":

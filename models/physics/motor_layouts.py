@@ -56,8 +56,12 @@ class MotorLayout:
         return self.spin.size
 
     def rotors(self, arm: float, lower_effectiveness: float = 1.0) -> list[dict[str, Any]]:
-        """Return the [[rotors]] of an airframe file: `arm` is the farthest rotor's distance in
-        m."""
+        """Return the [[rotors]] of an airframe file: for each a dict of `name`, `position_frd` (m)
+        and `spin` ("cw" or "ccw").
+
+        `arm` is the distance of the farthest rotor, m. Of a coaxial pair one rotor is above and one
+        below the plane of the arms; lower ones also have `effectiveness`, a share.
+        """
         coaxial = any(self.lower)
         names = rotor_names(self.place, self.lower)
         height = _PAIR_HEIGHT * arm if coaxial else 0.0

@@ -56,8 +56,11 @@ class OutputCurve:
         return tuple((name, getattr(self, name)) for name in _CURVE_FIELDS)
 
     def thrust_share(self, throttle: Floats) -> Floats:
-        """Return thrust (any shape) over that of full output; NaN where the motor idles or is
-        unknown."""
+        """Return the thrust, over that of full output, at motor outputs `throttle` (0 to 1, any
+        shape).
+
+        NaN where the motor idles or the output is unknown.
+        """
         signal = throttle
         if (f := self.is_thrust_factor) > 0.0:
             signal = (f - 1.0 + np.sqrt((1.0 - f) ** 2 + 4.0 * f * throttle)) / (2.0 * f)

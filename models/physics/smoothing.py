@@ -73,9 +73,9 @@ def _slope_weights(window: int, step: float) -> Floats:
 
 
 def derivative(time_s: Floats, values: Floats, span: float) -> Floats:
-    """Differentiate values (T, ...) by a local quadratic over `span` s, in units per s.
+    """Differentiate `values` (T, ...) by a local quadratic over `span` s, in units per s.
 
-    NaN next to a gap and at the ends.
+    NaN next to a gap in `time_s` (T,), s, and at the ends; all NaN with fewer than 9 rows.
     """
     if time_s.size < 9:
         return np.full_like(values, np.nan)
@@ -94,8 +94,10 @@ def derivative(time_s: Floats, values: Floats, span: float) -> Floats:
 
 
 def moving_mean(time_s: Floats, values: Floats, span: float) -> Floats:
-    """Return the mean (T,) of the finite values within `span` seconds about each row; NaN where
-    none is."""
+    """Return the mean (T,) of the finite `values` (T,) in a window of `span` s centred on each row.
+
+    NaN where the window has none. A single row is returned as it is.
+    """
     if time_s.size < 2:
         return values
     width = max(1, round(span / row_step(time_s)))

@@ -105,8 +105,12 @@ def blade_coefficient(
     mean_radius_ratio: ArrayLike,
     zero_lift_angle: ArrayLike,
 ) -> Floats:
-    """Return C_T by blade theory, Eq. 3; the parameters A, eps, lambda, zeta, alpha0 [rad]
-    broadcast."""
+    """Return the thrust coefficient C_T by blade theory, Eq. 3; arrays broadcast.
+
+    `pitch` and `diameter` of the propeller are in one unit, `blades` is their number. The next four
+    arguments are A, eps, lambda and zeta of Eq. 3, all dimensionless; `zero_lift_angle` is alpha0,
+    rad.
+    """
     angle = _floats(downwash_correction) * np.arctan(pitch / (np.pi * diameter)) - _floats(
         zero_lift_angle
     )
@@ -117,9 +121,11 @@ def blade_coefficient(
 def thrust_coefficient_range(
     *, pitch: float, diameter: float, blades: float
 ) -> tuple[float, float]:
-    """Return the smallest and largest C_T of Eq. 3 over the parameter ranges that the paper prints.
+    """Return the smallest and largest C_T of Eq. 3, without unit, over the parameter ranges that
+    the paper prints.
 
-    Eq. 3 is monotone in each parameter alone, so both are at corners of the ranges.
+    `pitch` and `diameter` are in one unit, `blades` is their number. Eq. 3 is monotone in each
+    parameter alone, so both are at corners of the ranges.
     """
     corners = np.array(list(product(*COEFFICIENT_RANGES.values())))
     values = blade_coefficient(

@@ -65,9 +65,11 @@ class HoverFit:
 def fit_hover(tracks: Sequence[FlightTrack], airframe: Airframe) -> HoverFit:
     """Fit thrust coefficient and trim to the steady hover of flights with measured rotor speeds.
 
-    The weight is the airframe's empty mass and the tank's content. Of the airframe only that mass
-    and its rotors' places, spin and effectiveness are used. Raises DataError when there is too
-    little steady hover with every rotor's speed, or flights have another number of rotors.
+    Trim is each rotor's share of squared speed over that expected, the place of the load, and the
+    yaw split; all with 95 % intervals. The weight is the airframe's empty mass and the tank's
+    content; of the airframe only that mass and its rotors' places, spin and effectiveness are used.
+    Raise DataError when there is too little steady hover with every rotor's speed, or flights have
+    another number of rotors.
     """
     parts, airs = [], []
     for number, track in enumerate(tracks):
@@ -114,10 +116,7 @@ def fit_hover(tracks: Sequence[FlightTrack], airframe: Airframe) -> HoverFit:
     expected /= expected.sum()
 
     def figures(kept: np.ndarray) -> Floats:
-        """Return the HoverFit values of the rows flagged in `kept`, as means over flights.
-
-        In order: coefficient, R trims, place of the load x and y, yaw split.
-        """
+        """Return the HoverFit values of the rows flagged in `kept`, as means over flights."""
         means = []
         for one in np.unique(flight[kept]):
             rows = kept & (flight == one)
@@ -241,9 +240,10 @@ def fit_bench(
 
 
 def _agree(speed: Floats, force: Floats) -> Bools:
-    """Flag the points (n,) on one curve with most others: T/N² about its median, on a log scale.
+    """Flag the bench points (n,) on the curve that most of them share.
 
-    Raises DataError if most points scatter too much for one curve.
+    They are those whose T/N² is near the median, on a log scale; `speed` in rpm, `force` in N.
+    Raise DataError if most points scatter too much for one curve.
     """
     off = np.log(force / speed**2)
     off -= np.median(off)

@@ -10,7 +10,6 @@ import pytest
 
 from thrustmargin.gcs_plugin import cli
 from thrustmargin.gcs_plugin.cli import COMMANDS, command_function, run
-from thrustmargin.gcs_plugin.commands.shared.options import QUIET
 
 MAIN = "import sys; from thrustmargin.gcs_plugin.cli import main; main(sys.argv[1:])"
 FLIGHT = "sitl_logs/campaign/v4_m16_q2.5.tlog"
@@ -129,7 +128,7 @@ def test_quiet_says_nothing_but_errors(sitl_logs, tmp_path, monkeypatch, capfd):
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert (tmp_path / "r.html").exists()
     assert "--quiet" not in (tmp_path / "r.json").read_text()
-    monkeypatch.setenv(QUIET, "")  # of this process, until the test ends
+    monkeypatch.setenv("THRUSTMARGIN_QUIET", "")  # of this process, until the test ends
     assert run(["inspect", "none.tlog", "--quiet"]) == 1
     assert "none.tlog" in capfd.readouterr().err
     assert run(["inspect", flight, "--json", "-", "--quiet"]) == 0

@@ -16,7 +16,7 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm
 from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.logs.log_answer import claimed_flights
+from thrustmargin.gcs_plugin.logs.log_answer import matched_flights
 from thrustmargin.gcs_plugin.office.season.stored_words import flight_action, flight_reason
 from thrustmargin.gcs_plugin.office.stations.mavproxy_worker import reading, summary
 from thrustmargin.gcs_plugin.reports.margin.summary import report_flight
@@ -82,7 +82,7 @@ def test_of_an_aircraft_that_is_not_known_live_says_what_the_report_says(sitl_lo
     far, without what its owner is asked."""
     path = sitl_logs / "campaign/v4_m10_q2.5.tlog"
     other = chosen_model(None, "agras-t20")
-    ((log, airframe_match),) = claimed_flights(path, other, given=False)
+    ((log, airframe_match),) = matched_flights(path, other, given=False)
     reported = report_flight(
         analyse(log.track, other, airframe_match=airframe_match), log, max_utilisation=0.5
     )

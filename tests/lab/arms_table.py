@@ -54,10 +54,10 @@ def silenced(track: FlightTrack, channels: Sequence[str]) -> FlightTrack:
 
 def outcome(answer: ArmAnswer, bad: Bad) -> str:
     """One word for an answer about a flight with a known cause."""
-    if bad.cause == "shaken" and answer.aircraft is not None and not answer.findings:
+    if bad.cause == "shaken" and answer.shaken is not None and not answer.findings:
         return "right"
     if not answer.findings:
-        return "nothing" if answer.aircraft is None else "of the aircraft"
+        return "nothing" if answer.shaken is None else "of the aircraft"
     if bad.cause == "shaken":
         return "OTHER ARM"
     if any(one.arm != bad.arm for one in answer.findings):
@@ -81,7 +81,7 @@ def table_of(name: str, channels: Sequence[str], seeds: Sequence[int]) -> Table:
 
         for k in range(SOUND_FLIGHTS):
             found = answer(arm_flight(90_000 + 100 * seed + k, 20 + k, aircraft=seed))
-            alarms += bool(found.findings) or found.aircraft is not None
+            alarms += bool(found.findings) or found.shaken is not None
         for k, (cause, size) in enumerate(counts):
             bad = Bad(cause=cause, size=size, arm=(seed + k) % 4)
             track = arm_flight(50_000 + 100 * seed + k, 30, bad, aircraft=seed)

@@ -76,11 +76,11 @@ class Work:
 
 @cache
 def _log(place: int):  # a FlightLog and its AirframeMatch
-    from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
+    from thrustmargin.gcs_plugin.logs.log_answer import matched_flights
     from thrustmargin.gcs_plugin.workshop.learn.season_flight import season_model
 
     paths = [*sorted(CAMPAIGN.glob("*.tlog")), *sorted(CAMPAIGN.parent.glob("dev/windy_*.tlog"))]
-    return read_flights(paths[place], season_model(None, None)[0], given=False)[0]
+    return matched_flights(paths[place], season_model(None, None)[0], given=False)[0]
 
 
 def make_flight(work: Work) -> str:

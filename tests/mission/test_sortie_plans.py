@@ -1,5 +1,6 @@
 """A plan split into sorties sprays the same lines, each once, and goes dry in between."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -59,26 +60,23 @@ def test_a_plan_without_a_pump_is_split_at_bends_and_gets_none():
     assert all(item.command != 216 for part in (first, second) for item in part.items)
 
 
-def test_a_place_to_refill_beside_the_field_is_home_of_every_sortie():
-    plan = plan_of(*TWO_LINES)
-    parts = split_plan(plan, plan_steps(plan), [2], refill=(48.001, 11.001))
-    assert [part.home[:2] for part in parts] == [(48.001, 11.001)] * 2
-    assert parts[1].items[0].place == (48.001, 11.001, 3.0)
-
-
 @pytest.mark.parametrize(
-    ("refill_after", "refill", "words"),
+    ("refill_after", "moved", "words"),
     [
-        ([3], None, "item 7 is no line end; a refill is at the end of a line"),
-        ([99], None, "item 99 is no line end"),
-        ([2], (48.1, 11.0), r"refill is 11.0 km from the nearest place.*within 3 km"),
-        ([2], (-48.0, -169.0), "km from the nearest place"),
+        ([3], {}, "item 7 is no line end; a refill is at the end of a line"),
+        ([99], {}, "item 99 is no line end"),
+        (
+            [2],
+            {"home": (48.1, 11.0, 0.0)},
+            r"home, where to refill, is 11.0 km from the nearest place.*within 3 km",
+        ),
+        ([2], {"home": (-48.0, -169.0, 0.0)}, "km from the nearest place"),
     ],
 )
-def test_what_cannot_be_split_is_refused(refill_after, refill, words):
-    plan = plan_of(*TWO_LINES)
+def test_what_cannot_be_split_is_refused(refill_after, moved, words):
+    plan = replace(plan_of(*TWO_LINES), **moved)
     with pytest.raises(PlanError, match=words):
-        split_plan(plan, plan_steps(plan), refill_after, refill=refill)
+        split_plan(plan, plan_steps(plan), refill_after)
 
 
 def test_a_plan_that_jumps_to_itself_is_not_split():

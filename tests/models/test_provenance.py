@@ -7,23 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.flight_channels import assert_same_channels
 from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.wording.check_words import source_words
-from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
+from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.json_values import from_json_values, to_json_values
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse, analysis_for_verdict
-from thrustmargin.models.model.inferred.prepared import fill_channels
+from thrustmargin.models.model.inferred.load_inference import fill_channels
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import identified_airframe
-from thrustmargin.models.provenance import (
-    NOT_REPORTED,
-    Meaning,
-    Provenance,
-    SourceKind,
-    stated,
-)
+from thrustmargin.models.provenance import NOT_REPORTED, Meaning, Provenance, SourceKind, stated
 from thrustmargin.models.statement import state
 
 #: What logic once looked for in sentences.
@@ -84,8 +79,7 @@ def test_a_file_of_another_name_is_the_same_flight(name, sitl_logs, tmp_path):
     first, second = (numbers_of(judged(t, {})) for t in (one, other))
     for channel, values in first.items():
         np.testing.assert_array_equal(values, second[channel], err_msg=channel)
-    for channel in TRACK_CHANNELS:
-        np.testing.assert_array_equal(getattr(one, channel), getattr(other, channel))
+    assert_same_channels(one, other)
 
 
 def test_words_are_made_of_the_facts():

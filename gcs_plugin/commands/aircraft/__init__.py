@@ -78,7 +78,9 @@ def aircraft(
 
 
 def _list(place: Hangar, console: Console) -> int:
-    """Print one line per aircraft."""
+    """Print one line for each aircraft in the hangar, and for stored ones without a model; return
+    0.
+    """
     from thrustmargin.gcs_plugin.wording.aircraft_words import counted_words
 
     stored = _stored_alone(place)
@@ -102,9 +104,9 @@ def _list(place: Hangar, console: Console) -> int:
 
 
 def _stored_alone(place: Hangar) -> dict[str, int]:
-    """Return the number of stored flights by aircraft, for aircraft without a record in the hangar.
+    """Return the number of stored flights of each aircraft that has no record in the hangar.
 
-    Empty where the season's libraries are not installed.
+    Empty if the libraries of the season's store are not installed.
     """
     if not (place.folder / "flights").is_dir() or find_spec("pyarrow") is None:
         return {}
@@ -118,7 +120,10 @@ def _stored_alone(place: Hangar) -> dict[str, int]:
 
 
 def _show(known: KnownAircraft, console: Console) -> None:
-    """Print the timeline of one aircraft: its flights and noted changes, by time."""
+    """Print an aircraft's present state, then its flights and noted changes by time.
+
+    The state is what grounds it, what to do first, power, battery and trends of its arms.
+    """
     from thrustmargin.gcs_plugin.wording.aircraft_words import (
         counted_words,
         flight_line,
@@ -179,9 +184,9 @@ def _day(unix_s: float, longitude_deg: float = float("nan")) -> str:
 
 
 def _unix(words: str | None) -> float:
-    """Return the Unix time, s, of an ISO date or time in the computer's time zone; None means now.
+    """Return the Unix time, s, of an ISO date or time; None means now.
 
-    Raises DataError for other text.
+    A text without a zone is in the computer's time zone. Raises DataError for another text.
     """
     if words is None:
         return time.time()

@@ -74,7 +74,7 @@ class AirframeShow:
 
 
 def print_airframe(console: Console, craft: Airframe) -> None:
-    """Print the aircraft in a sentence, and its quantities and rotors as tables."""
+    """Print the airframe: a sentence, tables of quantities and rotors, and which are guessed."""
     console.print(repr(craft), soft_wrap=True)
     table = grid(("quantity", "value", "unit", "known", "from"), left=(0, 2, 3, 4))
     for name, q in craft.quantities.items():
@@ -145,7 +145,11 @@ class AirframeCheck:
 
 
 def airframe_findings(craft: Airframe, logs: Sequence[FlightLog]) -> list[Finding]:
-    """Compare each quantity of an airframe file with flights; return the findings."""
+    """Compare an airframe file with flights; return findings on motors, thrust coefficient and
+    ceiling.
+
+    Of equal checks of several logs the gravest finding is kept.
+    """
     from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 
     found = [
@@ -163,8 +167,11 @@ def airframe_findings(craft: Airframe, logs: Sequence[FlightLog]) -> list[Findin
 
 
 def _hover(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
-    """Compare the file's thrust coefficient with the weight in hover, and report the trim of the
-    rotors."""
+    """Yield a finding on the file's thrust coefficient against that of hovers, and one on the trim.
+
+    The trim is each rotor's thrust over its share. Without a usable hover, yield one finding
+    UNKNOWN.
+    """
     from thrustmargin.gcs_plugin.commands.airframe.fitted import hover_sentences, interval
     from thrustmargin.gcs_plugin.logs.findings import Finding, Severity
     from thrustmargin.gcs_plugin.wording.language import percent
@@ -204,8 +211,11 @@ def _hover(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
 
 
 def _ceiling(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
-    """Compare the largest rotor speed with the highest measured one, and with that by motor
-    outputs."""
+    """Yield a finding on the file's largest rotor speed at the battery's voltage in flight.
+
+    It is compared with the highest measured speed, and with the speed extrapolated to full output.
+    The level is UNKNOWN if that cannot be extrapolated.
+    """
     import numpy as np
 
     from thrustmargin.gcs_plugin.commands.airframe.fitted import figure, interval
@@ -239,8 +249,10 @@ def _ceiling(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
 
 
 def within_ends(claim: float, low: float, high: float) -> Severity:
-    """Return OK if a file's value is within an interval, WARNING if not, UNKNOWN if any is not
-    finite."""
+    """Return OK if the file's value `claim` is between `low` and `high`, WARNING if not.
+
+    UNKNOWN if one of the three is not finite.
+    """
     from thrustmargin.gcs_plugin.logs.findings import Severity
 
     if not (isfinite(claim) and isfinite(low) and isfinite(high)):

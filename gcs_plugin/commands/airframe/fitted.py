@@ -34,7 +34,10 @@ class Fitted:
 
 
 def bench_quantities(path: Path) -> Fitted:
-    """Fit thrust curve and ceiling to a bench table. Raises DataError when it is unfit."""
+    """Fit thrust coefficient, largest rotor speed and thrust, and ceiling voltage to a bench table.
+
+    Notes name rows that were left out, and assumptions. Raises DataError if the table is unfit.
+    """
     from thrustmargin.gcs_plugin.logs.bench_table import read_bench
     from thrustmargin.models.physics.airframe import Quantity
 
@@ -92,11 +95,11 @@ def bench_quantities(path: Path) -> Fitted:
 
 
 def hover_quantities(logs: Sequence[Path], craft: Airframe, reading: ReadingOptions) -> Fitted:
-    """Fit the thrust coefficient to steady hover, for the mass of `craft` and the flights' load.
+    """Fit the thrust coefficient to steady hover in `logs`, for the mass of `craft` and its load.
 
-    A guessed ceiling is replaced by the one that a climb at full output shows, else by that
-    extrapolated from outputs and rotor speeds. Flights without rotor speeds give only the ceiling.
-    Raises DataError or LogError when there is neither.
+    If the largest rotor speed of `craft` is a guess, it is replaced by that of a climb at full
+    output, else by the one extrapolated from outputs and rotor speeds. Flights without rotor speeds
+    give only this one. Raises DataError or LogError if the flights give neither.
     """
     from thrustmargin.gcs_plugin.logs import read_sorties
     from thrustmargin.models.model.inferred.output_speed import (
@@ -172,11 +175,13 @@ def hover_quantities(logs: Sequence[Path], craft: Airframe, reading: ReadingOpti
 
 
 def with_data_sheet(top: Estimate, sheet_rpm: float) -> Estimate:
-    """Combine an extrapolated largest rotor speed, rpm, with that of the maker's largest thrust.
+    """Combine two estimates of the largest rotor speed, rpm: extrapolated, and by the maker's
+    thrust.
 
-    Weights are inverse variances of ln thrust. The maker's thrust has the relative error GUESS, and
-    VOLTAGE_ERROR of the voltage (squared) at which it was measured, which data sheets seldom state.
-    If the two differ by more than their errors, the interval is widened by that ratio.
+    `top` is extrapolated from flights, `sheet_rpm` the speed at the maker's largest thrust. Weights
+    are inverse variances of ln thrust. The maker's thrust has the error GUESS, in quadrature with
+    twice VOLTAGE_ERROR, since data sheets seldom state their voltage. If both differ by more than
+    their combined error, the interval is widened by that ratio.
     """
     import numpy as np
 
@@ -201,8 +206,12 @@ def _thrust_error(top: Estimate) -> float:
 
 
 def _use_words(craft: Airframe, fit: HoverFit, top: Estimate) -> str:
-    """Return the sentence on the uncertainty of an extrapolated ceiling, and on how to reduce
-    it."""
+    """Return the sentence on how uncertain an extrapolated largest thrust is, and how to measure
+    it.
+
+    `top` is the largest rotor speed, rpm; the uncertainty is given as the utilisation in hover at
+    full mass.
+    """
     from thrustmargin.models.physics.atmosphere import G0
 
     mass = craft.empty_mass + craft.tank_capacity_kg
@@ -216,8 +225,10 @@ def _use_words(craft: Airframe, fit: HoverFit, top: Estimate) -> str:
 
 
 def ceiling_notes(craft: Airframe) -> tuple[str, ...]:
-    """Return a note where the file's full thrust differs from the maker's, and which one is
-    used."""
+    """Return a note if the largest thrust by the file's thrust curve differs from the maker's.
+
+    It says which one is used. Empty if the relative difference is at most SAME_THRUST.
+    """
     used = craft.thrust_coefficient * craft.max_rotor_speed_rpm**2
     if abs(used / craft.nameplate_max_thrust - 1.0) <= SAME_THRUST:
         return ()
@@ -229,7 +240,12 @@ def ceiling_notes(craft: Airframe) -> tuple[str, ...]:
 
 
 def hover_sentences(fit: HoverFit) -> tuple[str, ...]:
-    """Return sentences on the trim in a hover, each value with its interval."""
+    """Return sentences on the hover: thrust of each rotor over its share, and the weight's offset,
+    mm.
+
+    A sentence is added if clockwise and counter-clockwise rotors differ, and one if there is only
+    one flight.
+    """
     trims = ", ".join(f"{n + 1}: {100 * t.value:.0f} %" for n, t in enumerate(fit.trim))
     place = ", ".join(
         f"{abs(e.value) * 1000:.0f} mm {forward if e.value >= 0 else back} "

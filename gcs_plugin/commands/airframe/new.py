@@ -96,11 +96,11 @@ class AirframeNew:
         return 0 if made.fits or not self.hover else 1
 
     def made(self, console: Console) -> MadeAirframe:
-        """Write the airframe file and return the airframe with its sources; ask questions in a
-        terminal.
+        """Write the airframe file that the options describe, and return the airframe with notes.
 
-        Raises UsageError for options that are missing or cannot be, DataError where the file cannot
-        be written.
+        The only log in the folder is used if no option names a source. Values that neither options
+        nor log contain are asked for in a terminal. Raise UsageError for options that are missing
+        or impossible, DataError if the file cannot be written.
         """
         from thrustmargin.gcs_plugin.commands.airframe.fitted import Fitted, bench_quantities
         from thrustmargin.gcs_plugin.commands.airframe.questions import (
@@ -181,7 +181,11 @@ class MadeAirframe:
 
 
 def _reported(found: VehicleParameters, owner: OwnerStatement, fitted: Fitted) -> ReportedAirframe:
-    """Return the facts that the vehicle reports, with those of a bench table."""
+    """Return the airframe values that the vehicle's parameters contain, and those `fitted` to a
+    bench.
+
+    A fitted value replaces the vehicle's.
+    """
     from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import reported_airframe
 
     reported = reported_airframe(
@@ -211,10 +215,10 @@ def _made(
     hover: Sequence[Path],
     reading: ReadingOptions,
 ) -> tuple[Airframe, tuple[str, ...], bool]:
-    """Return the airframe, notes on it, and True if every flight of hover could be used.
+    """Return the airframe, notes on it, and True unless flights for the fit could not be used.
 
-    If a flight cannot be fitted the user's answers are not lost: the airframe then has the stated
-    values.
+    `hover` are logs to which the thrust curve is fitted, empty for none. If they cannot be used,
+    the airframe has the stated and guessed values, and a note says why.
     """
     from thrustmargin.gcs_plugin.commands.airframe.fitted import ceiling_notes, hover_quantities
 
@@ -237,10 +241,11 @@ def new_airframe(
     name: str,
     fitted: Mapping[str, Quantity] = MappingProxyType({}),
 ) -> Airframe:
-    """Build the airframe from the owner's statements and the vehicle's report; guess the rest.
+    """Build the airframe `name` from the owner's statements and the vehicle's report; guess the
+    rest.
 
-    Values `fitted` to data replace all but the owner's. Raises UsageError for a value that cannot
-    be, AirframeError when values contradict.
+    Values `fitted` to data replace the vehicle's, but not the owner's. Raises UsageError for an
+    impossible value, AirframeError if values contradict.
     """
     from thrustmargin.models.physics.airframe import airframe_from_table, quantity_table
     from thrustmargin.models.physics.airframe_draft import complete_quantities, lower_effectiveness
@@ -274,18 +279,19 @@ def new_airframe(
 
 
 def print_answer(console: Console, log: Path, file: Path, reading: ReadingOptions) -> None:
-    """Print the verdict of a log with an airframe file, and the command for its page.
+    """Print the verdict of `log` with the airframe `file`, and the command that makes its page.
 
-    An error of the report is printed instead of raised, because the airframe file is complete.
+    An error is printed instead of raised, because the airframe file is complete.
     """
     from thrustmargin.gcs_plugin.commands.flight.report import print_verdicts
-    from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, read_flights
+    from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, reading_keywords
+    from thrustmargin.gcs_plugin.logs.log_answer import matched_flights
     from thrustmargin.gcs_plugin.reports.margin import build_report
     from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
 
     try:
         model = chosen_model(None, str(file))
-        flights = read_flights(log, model, given=True, reading=reading)
+        flights = matched_flights(log, model, given=True, **reading_keywords(reading))
         made = build_report(
             (
                 analysis_for_verdict(analyse(flight.track, model, airframe_match=airframe_match)),

@@ -41,8 +41,12 @@ class VehicleParameters:
 
     @property
     def leaves_open(self) -> str:
-        """Return the begin of the sentence on values that the vehicle's parameters do not
-        contain."""
+        """Return the beginning of a sentence: where values were looked for, and that not all are
+        there.
+
+        The source is a log or parameter file; without one, the text says so and names the logs in
+        this folder.
+        """
         if not self.words and self.not_named:
             first, count = self.not_named[0], len(self.not_named)
             return f"{count} logs in this folder, none named (--from {first} says much of this)"
@@ -51,8 +55,11 @@ class VehicleParameters:
         return f"{self.words} does not say everything"
 
     def found_words(self, reported: ReportedAirframe) -> str:
-        """Return a sentence on what the source contains: autopilot, layout, battery cells and
-        tank gauge."""
+        """Return what the source of parameters contains, in words: autopilot, layout, cells, tank
+        gauge.
+
+        `reported` are the values derived from it. Missing ones are listed as not known.
+        """
         cells, program = reported.quantities.get("nominal_voltage"), self.words or "nothing"
         return "; ".join(
             (
@@ -67,9 +74,11 @@ class VehicleParameters:
 
 
 def read_source(source: str, *, vehicle: int | None, timeout: float) -> VehicleParameters:
-    """Read the parameters in a log or parameter file, or from the vehicle on a link.
+    """Read an autopilot's parameters from a log or parameter file, or from the vehicle on a link.
 
-    Raises LogError or LinkError when there are none.
+    `source` is a path, or a link such as udpin:HOST:PORT. `vehicle` is a system id, None for any;
+    `timeout` is the time to wait on a link, s. Raises LogError or LinkError if there are no
+    parameters.
     """
     path = Path(source)
     if not path.exists() and (":" in source or source.startswith("/dev/")):
@@ -174,10 +183,11 @@ class OwnerStatement:
 
 
 def stated(owner: OwnerStatement, reported: ReportedAirframe) -> dict[str, Quantity]:
-    """Merge quantities of the power set, the vehicle and the owner; later ones replace earlier
-    ones.
+    """Merge an airframe's quantities: those of the power set, the vehicle and the owner.
 
-    Raises UsageError for a number or propeller that cannot be one, or a power set not known.
+    Later ones replace earlier ones. The owner's propeller or thrust also removes values of the
+    power set that no longer hold. Raises UsageError for an unknown power set, or a number or
+    propeller that is impossible.
     """
     from thrustmargin.models.physics.airframe import Quantity
     from thrustmargin.models.physics.airframe_draft import INCH, power_sets
@@ -215,7 +225,10 @@ def stated(owner: OwnerStatement, reported: ReportedAirframe) -> dict[str, Quant
 
 
 def check_numbers(owner: OwnerStatement) -> None:
-    """Raise UsageError for a number that no aircraft can have."""
+    """Raise UsageError if a number of the owner is negative, not finite, or above LARGEST.
+
+    0 is allowed for the tank only; None is not stated.
+    """
     for option in _NUMBERS:
         value = getattr(owner, option)
         if value is None:
@@ -253,10 +266,11 @@ def logs_here(folder: Path) -> list[Path]:
 def open_fields(
     answers: Answers, reported: ReportedAirframe, *, asks_load: bool, asks_guessed: bool = False
 ) -> tuple[str, ...]:
-    """Return the keys of QUESTIONS without an answer yet, in their order.
+    """Return the keys of QUESTIONS that are still to be asked, in the order of QUESTIONS.
 
-    `asks_load`: the weight in a flight is compared with its thrust, and no gauge reports the load
-    on board. `asks_guessed`: a number of cells that was guessed is asked for.
+    `asks_load`: a flight's weight and thrust will be compared, and no gauge reports the load, so it
+    is asked for. `asks_guessed`: the number of cells is also asked for if the vehicle's value is a
+    guess.
     """
     owner, known = answers.owner, reported.quantities
     nominal = known.get("nominal_voltage")
@@ -282,8 +296,12 @@ def open_fields(
 def require_all(
     answers: Answers, reported: ReportedAirframe, *, asks_load: bool, source: str
 ) -> None:
-    """Raise UsageError that lists the missing options, or for an unknown layout, or if both arm and
-    wheelbase are given."""
+    """Raise UsageError if an answer is missing, the layout is unknown, or arm and wheelbase are
+    given.
+
+    The message lists the missing options and begins with `source`, where values were looked for.
+    `asks_load`: the load in a flight is required.
+    """
     from thrustmargin.models.physics.motor_layouts import motor_layouts
 
     owner, missing = answers.owner, open_fields(answers, reported, asks_load=asks_load)
@@ -340,9 +358,10 @@ def _answered(name: str, answers: Answers, reported: ReportedAirframe) -> Answer
 
 
 def _with(name: str, answer: str, answers: Answers, reported: ReportedAirframe) -> Answers:
-    """Return the answers with `answer` to the question `name`.
+    """Return a copy of the answers with the text `answer` set as the answer to the question `name`.
 
-    Raises ValueError or UsageError if it cannot be an answer.
+    `name` is a key of QUESTIONS. A number may have its unit and a decimal comma. Raise ValueError
+    or UsageError if the text is empty or no possible answer.
     """
     from thrustmargin.models.physics.motor_layouts import motor_layouts
 

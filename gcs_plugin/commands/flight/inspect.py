@@ -15,8 +15,14 @@ from rich.table import Table
 from rich.text import Text
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.analysed import with_engineer_notes, with_recorded
-from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Inputs, Reading
+from thrustmargin.gcs_plugin.commands.shared.inputs import (
+    AS_HEARD,
+    Inputs,
+    Reading,
+    reading_keywords,
+    with_recorded,
+)
+from thrustmargin.gcs_plugin.commands.shared.log_flights import with_engineer_notes
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
     OutputFile,
@@ -140,13 +146,15 @@ def inspect(
 
 
 def _inspect(inputs: Inputs, console: Console) -> list[Inspection]:
-    """Inspect every sortie of the single log in `inputs`; with a verdict, its findings are
-    included."""
-    from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
+    """Inspect every sortie of the single log in `inputs`, and return the inspections.
+
+    Where the sortie's airframe is known, they include the findings of its analysis.
+    """
     from thrustmargin.gcs_plugin.logs.findings import gravest_first
     from thrustmargin.gcs_plugin.logs.inspection import inspect_log
     from thrustmargin.gcs_plugin.logs.log_answer import (
         answer_log,
+        matched_flights,
         verdict_findings,
         with_statements,
     )
@@ -159,15 +167,15 @@ def _inspect(inputs: Inputs, console: Console) -> list[Inspection]:
     inputs = with_recorded(inputs, console)
     model = inputs.rotor_model()
     craft = model.airframe
-    options = {"given": inputs.given, "reading": inputs.reading}
-    read = read_flights(path, physics_model(craft), **options, any_vehicle=True)
+    options = {"given": inputs.given, **reading_keywords(inputs.reading)}
+    read = matched_flights(path, physics_model(craft), **options, any_vehicle=True)
     made = []
     for log, airframe_match in read:
         inspection = inspect_log(log, craft, airframe_match)
         if not airframe_match.no_verdict:
             flown = analysis_for_verdict(analyse(log.track, model, airframe_match=airframe_match))
             answer = answer_log(log, flown, inputs.limit)
-            found = verdict_findings(answer.made.advice)
+            found = verdict_findings(answer.advice)
             findings = gravest_first([*found, *answer.findings])
         else:
             said = vehicle_statements(log.events, log.track, losses=loss_of_control(log.track))
@@ -233,7 +241,10 @@ def _print(console: Console, inspection: Inspection) -> None:
 
 
 def _channels(log: FlightLog, *, wide: bool) -> Table:
-    """Return the table of channels, with their sources where the terminal is wide enough."""
+    """Return the table of the log's channels: rate, gaps, range and unit.
+
+    `wide`: with a column of their sources. Cells of a channel without samples are empty.
+    """
     headings = ("Hz", "gaps", "pause s", "min", "median", "max")
 
     words = ("channel", "from") if wide else ("channel",)

@@ -15,10 +15,10 @@ from rich.live import Live
 from tyro.conf import Positional, UseAppendAction
 
 from thrustmargin.gcs_plugin.commands import extras
-from thrustmargin.gcs_plugin.commands.shared.analysed import OPTIONS
 from thrustmargin.gcs_plugin.commands.shared.inputs import (
     ANY_KNOWN,
     AS_HEARD,
+    OPTIONS,
     Inputs,
     Known,
     Reading,
@@ -155,7 +155,7 @@ def monitor(
     )
     from thrustmargin.gcs_plugin.live.recording.recorder import tabulates
     from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
-    from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
+    from thrustmargin.gcs_plugin.telemetry.battery_and_tank import check_source
     from thrustmargin.gcs_plugin.view.page.guard import page_token
     from thrustmargin.gcs_plugin.wording.live_words import FETCH, NO_SAMPLES, RATES
     from thrustmargin.models.errors import install_line
@@ -251,9 +251,10 @@ def monitor(
 
 
 def _makers(options: Mapping[str, Any]) -> list[tuple[OutputFactory, Any]]:
-    """List the factories of the outputs that `options` switch on, each with its option's value.
+    """Return (factory, option's value) of each output that `options` switch on.
 
-    Raises InstallError where an output's library is missing, UsageError where its extra is.
+    An option that is None or False switches nothing on. Raises InstallError if an output's library
+    is missing, UsageError if its extra is.
     """
     tables = [OUTPUTS, *(getattr(extra, "OUTPUTS", {}) for extra in extras())]
     modules = {option: module for table in tables for option, module in table.items()}
@@ -272,9 +273,9 @@ def _makers(options: Mapping[str, Any]) -> list[tuple[OutputFactory, Any]]:
 
 
 def _found_link(seconds: float) -> str:
-    """Return the first usual endpoint on which a vehicle is heard; print which are tried meanwhile.
+    """Return the URL of the first usual endpoint on which a vehicle is heard.
 
-    Raises LinkError after `seconds` s.
+    Print meanwhile which endpoints are tried. Raises LinkError if none is heard within `seconds` s.
     """
     from thrustmargin.gcs_plugin.link.find_link import LinkFinder
     from thrustmargin.gcs_plugin.wording.live_words import tried_words
@@ -302,8 +303,11 @@ def _show(
     *,
     page: bool,
 ) -> None:
-    """Display the table, above which `console` prints, until the end; without a terminal only
-    print lines."""
+    """Display the live table in the terminal until `until` (time.monotonic(), s) or the link's end.
+
+    `console` prints lines above the table. With a `printer`, for output that is no terminal, only
+    lines are printed. `page`: a page is served too, which the output names.
+    """
     from thrustmargin.gcs_plugin.live.console import Screen
 
     if printer is not None:
@@ -319,8 +323,7 @@ def _show(
 
 
 def _summary(live: LiveMonitor) -> None:
-    """Print, at the end, the vehicles heard, the answer of their last flights, and the link's
-    state."""
+    """Print on stderr the vehicles heard, results of their last flights, and the link's state."""
     from thrustmargin.gcs_plugin.live.console import answer_lines, status_lines
     from thrustmargin.gcs_plugin.wording.check_words import described_words, statement_words
     from thrustmargin.gcs_plugin.wording.live_words import of_vehicle

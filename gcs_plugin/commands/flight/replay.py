@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from rich.markup import escape
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.analysed import with_recorded
 from thrustmargin.gcs_plugin.commands.shared.inputs import (
     ANY_KNOWN,
     AS_HEARD,
@@ -18,8 +17,9 @@ from thrustmargin.gcs_plugin.commands.shared.inputs import (
     Reading,
     ReadingOptions,
     reading_keywords,
+    with_recorded,
 )
-from thrustmargin.gcs_plugin.commands.shared.known import model_of_log
+from thrustmargin.gcs_plugin.commands.shared.log_flights import model_of_log
 from thrustmargin.gcs_plugin.commands.shared.options import (
     UsageError,
     check_port,
@@ -123,18 +123,18 @@ def replay_view(
     limit: float = LIMIT,
     **options: Any,
 ) -> ReplayView:
-    """Return the view of a recorded flight; with a model `before` also its residual under both
-    models.
+    """Return the view of a recorded flight; with an older model `before`, also its residual under
+    both.
 
-    A model that was not `given` is used only for a flight that is recognised as one of its
-    airframe. Of several sorties the view shows number `sortie`, else the one with the worst
-    verdict; the others are named on the terminal. `limit` is the largest share of a rotor's thrust
-    that may be in use. `options` are those of ReplayView. Raises DataError when there is no sortie
-    of that number.
+    `given`: the user chose `model`; else it is used only for a flight recognised as one of its
+    airframe. Of several sorties the view shows number `sortie` (from 1), or the one with the worst
+    verdict if None; a list of all is printed on stderr, after the notes on the log. `limit` is the
+    largest share of a rotor's thrust that may be in use; `options` are passed to ReplayView. Raise
+    DataError for a sortie that is not there.
     """
-    from thrustmargin.gcs_plugin.commands.shared.inputs import log_lines, read_flights
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import log_lines
     from thrustmargin.gcs_plugin.logs.findings import names_wrong, report_findings
-    from thrustmargin.gcs_plugin.logs.log_answer import answer_log
+    from thrustmargin.gcs_plugin.logs.log_answer import answer_log, matched_flights
     from thrustmargin.gcs_plugin.view.replay_view import ReplayView
     from thrustmargin.gcs_plugin.view.scene.overlays import before_and_after
     from thrustmargin.gcs_plugin.wording.advice_words import headline
@@ -143,41 +143,41 @@ def replay_view(
 
     console = Terminal(stderr=True, soft_wrap=True)
     with console.status(escape(f"reading {log.name}")):
-        flights = read_flights(log, model, given=given, reading=reading)
+        flights = matched_flights(log, model, given=given, **reading_keywords(reading))
         if sortie is not None and not 1 <= sortie <= len(flights):
             raise DataError(f"--sortie {sortie}: {log.name} holds sorties 1 to {len(flights)}")
         analyses = [
             analysis_for_verdict(analyse(f.track, model, airframe_match=airframe_match))
             for f, airframe_match in flights
         ]
-        said = [answer_log(f, one, limit) for (f, _), one in zip(flights, analyses, strict=True)]
-        answers = [one.made.advice for one in said]
+        answers = [answer_log(f, one, limit) for (f, _), one in zip(flights, analyses, strict=True)]
+        advices = [one.advice for one in answers]
         order = sorted(
-            range(len(flights)), key=lambda k: (answers[k].level.gravity, -answers[k].use.peak)
+            range(len(flights)), key=lambda k: (advices[k].level.gravity, -advices[k].use.peak)
         )
         shown = order[0] if sortie is None else sortie - 1
-        (flight, airframe_match), analysis = flights[shown], said[shown].made.whole
+        (flight, airframe_match), analysis = flights[shown], answers[shown].whole
         older = (
             None
             if before is None
             else analyse(analysis.track, before, airframe_match=airframe_match)
         )
-        found = report_findings(said[shown].findings)
-        whole = answer_of(answers[shown], said[shown].contact)
+        found = report_findings(answers[shown].findings)
+        whole = answer_of(advices[shown], answers[shown].contact)
         dated = [(one.time_s, one.words) for one in found if one.time_s is not None]
     for line in log_lines(flight, stated=reading.states_load):
         console.print(escape(f"{log.name}: {line}"))
     for line in (*names_wrong(found), *whole.contact_lines):
         console.print(escape(f"  {line}"))
     for k, (other, _) in enumerate(flights) if len(flights) > 1 else ():
-        line = f"{sortie_words(other.sortie, other.track)}: {headline(answers[k])}"
+        line = f"{sortie_words(other.sortie, other.track)}: {headline(advices[k])}"
         console.print(f"  {line}; {'shown' if k == shown else f'--sortie {k + 1} shows it'}")
     return ReplayView(
         analysis,
         waypoints=flight.waypoints,
         messages=(*flight.messages, *dated),
         overlays=() if older is None else before_and_after(older, analysis),
-        whole=lambda: answer_of(answers[shown], said[shown].contact),
+        whole=lambda: answer_of(advices[shown], answers[shown].contact),
         limit=limit,
         **options,
     )

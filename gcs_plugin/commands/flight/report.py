@@ -10,11 +10,6 @@ import tyro
 from rich.console import Console
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.analysed import (
-    flights_of,
-    with_engineer_notes,
-    with_recorded,
-)
 from thrustmargin.gcs_plugin.commands.shared.inputs import (
     ANY_KNOWN,
     AS_HEARD,
@@ -22,7 +17,9 @@ from thrustmargin.gcs_plugin.commands.shared.inputs import (
     Known,
     Reading,
     Share,
+    with_recorded,
 )
+from thrustmargin.gcs_plugin.commands.shared.log_flights import flights_of, with_engineer_notes
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
     OutputFile,
@@ -175,7 +172,10 @@ def report(
 
 
 def print_verdicts(console: Console, made: Report) -> None:
-    """Print the verdict of each flight with its facts, the worst first."""
+    """Print headline and (label, text) lines of each flight, the worst flight first.
+
+    For several flights, a headline on all of them comes before.
+    """
     from thrustmargin.gcs_plugin.reports.margin.summary import worst_first
 
     if len(made.flights) > 1:

@@ -83,7 +83,7 @@ def fill(
     """
     from thrustmargin.gcs_plugin.commands.shared.day_options import day_of_command, stated_day
     from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
-    from thrustmargin.gcs_plugin.commands.shared.known import named_aircraft
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import named_aircraft
     from thrustmargin.gcs_plugin.reports.fill import fill_table as made
     from thrustmargin.models.model.clearance import NO_FLIGHT
 

@@ -184,7 +184,7 @@ def forecast(
         never_switched,
     )
     from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs
-    from thrustmargin.gcs_plugin.commands.shared.known import named_aircraft
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import named_aircraft
     from thrustmargin.mission.forecast import plan_forecast
     from thrustmargin.mission.forecast.battery import stated_capacity
     from thrustmargin.models.model.clearance import both
@@ -250,7 +250,7 @@ def forecast(
         limit=inputs.limit,
         faults=before.faults,
         other_order=before.other_order,
-        experience=None if aircraft is None else aircraft.experience_before(),
+        experience=None if aircraft is None else aircraft.experience,
     )
     cleared = before.clearance
     if aircraft is not None:
@@ -303,8 +303,11 @@ def forecast(
 def _write_sorties(
     made: PlanForecast, plan: Path, folder: Path, pump: PumpOutput | None
 ) -> list[Path]:
-    """Write one .plan for each sortie and return the paths. Raises DataError if one already
-    exists."""
+    """Write a plan file for each sortie of the forecast into `folder` and return the paths.
+
+    The names are those of `plan` with -sortie-1 and so on; `pump` is the output that switches the
+    pump. Raises DataError, and writes nothing, if one of the files exists.
+    """
     from thrustmargin.mission.forecast.plan_forecast import sortie_plans
     from thrustmargin.mission.plan import write_plan
 
@@ -384,29 +387,32 @@ class _FlightBefore:
 
 
 def _before(plan: Path, model: RotorModel, *, given: bool) -> _FlightBefore:
-    """Return the consequences of a log's flights for the next one; empty for a plan file."""
+    """Return what the flights in a log mean for the next one: clearance, faults, day, parameters.
+
+    `plan` is that log; a plan file has no flights, and gives an empty result. `given`: the user
+    chose `model`. For a log without a readable flight the clearance only says that the flight was
+    not seen.
+    """
     from thrustmargin.models.model.clearance import NO_FLIGHT, NOT_SEEN, clearance
 
     if plan.suffix.lower() in PLANS:
         return _FlightBefore(clearance=NO_FLIGHT)
-    from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
-    from thrustmargin.gcs_plugin.commands.shared.known import flight_key
-    from thrustmargin.gcs_plugin.logs.log_answer import answer_log
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import flight_key
+    from thrustmargin.gcs_plugin.logs.log_answer import answer_log, matched_flights
     from thrustmargin.mission.plan_tracking.stretches import yaw_before
     from thrustmargin.models.model.analysis import analyse
     from thrustmargin.models.model.flight_day import day_before_take_off, flight_wind
     from thrustmargin.models.model.flight_lessons import flight_power
 
     try:
-        flown = read_flights(plan, model, given=given)
+        flown = matched_flights(plan, model, given=given)
     except LogError:
         return _FlightBefore(clearance=NOT_SEEN)  # it still holds its mission
     analyses = [
         analyse(log.track, model, airframe_match=airframe_match) for log, airframe_match in flown
     ]
     answers = [
-        answer_log(log, analysis, 0.5).made
-        for (log, _), analysis in zip(flown, analyses, strict=True)
+        answer_log(log, analysis, 0.5) for (log, _), analysis in zip(flown, analyses, strict=True)
     ]
     cleared = clearance([one.advice for one in answers])
     (log, airframe_match), analysis, answer = flown[-1], analyses[-1], answers[-1]
@@ -444,8 +450,10 @@ def _lift_off(track: FlightTrack) -> tuple[float, float, float] | None:
 
 
 def _at_lift_off(plan: MissionPlan, before: _FlightBefore) -> MissionPlan:
-    """Return the plan with home's height set to that of the last lift-off; unchanged if that was
-    not at home."""
+    """Return the plan with home's altitude replaced by that of the last lift-off.
+
+    Unchanged if there was none, or if it was not within AT_HOME m of home.
+    """
     import pymap3d
 
     from thrustmargin.mission.plan_items import with_home_height

@@ -35,10 +35,11 @@ def never_switched(
     parameters: Mapping[str, float],
     craft: Airframe,
 ) -> bool:
-    """Return True if neither the plan nor the airframe file states where the pump is on.
+    """Return True if the user must be asked when the pump runs, because nothing states it.
 
-    False without a tank, and where an order of the plan may be the pump's: its line already names
-    the remedy.
+    False if the plan switches the pump, the airframe file has a rule for it, or there is no tank.
+    False too if the plan has an order that may be the pump's: the report then says how to declare
+    it. `output` is the pump's output; None: that in the autopilot's `parameters`.
     """
     from thrustmargin.mission.pump_rule import airframe_rule, orders_pump
     from thrustmargin.mission.steps import plan_steps, pump_output
@@ -51,10 +52,10 @@ def never_switched(
 
 
 def asked_pump_rule(airframe: str | None) -> PumpRule | None:
-    """Ask at a terminal when the pump runs in a plan ("always", on "lines" or "off"); store it in
-    the airframe file, if one was given.
+    """Ask in the terminal when the pump runs in a plan: "always", on its "lines", or "off".
 
-    Return None for "off", without a terminal, and at the end of the input.
+    Store the answer in `airframe` if that is the path of a .toml file. Return None for "off",
+    without a terminal, and at the end of the input.
     """
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         return None
@@ -78,9 +79,9 @@ def asked_pump_rule(airframe: str | None) -> PumpRule | None:
 
 
 def remember_pump_rule(path: Path, rule: PumpRule) -> None:
-    """Write `pump_on` into an airframe file, leaving all else in it, comments too.
+    """Set the key `pump_on` in the airframe file at `path`; keep all other text, also comments.
 
-    Raise DataError if the file cannot be written.
+    Raise DataError if the file cannot be read or written.
     """
     try:
         text = path.read_text(encoding="utf-8")

@@ -27,8 +27,11 @@ from thrustmargin.models.whole_file import regular, whole_file
 def anonymous(
     analysis: FlightAnalysis, log: FlightLog, name: str
 ) -> tuple[FlightAnalysis, FlightLog]:
-    """Return the flight as `name`, without persons, serial numbers, places and texts; margins are
-    unchanged."""
+    """Return a flight with its log's name replaced by `name`, and without what identifies it.
+
+    Texts, serial numbers, parameters, missions and ids are removed; positions are relative to the
+    first known one, and altitudes NaN. Margins are unchanged.
+    """
     track, model, domain = analysis.track, analysis.model, analysis.model.training_domain
     placed = np.all(np.isfinite(track.position_ned), axis=1)
     start = track.position_ned[np.argmax(placed)] if placed.any() else np.zeros(3)
@@ -77,7 +80,10 @@ def without_name(text: str, name: str) -> str:
 
 
 def _without_name(one: Statement, name: str) -> Statement:
-    """Replace a log's `name` by "the log" in all texts of a statement, nested ones too."""
+    """Return the statement with the log's name `name` replaced by "the log" in all its texts.
+
+    Statements nested in it are changed too.
+    """
 
     def cleaned(value: Value) -> Value:
         if isinstance(value, Statement):
@@ -101,9 +107,10 @@ def key_file() -> Path:
 
 
 def own_key() -> str:
-    """Return the user's key, with which an aircraft has one pseudonym in every run.
+    """Return the user's secret key, 64 hex digits, which pseudonyms are made with.
 
-    Write a random key if there is none. Raises DataError when the file contains no key.
+    With one key an aircraft has one pseudonym in every run. A random key is written if there is
+    none. Raises DataError if the file contains no key.
     """
     path = key_file()
     if not path.exists():

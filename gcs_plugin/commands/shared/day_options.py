@@ -20,10 +20,10 @@ from thrustmargin.models.physics.day import (
 
 
 def stated_day(file: Path | None, **options: float | None) -> Day:
-    """Return what the user stated of the day: the options, by the fields of `Day`, else the `file`.
+    """Return the conditions of a day that the user stated: options first, then those of `file`.
 
-    Options are in the unit of the command line; None is not stated. Raises UsageError for a value
-    that no day has, DataError for a file that is no day.
+    `options` are by the fields of `Day`, in the unit of the command line; None is not stated.
+    Raises UsageError for an impossible value, DataError for a file that is no day.
     """
     found: dict[str, DayValue] = {}
     for name, written in options.items():
@@ -35,10 +35,11 @@ def stated_day(file: Path | None, **options: float | None) -> Day:
 
 
 def day_of_command(craft: Airframe, stated: Day, console: Terminal, *known: Day) -> Day:
-    """Return the complete day of a command, and store what the user stated for later commands.
+    """Return the complete conditions of the day, and store those that the user stated for later.
 
-    `known` are the days of the log and of the link. Raises UsageError for a voltage that the
-    battery of the airframe cannot have, DataError when the remembered day is damaged.
+    The sources, in order: `stated`, `known` (days of the log and of the link), remembered ones,
+    defaults. If they cannot be stored, that is printed. Raises UsageError for a voltage that the
+    airframe's battery cannot have, DataError if the remembered day is damaged.
     """
     if stated.battery_voltage.known:
         check_voltage(stated.battery_voltage.value, craft)

@@ -1,30 +1,28 @@
 """The inputs of a command that reads flights: logs, model, airframe, how logs are read, limit.
 
-A command makes one `Inputs` of its parameters and hands that on. Here are also the options by which
-a log or a link is read (`ReadingOptions`) and the functions that read logs by them.
+A command makes one `Inputs` of its parameters and hands that on. `monitor` writes its options into
+options.json beside the .tlog that it records. Commands that read the .tlog take from there the
+aircraft, the reading options and the limit that the user does not give (`with_recorded`).
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator, Sequence
+import json
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 from rich.console import Console
-from rich.markup import escape
-from rich.progress import track
 from tyro.constructors import PrimitiveConstructorSpec
 
 from thrustmargin.gcs_plugin.commands.shared.options import UsageError, check_range
-from thrustmargin.models.errors import DataError, LogError, ThrustMarginError
+from thrustmargin.models.errors import DataError, LogError
+from thrustmargin.models.json_values import from_json_values
+from thrustmargin.models.whole_file import regular
 
 if TYPE_CHECKING:
-    from thrustmargin.gcs_plugin.logs import FlightLog
-    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-    from thrustmargin.models.model.airframe_match import AirframeMatch
     from thrustmargin.models.model.rotor_model import RotorModel
     from thrustmargin.models.physics.airframe import Airframe
 
@@ -85,12 +83,15 @@ Reading = Annotated[ReadingOptions, tyro.conf.OmitArgPrefixes]
 
 
 def reading_keywords(reading: ReadingOptions) -> dict[str, Any]:
-    """Return the options as keyword arguments of `read_log` and `WatchSettings`, checked.
+    """Check the options for reading logs, and return them as keyword arguments of `read_log`:
+    `vehicle`, `tank`, `tank_start_kg`, `load`, `load_end` and `air_temperature`.
 
-    Raises UsageError if one of them is impossible or two exclude each other.
+    Loads are kg; the air temperature is converted to K; None where not stated. `WatchSettings`
+    takes the same keywords. Raise UsageError if an option is out of range, or two exclude each
+    other.
     """
     # Imported here: the MAVProxy module loads this file at once and must stay light.
-    from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
+    from thrustmargin.gcs_plugin.telemetry.battery_and_tank import check_source
 
     given = {
         "--tank-start-kg": reading.tank_start_kg,
@@ -154,18 +155,17 @@ ANY_KNOWN = KnownOptions()
 #: As a parameter of a command: its options appear among the command's own.
 Known = Annotated[KnownOptions, tyro.conf.OmitArgPrefixes]
 
-
 #: Airframe of the shipped model: used where none is given, for a flight recognised as one of it.
 SHIPPED_AIRFRAME = "topxgun-f16-sitl"
 LIMIT = 0.5  # share of a rotor's maximum thrust, where nobody names another
-NAMED = 3  # logs that an error names besides the first: a line, whatever their number
 
 
 def chosen_model(model: Path | None, airframe: str | None) -> RotorModel:
-    """Load the model file; without one return the shipped model.
+    """Return the model that the options --model and --airframe choose.
 
-    For another `airframe` than the shipped one, return a model of its weight and thrust curve.
-    Raises ModelError or AirframeError when a file is unfit, DataError when the two disagree.
+    It is that of the file `model`; without one the shipped model, if `airframe` is None or equals
+    the shipped airframe; else a model by weight and thrust curve of `airframe`. Raises ModelError
+    or AirframeError if a file is unfit, DataError if model and airframe contradict.
     """
     # Imported here, as in the functions below: a command's help must be there at once.
     from thrustmargin.models.model.model_file import shipped_model
@@ -184,9 +184,10 @@ def chosen_model(model: Path | None, airframe: str | None) -> RotorModel:
 
 
 def _same_numbers(one: Airframe, other: Airframe) -> bool:
-    """Return True if two airframes are equal in name, quantities and rotor positions.
+    """Return True if two airframes have the same name, quantities and rotor positions.
 
-    The name alone is not enough: a user's own file may have kept the name of another.
+    The name alone does not suffice: a user's file may have kept the name of the file it was copied
+    from.
     """
     import numpy as np
 
@@ -196,12 +197,12 @@ def _same_numbers(one: Airframe, other: Airframe) -> bool:
 
 
 def starting_model(inputs: Inputs) -> tuple[RotorModel, str]:
-    """Return the model that a search starts from, and its name for the result.
+    """Return the model that a search for effects starts from, and its name for the result.
 
-    For a known aircraft it is the model as trained, without updates by later flights, which the
-    search has to explain. It is the shipped model if no aircraft is given. Unlike in
-    `chosen_model`, an airframe alone always means its weight and thrust curve, so that the search
-    can begin without a network. Raises as `chosen_model`.
+    For a known aircraft it is the model as trained, without updates by later flights, because the
+    search has to explain these. Else it is the model file; without one, weight and thrust curve of
+    the airframe; without both, the shipped model. Raises ModelError or AirframeError if a file is
+    unfit, DataError if the two contradict.
     """
     from thrustmargin.models.model.model_file import shipped_model
     from thrustmargin.models.model.rotor_model import physics_model
@@ -236,29 +237,6 @@ def _model_of(file: Path, airframe: str | None) -> RotorModel:
     return replace(chosen, airframe=replace(chosen.airframe, pump_on=pump_on))
 
 
-def listed(unused: Sequence[UnusedLog]) -> str:
-    """Return one sentence that lists the unusable logs with their reasons.
-
-    Reasons that differ only in numbers and in the log's name are listed once, with NAMED of their
-    logs.
-    """
-    alike: dict[str, list[UnusedLog]] = {}
-    for log in unused:
-        reason = log.reason.replace(log.name, "").replace(Path(log.name).stem, "")
-        alike.setdefault(re.sub(r"[\d.]+", "", reason), []).append(log)
-    return "; ".join(_of_one_reason(logs) for logs in alike.values())
-
-
-def _of_one_reason(logs: Sequence[UnusedLog]) -> str:
-    first, *others = logs
-    message = f"{first.name}: {first.reason}"
-    if not others:
-        return message
-    names = ", ".join(log.name for log in others[:NAMED])
-    more = f" and {len(others) - NAMED} more" if len(others) > NAMED else ""
-    return f"{message} (likewise {names}{more})"
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inputs:
     """Logs and options that a command works with, as the user gave them."""
@@ -291,8 +269,10 @@ class Inputs:
         return [*self.logs, self.model, self.airframe]
 
     def rotor_model(self) -> RotorModel:
-        """Load the model of the named aircraft, with its state now; without one as
-        `chosen_model`."""
+        """Load the model of the known aircraft that the options name, in its present state.
+
+        Without one, or with a model or airframe in the options, return what `chosen_model` chooses.
+        """
         if self.known.aircraft is None or self.by_file:
             return chosen_model(self.model, self.airframe)
         import time
@@ -303,7 +283,10 @@ class Inputs:
 
     @property
     def words(self) -> str:
-        """Return the options as they would be typed."""
+        """Return the options as they would be typed on a command line, separated by spaces.
+
+        Options without a value, and the default tank source, are left out.
+        """
         named = {
             "--model": self.model,
             "--airframe": self.airframe,
@@ -319,7 +302,11 @@ class Inputs:
         return " ".join(f"{name} {value}" for name, value in named.items() if value is not None)
 
     def as_table(self) -> dict[str, Any]:
-        """Return the options for the options.json of a recording; files with absolute paths."""
+        """Return the options as a dict, to be stored in the options.json of a recording: `model`,
+        `airframe`, `max_utilisation` and `reading`.
+
+        Paths of files become absolute; an airframe's name stays. None where not stated.
+        """
         airframe = self.airframe
         if airframe is not None and airframe.endswith(".toml"):
             airframe = str(Path(airframe).resolve())
@@ -331,105 +318,85 @@ class Inputs:
         }
 
 
-def read_logs(
-    inputs: Inputs,
-    unused: list[UnusedLog],
-    console: Console,
-    *,
-    model: RotorModel,
-    skipped: type[ThrustMarginError] = LogError,
-) -> Iterator[tuple[FlightLog, AirframeMatch]]:
-    """Yield each sortie of the logs that can be read, in order, as `read_flights`.
+OPTIONS = "options.json"
 
-    Meanwhile the `console` shows a progress bar, and a line for every log that is not exactly one
-    sortie. A log that cannot be read for an error of the kind `skipped` is added to `unused`.
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Table:
+    """The content of options.json, with value types."""
+
+    model: str | None
+    airframe: str | None
+    max_utilisation: float | None
+    reading: ReadingOptions
+
+
+def with_recorded(user: Inputs, console: Console) -> Inputs:
+    """Return the inputs with the options of the recording where the user gave none; print those
+    used.
+
+    A recording of `monitor` has a file of its options next to it. Raises DataError if that file
+    cannot be read, or if the options of several logs differ.
     """
-    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-
-    logs, reading = inputs.logs, inputs.reading
-    reading_keywords(reading)  # what is wrong on the command line is wrong in no log
-    described = "reading" if len(logs) != 1 else f"reading {escape(logs[0].name)}"
-    quiet = not console.is_terminal
-    for path in track(logs, described, console=console, transient=True, disable=quiet):
-        try:
-            flights = read_flights(path, model, given=inputs.given, reading=reading)
-        except skipped as error:
-            unused.append(UnusedLog(name=path.name, reason=unnamed(error, path)))
-            continue
-        for line in log_lines(flights[0][0], stated=reading.states_load):
-            console.print(escape(f"{path.name}: {line}"), soft_wrap=True)
-        yield from flights
-
-
-def log_lines(log: FlightLog, *, stated: bool) -> tuple[str, ...]:
-    """Return remarks on a sortie's log: further sorties, stretches without a flight, ignored
-    columns.
-    """
-    from thrustmargin.gcs_plugin.wording.check_words import statement_words
-    from thrustmargin.gcs_plugin.wording.flight_words import several_words
-
-    several = () if log.sorties == 1 else (several_words(log.sorties, load_stated=stated),)
-    return (*several, *map(statement_words, (*log.unflown, *log.other_units)))
+    logs = user.logs
+    recorded = [_options_of(log) for log in logs]
+    taken = Inputs()
+    if not user.given:
+        model, airframe = _common(recorded, logs, lambda one: (one.model, one.airframe))
+        taken = replace(taken, model=model, airframe=airframe)
+    if user.max_utilisation is None:
+        taken = replace(taken, max_utilisation=_common(recorded, logs, lambda o: o.max_utilisation))
+    if user.reading == AS_HEARD:
+        taken = replace(taken, reading=_common(recorded, logs, lambda one: one.reading))
+    if taken == Inputs():
+        return user
+    console.print(f"as recorded ({logs[0].parent / OPTIONS}): {taken.words}", soft_wrap=True)
+    return Inputs(
+        logs=logs,
+        model=taken.model or user.model,
+        airframe=taken.airframe or user.airframe,
+        max_utilisation=user.max_utilisation or taken.max_utilisation,
+        reading=taken.reading if user.reading == AS_HEARD else user.reading,
+        known=user.known,
+    )
 
 
-def unnamed(error: Exception, path: Path) -> str:
-    """Return the text of an error without the log's name, which the caller prints before it."""
-    words = str(error)
-    for named in (f"{path}: ", f"{path.name}: ", f"{path} ", f"{path.name} "):
-        words = words.removeprefix(named)
-    return words.replace(str(path), "it")
-
-
-def claimed(
-    read: Iterable[tuple[FlightLog, AirframeMatch]], unused: list[UnusedLog], console: Console
-) -> Iterator[FlightLog]:
-    """Yield the logs that are flights of the airframe; add the others to `unused` with the reason.
-
-    Print the parts of a flight that its log lacks. Rows after a loss of control are dropped with a
-    remark, and so are speeds that motor outputs gave while telemetry was lost: neither is a flight
-    to learn from.
-    """
-    from thrustmargin.gcs_plugin.logs.inspection import left_out_findings
-    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-    from thrustmargin.gcs_plugin.wording.check_words import no_verdict_words, remedy_words
-    from thrustmargin.gcs_plugin.wording.flight_words import lost_rows, not_flown
-    from thrustmargin.gcs_plugin.wording.margin_verdict import unseen_facts
-    from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
-    from thrustmargin.models.model.inferred.speed_basis import measured_only
-
-    for log, airframe_match in read:
-        reason = not_flown(log.track)  # no airframe helps a log without a flight
-        if reason or airframe_match.no_verdict:
-            reason = reason or "; ".join(
-                [*no_verdict_words(airframe_match), remedy_words(airframe_match)]
+def _common(recorded: Sequence[Inputs], logs: Sequence[Path], part: Callable[[Inputs], Any]) -> Any:
+    for one, log in zip(recorded, logs, strict=True):
+        if part(one) != part(recorded[0]):
+            differing = [
+                f"{o.words or 'nothing'} ({p})" for o, p in ((recorded[0], logs[0]), (one, log))
+            ]
+            raise DataError(
+                f"recorded with other options: {' and '.join(differing)}; name the options, or "
+                "give one of these recordings at a time"
             )
-            unused.append(UnusedLog(name=log.name, reason=reason))
-            continue
-        for one in left_out_findings(log.track):
-            console.print(escape(f"{log.name}: {one.check}: {one.words}"), soft_wrap=True)
-        for label, text in unseen_facts(log.track):
-            console.print(escape(f"{log.name}: {label}: {text}"), soft_wrap=True)
-        if losses := loss_of_control(log.track):
-            console.print(escape(f"{log.name}: {lost_rows(losses)}"), soft_wrap=True)
-            log = replace(log, track=before_loss(log.track, losses))
-        yield replace(log, track=measured_only(log.track))
+    return part(recorded[0]) if recorded else part(Inputs())
 
 
-def read_flights(
-    path: Path,
-    model: RotorModel,
-    *,
-    given: bool,
-    reading: ReadingOptions = AS_HEARD,
-    any_vehicle: bool = False,
-) -> list[tuple[FlightLog, AirframeMatch]]:
-    """Read every sortie of a log. Return each with its match: is it of the model's airframe, or why
-    not.
+def _options_of(log: Path) -> Inputs:
+    """Return the options in the options.json next to a .tlog; the defaults if there is none.
 
-    `given`: the user named the airframe. A sortie of another airframe is read without one. Raises
-    as `read_sorties`.
+    Raises DataError if the file is damaged or has an impossible value.
     """
-    from thrustmargin.gcs_plugin.logs.log_answer import claimed_flights
-
-    keywords = reading_keywords(reading)
-    return claimed_flights(path, model, given=given, any_vehicle=any_vehicle, **keywords)
+    path = log.parent / OPTIONS
+    if log.suffix.lower() != ".tlog" or not path.exists():
+        return Inputs()
+    try:
+        content = json.loads(regular(path).read_text("utf-8"))
+        table: _Table = from_json_values(_Table, content, "options")
+        if table.max_utilisation is not None and not 0.0 < table.max_utilisation <= 1.0:
+            raise ValueError(f"a limit of {table.max_utilisation:g}")
+        reading_keywords(table.reading)
+        made = Inputs(
+            model=None if table.model is None else Path(table.model),
+            airframe=table.airframe,
+            max_utilisation=table.max_utilisation,
+            reading=table.reading,
+        )
+    except (OSError, ValueError, RecursionError, UsageError) as error:
+        raise DataError(
+            f"{path} does not hold the options of a recording ({error!s:.80}); rename it, and give "
+            "the options yourself"
+        ) from error
+    return made

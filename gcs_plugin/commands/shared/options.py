@@ -31,30 +31,6 @@ class UsageError(DataError):
     """The command line is wrong: exit code 2."""
 
 
-#: What `--limit` meant in a command before `--max-utilisation` took its place in all of them.
-OLD_LIMIT = {"report": "thrust in use", "monitor": "thrust margin"}
-
-
-def refuse_renamed(argv: Sequence[str]) -> None:
-    """Raise UsageError for an option of an older command line, with its present form."""
-    if not argv or argv[0] not in OLD_LIMIT:
-        return
-    for place, word in enumerate(argv):
-        option, _, value = word.partition("=")
-        if option == "--limit":
-            value = value or "".join(argv[place + 1 : place + 2])
-            meant = OLD_LIMIT[argv[0]]
-            try:
-                same = float(value) if meant == "thrust in use" else 1.0 - float(value)
-            except ValueError:
-                value, same = "0.5", 0.5
-            raise UsageError(
-                "--limit is now --max-utilisation, the largest share of a rotor's maximum thrust "
-                f"that may be in use; for the {meant} of --limit {value} write "
-                f"--max-utilisation {same:.6g}"
-            )
-
-
 def given_options(options: Any) -> list[str]:
     """Return the options, as typed, whose fields in a dataclass of options differ from the
     defaults."""
@@ -160,10 +136,11 @@ class OutputFile:
 
 
 def check_outputs(outputs: Iterable[OutputFile], *, inputs: Iterable[Path | str | None]) -> None:
-    """Raise DataError for a result that cannot be written or would overwrite one of the `inputs`.
+    """Raise an error if an output file cannot be written, or would overwrite one of the `inputs`.
 
-    `inputs` are all files that the command reads: logs, models, airframes, keys; None and names of
-    shipped files are ignored. Raises UsageError when a name is wrong by itself.
+    `inputs` are all files that the command reads; None and names of shipped files are ignored.
+    Raises DataError for a folder, a missing folder, an input, or a file that must be kept;
+    UsageError for a wrong ending or a name given twice.
     """
     inputs = [Path(read) for read in inputs if read is not None]
     taken: dict[str, OutputFile] = {}
@@ -204,10 +181,9 @@ def write_text(path: Path, text: str) -> None:
 
 
 def json_apart(out: Path | None, json: Path | None) -> tuple[Path | None, Path | None]:
-    """Return `out` and `json`; an `out` ending in .json becomes `json`, unless `json` names another
-    file.
+    """Return (out, json), where an `out` ending in .json is moved to `json` and replaced by None.
 
-    In that case it stays, to be refused for its ending.
+    If `json` names another file, both are unchanged, and `out` is refused later for its ending.
     """
     if out is None or out.suffix.lower() != ".json" or json not in (None, out):
         return out, json
@@ -221,9 +197,9 @@ def _same_file(first: Path, second: Path) -> bool:
 
 
 def check_voltage(voltage: float, craft: Airframe) -> None:
-    """Raise UsageError for a voltage that no battery of the airframe has in flight.
+    """Raise UsageError if the airframe's battery cannot have `voltage`, V, in flight.
 
-    It is below that of an empty battery, or above that of a fully charged one.
+    It is then below that of an empty battery, or above that of a fully charged one.
     """
     from thrustmargin.models.checks.voltage import POSSIBLE_VOLTAGE, TOLERANCE, full_voltage
 

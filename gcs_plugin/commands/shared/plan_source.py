@@ -42,9 +42,10 @@ _FIRMWARE = {"ArduPilot": FIRMWARE_ARDUPILOT, "PX4": FIRMWARE_PX4}
 
 
 def read_assumed(path: Path, *, plan: Path | None) -> PlanConditions:
-    """Read the conditions of a plan's forecast from the JSON that `forecast --json` wrote.
+    """Read the conditions that a plan was forecast with from the JSON of `forecast --json`.
 
-    Raises PlanError for another file, and if there is no plan (`plan` is None).
+    Raises PlanError if the file is another one or has impossible values, and if `plan` is None,
+    since conditions without a plan have no use.
     """
     if plan is None:
         raise PlanError(f"{path.name} is what a plan was forecast with; give the plan with --plan")
@@ -88,11 +89,11 @@ def _numbers(content: dict[str, float | None]) -> dict[str, float]:
 
 
 def read_plan(path: str | Path, *, vehicle: int | None = None) -> MissionPlan:
-    """Read the plan of a `.plan`, `.mission` or `.waypoints` file, or the mission inside a log.
+    """Read the plan in a `.plan`, `.mission` or `.waypoints` file, or the mission inside a log.
 
     Of a log (`.tlog`, DataFlash `.BIN` or `.log`) it is the last mission that `vehicle`, a system
-    id, received or sent; nothing of the flight is used. Raises PlanError, with the remedy, when
-    there is no plan, or one that cannot be flown as it is; LogError when a log cannot be read.
+    id, received or sent; None: the log's main vehicle. Raises PlanError, with the remedy, if there
+    is no plan, or one that cannot be flown; LogError if a log cannot be read.
 
         >>> plan = read_plan("sitl_logs/campaign/v4_m16_q2.5.tlog")
         >>> len(plan.items)
@@ -154,8 +155,10 @@ def _plan_of_log(path: Path, vehicle: int | None) -> MissionPlan:
 
 
 def _holds_messages(path: Path) -> bool:
-    """Return False for a large file in whose samples neither MAVLink nor DataFlash messages are
-    found."""
+    """Return False if samples of a large file contain neither MAVLink nor DataFlash messages.
+
+    True for a file of at most _LARGE bytes, which is read anyway.
+    """
     from thrustmargin.gcs_plugin.logs.dataflash.message_scan import HEAD
     from thrustmargin.gcs_plugin.mavlink.scan import PADDING, scan
 
@@ -173,7 +176,10 @@ def _holds_messages(path: Path) -> bool:
 
 
 def _home(recording: Recording) -> tuple[float, float, float] | None:
-    """Return the last home that a log reports: degrees, degrees, m AMSL; None without one."""
+    """Return the last home in a log: latitude, longitude, degrees, and altitude, m AMSL.
+
+    None if the log reports none.
+    """
     from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import dataflash_signals
     from thrustmargin.gcs_plugin.telemetry.signals import best, mavlink_signals
     from thrustmargin.models.provenance import NOT_REPORTED
@@ -198,11 +204,11 @@ def plan_of_waypoints(
     source: str,
     home: tuple[float, float, float] | None = None,
 ) -> MissionPlan:
-    """Return the plan of the mission items in a log called `source`.
+    """Return the plan that consists of the mission items in a log.
 
-    `home` (degrees, degrees, m AMSL) is the home that the log reports.
-
-    Raises PlanError when items are missing or cannot be flown as they are.
+    `autopilot` is the name of the autopilot; with "ArduPilot" the first item is home. `source` is
+    the log's name for errors. `home` is that reported by the log: latitude, longitude, degrees, m
+    AMSL. Raises PlanError if items are missing or the mission cannot be flown.
     """
     numbers = [w.number for w in waypoints]
     if numbers != list(range(len(numbers))):
@@ -225,9 +231,10 @@ def pump_rule_of(words: str | None) -> PumpRule | None:
 
 
 def pump_of(words: str) -> PumpOutput:
-    """Parse `sprayer`, `servo:9:1900:1100` or `relay:0` into the pump's output.
+    """Parse the output that switches the pump: `sprayer`, `servo:9:1900:1100` or `relay:0`.
 
-    Raises UsageError for other text.
+    Of a servo these are its number, and the pulses for on and off, µs. Raises UsageError for
+    another text.
     """
     from thrustmargin.mission.steps import PumpOutput
 

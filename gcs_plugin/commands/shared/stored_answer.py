@@ -65,7 +65,11 @@ class StoredAnswer:
 def no_verdict_reasons(
     advice: Advice, airframe_match: AirframeMatch, track: FlightTrack
 ) -> tuple[NoVerdict, ...]:
-    """Return the kinds of reasons for which a flight has no verdict; empty if it has one."""
+    """Return the kinds of reasons why a flight has no verdict; empty if it has one.
+
+    There is one, the first of: the airframe is contradicted or not known, too short, contradicted
+    model, prediction alone; else the missing ones of rotor speed and tank level.
+    """
     if advice.level is not FlightLevel.UNKNOWN:
         return ()
     if airframe_match.no_verdict:
@@ -83,10 +87,11 @@ def no_verdict_reasons(
 def stored_answer(
     advice: Advice, airframe_match: AirframeMatch, track: FlightTrack, worst_time_s: float | None
 ) -> StoredAnswer:
-    """Return the advice of a flight in the form to be stored.
+    """Return a flight's assessment in the form in which it is stored.
 
-    `worst_time_s` is the time of the row with the largest utilisation, s from the first row of
-    `track`; None without one.
+    It has the reasons for no verdict, what the aircraft was doing at the worst peak, and sources of
+    channels. `worst_time_s` is the time of that peak, s from the first row of `track`; None without
+    one.
     """
     row = None if worst_time_s is None else int(np.argmin(np.abs(track.time_s - worst_time_s)))
     return StoredAnswer(
@@ -108,8 +113,10 @@ def fault_rotors(advice: Advice) -> list[int]:
 
 
 def answer_columns(answer: StoredAnswer) -> dict[str, Any]:
-    """Return the columns of `schema.FLIGHTS` that contain the advice: as JSON, and as lists of
-    kinds."""
+    """Return the values for the columns of `schema.FLIGHTS` that contain the assessment, by name.
+
+    `answer` is all of it as JSON; the other columns are lists of kinds and rotors, for queries.
+    """
     advice, use = answer.advice, answer.advice.use
     kept: dict[str, Any] = {
         f.name: getattr(advice, f.name) for f in fields(advice) if f.name != "use"
@@ -132,7 +139,10 @@ def answer_columns(answer: StoredAnswer) -> dict[str, Any]:
 
 @lru_cache(maxsize=4096)
 def read_answer(stored: str) -> StoredAnswer | None:
-    """Return the stored advice from its JSON; None for a version with other fields."""
+    """Return the stored assessment from its JSON.
+
+    None if it cannot be read, as that of a version with other fields.
+    """
     try:
         data = json.loads(stored)
         data["advice"] = _advice(data["advice"])
@@ -144,7 +154,10 @@ def read_answer(stored: str) -> StoredAnswer | None:
 
 
 def _advice(data: dict[str, Any]) -> Advice:
-    """Return an Advice from its JSON values. Raises ValueError, KeyError or TypeError."""
+    """Return the Advice of its JSON values; `data` is changed. Arrays over the flight are empty.
+
+    Raises ValueError, KeyError or TypeError for values of another version.
+    """
     kinds, of_use = get_type_hints(Advice), get_type_hints(ThrustUse)
     use: dict[str, Any] = {
         name: np.array([value]) if name in _FLAGS else from_json_values(of_use[name], value, name)

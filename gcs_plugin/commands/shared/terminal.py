@@ -5,17 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.segment import Segment
 
 from thrustmargin.gcs_plugin.commands.shared.options import QUIET
-from thrustmargin.gcs_plugin.mavlink.text import clean_lines
-
-if TYPE_CHECKING:
-    pass
+from thrustmargin.gcs_plugin.wording.language import clean_lines
 
 
 class Terminal(Console):
@@ -61,11 +58,10 @@ class Terminal(Console):
 def steps(
     console: Console, *, total: float, lines: bool = False
 ) -> Iterator[Callable[[str, float], None]]:
-    """Display a progress bar up to `total`; yield a function of the present work and the amount
-    done.
+    """Display a progress bar that is full at `total`, and yield the function to update it.
 
-    With `lines`, where there is no terminal, each kind of work prints a line when it begins:
-    minutes without a word look like a hang.
+    It takes a text, the present work, and the amount done. Without a terminal there is no bar; with
+    `lines` each kind of work, the text before a colon, then prints a line when it begins.
     """
     begun: set[str] = set()
     columns = (BarColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
@@ -86,9 +82,9 @@ def steps(
 
 @contextmanager
 def transfer_bar() -> Iterator[tuple[Callable[[str], None], Callable[[int, int], None]]]:
-    """Display a progress bar on standard error; yield two functions.
+    """Display a progress bar on stderr for the `with` block, and yield two functions.
 
-    The first sets its text, the second the amounts done and total.
+    The first sets the bar's text, the second the amount done and the total.
     """
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn())
     console = Terminal(stderr=True)

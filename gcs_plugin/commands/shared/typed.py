@@ -28,10 +28,11 @@ _SHARE = "--max-utilisation"
 
 
 def as_read(argv: Sequence[str]) -> list[str]:
-    """Return the words of a command line in the form that the parser takes.
+    """Return the words of a command line as the parser takes them.
 
-    `demo` becomes the bundled file, a limit in per cent a share, and amounts lose their unit. Where
-    the working folder has a file or folder named demo, `demo` means that one.
+    `demo` is replaced by the bundled file, unless the working folder has a file of that name. A
+    limit in per cent becomes a share, an amount with a unit the number alone, and an older option's
+    name the present one.
     """
     words: list[str] = []
     for word in _without_units(_renamed(argv)):
@@ -48,7 +49,11 @@ def as_read(argv: Sequence[str]) -> list[str]:
 
 
 def _renamed(argv: Sequence[str]) -> Sequence[str]:
-    """Replace older options of `train` and `identify`: --out of the model, --html of the page."""
+    """Return the command line with older options of `train` and `identify` replaced by the present
+    ones.
+
+    --out of a model becomes --out-model, --html becomes --out. Other commands are unchanged.
+    """
     if not argv or argv[0] not in ("train", "identify"):
         return argv
     words = [word for given in argv for word in _split(given)]
@@ -83,10 +88,11 @@ _UNITS = {
 
 
 def _without_units(words: Sequence[str]) -> list[str]:
-    """Return the words with `6 kg` and `6kg` as 6 after an option in kg, likewise litres.
+    """Return the words without a unit after amounts: `6 kg` or `6kg` after an option in kg becomes
+    `6`.
 
-    After an option that takes both, the unit stays, joined to its number. A unit other than the
-    option's stays too, so that the option rejects it.
+    An option that takes several units keeps the unit, joined to the number. A unit that the option
+    does not take is kept, so that the parser rejects it.
     """
     made: list[str] = []
     for word in words:
@@ -112,8 +118,10 @@ _AMOUNT_IN_UNIT = re.compile(rf"\s*({_AMOUNT.pattern})\s*([a-zA-Z]+)\s*")
 
 
 def hide_none(target: Any) -> None:
-    """Annotate a command, and dataclasses in its parameters, so that help has no `(default:
-    None)`."""
+    """Change the annotations of a command so that its help prints no `(default: None)`.
+
+    Dataclasses among its parameters are changed too.
+    """
     import tyro
 
     nothing = tyro.conf.arg(help_behavior_hint="")
@@ -134,7 +142,10 @@ def _inner_types(hint: Any) -> Iterator[Any]:
 
 
 def plain_optionals() -> ConstructorRegistry:
-    """Return the tyro rules with which help prints PATH for an optional path, not {None}|PATH."""
+    """Return tyro's rules with one more, by which help prints PATH and not {None}|PATH.
+
+    It applies to each option of a type or None.
+    """
     from tyro.constructors import ConstructorRegistry, PrimitiveTypeInfo
 
     registry = ConstructorRegistry()

@@ -19,6 +19,7 @@ from thrustmargin.gcs_plugin.live.rows.tank_balance import TankBalance
 from thrustmargin.gcs_plugin.wording import alarm_words as words
 from thrustmargin.gcs_plugin.wording.actions import Phase, Trouble, Urgency, answer_to
 from thrustmargin.gcs_plugin.wording.language import in_spoken
+from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer
 from thrustmargin.models.checks.arms.arm_watch import ArmHeat
 from thrustmargin.models.checks.takeoff import TakeoffCheck
 from thrustmargin.models.flight import Bools, Floats
@@ -51,7 +52,7 @@ GRAVEST_FIRST = (
         "battery",
         "saturation",
     ),
-    *("margin", "predicted margin", "margin ahead", "tank", "gauge"),
+    *("margin", "predicted margin", "margin ahead", "tank", "gauge", "shaking", "frames"),
     *("rotor speeds", "misfit", "motor order", "airframe", "envelope"),
 )
 
@@ -192,10 +193,10 @@ class Debounce:
     since: float = float("nan")  # when the opposite of `active` began; NaN: it has not
 
     def after(self, time_s: float, on: bool, off: bool) -> Debounce:
-        """Return the state after `time_s`: `on` requests active, `off` inactive, neither no change.
+        """Return the state after `time_s`, s: `on` requests active, `off` inactive.
 
         The state changes once a request has lasted `hold` s (to active) or `release` s (to
-        inactive).
+        inactive) without a break.
         """
         if not (off if self.active else on):
             return replace(self, since=float("nan")) if self.since == self.since else self
@@ -238,6 +239,7 @@ class RowsNow:
     balances: Sequence[TankBalance | None] = ()  # (N,) about one a second
     stopped: Bools | None = None  # (N, R) rotors that were found at rest by that row
     heat: ArmHeat | None = None  # (N, R) of the arms by that row
+    arms: Sequence[ArmAnswer | None] = ()  # (N,) by the flight up to each row
     #: (T, R) s for which messages came without a rotor's speed; NaN: none was ever reported
     unheard_s: Floats | None = None
     from_outputs: bool = False  # all rotor speeds are made from motor outputs
@@ -285,6 +287,9 @@ class AlarmRule:
 
 
 def one_alarm(on: ArrayLike, off: ArrayLike, known: ArrayLike, **more: Any) -> AlarmChecks:
-    """Return the checks of a single alarm from (N,) arrays."""
+    """Return the checks (N, 1) of a single alarm, from (N,) arrays or single values (N = 1).
+
+    `more` are further fields of AlarmChecks.
+    """
     a, b, c = (np.atleast_1d(np.asarray(x, dtype=np.bool_))[:, None] for x in (on, off, known))
     return AlarmChecks(a, b, c, **more)

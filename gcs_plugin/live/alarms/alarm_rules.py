@@ -43,6 +43,8 @@ from thrustmargin.gcs_plugin.wording.actions import Trouble
 from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
 from thrustmargin.gcs_plugin.wording.takeoff_words import takeoff_alarm
 from thrustmargin.gcs_plugin.wording.thrust_left import below, clear
+from thrustmargin.models.checks.arms.arm_causes import Cause
+from thrustmargin.models.checks.arms.arm_figures import ArmQuantity
 from thrustmargin.models.checks.arms.arm_watch import ESC_LIMIT, MOTOR_LIMIT
 from thrustmargin.models.checks.loss_of_control import signs_so_far
 from thrustmargin.models.checks.takeoff import TakeoffFinding
@@ -54,7 +56,10 @@ from thrustmargin.models.physics.margin import ceiling
 
 
 def tank(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
-    """Check in each row whether the tank gauge and the pump agree on the liquid used."""
+    """Return checks, row by row, of whether tank gauge and pump disagree on the liquid used.
+
+    `s` holds the tolerances. A row without a balance of both is unknown.
+    """
     texts = ["" if b is None else pump_verdict(b, s) for b in now.balances]
     known = [b is not None and math.isfinite(b.gauge - b.pump) for b in now.balances]
     return _tank_checks(texts, known, severity_of(Trouble.GAUGE))
@@ -78,8 +83,13 @@ def _tank_checks(texts: Sequence[str], known: Sequence[bool], severity: int) -> 
 
 
 def pump_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
-    """Return the sentence on a disagreement of gauge and pump; empty if they agree or are
-    unknown."""
+    """Return the sentence on a disagreement of gauge and pump over the liquid used.
+
+    Empty if they agree within the tolerances of `settings`, or one of them is unknown. If the
+    gauge used more: a leak where thrust shows that too, else that the tank falls too fast. If it
+    used less: clogged nozzles where thrust shows that too, else that the gauge is wrong (also
+    where thrust is unknown), or that a tank below 0.3 kg is empty.
+    """
 
     def parts(one: float, other: float) -> bool:
         """Return True if two losses, kg, differ by more than either tolerance; False for an unknown
@@ -101,9 +111,10 @@ def pump_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
 
 
 def mass_verdict(balance: TankBalance, settings: AlarmSettings, bad: Sequence[int] = ()) -> str:
-    """Return the sentence on a mass from thrust that differs from the gauge; empty if it does not.
+    """Return the sentence on a mass by thrust that differs from the gauge's; empty if it does not.
 
-    `bad` are the rotors (1-based) with an active alarm.
+    The tolerance is `settings.tank_mass_kg`. `bad` are the numbers, from 1, of rotors with an
+    alarm.
     """
     apart = abs(balance.apart_kg) > settings.tank_mass_kg
     return words.thrust_against_gauge(balance.apart_kg, bad) if apart else ""
@@ -145,7 +156,10 @@ def control(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
 
 
 def takeoff(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
-    """Check, in each row of a run-up, if a finding up to that row forbids to lift."""
+    """Return checks (N, 1), row by row of a run-up, of whether a finding by then forbids take-off.
+
+    A finding clears at the first row after the run-up has ended.
+    """
     track, check = now.analysis.track, now.takeoff
     time_s, flying = track.time_s[now.rows], track.flying[now.rows]
     found = () if check is None else check.forbidding
@@ -207,10 +221,12 @@ def _low(
     rotors=True,
     bad: Sequence[int] = (),
 ) -> AlarmChecks:
-    """Check margins 1 - `use` (N, R) against the limit; a notice if the limit is in the 90 %
-    interval.
+    """Return checks (N, 1), by row, of whether the least margin, 1 - `use` (N, R), is too low.
 
-    Rows with `clears` (N,) clear above the limit, and rows with `off` (N,) whatever the margin is.
+    The limit is `s`'s. `ends` are the low and high ends (N, R) of the 90 % interval of `use`; with
+    the limit in it the alarm is a notice. Rows with `clears` (N,) clear above the limit, rows with
+    `off` (N,) at any margin. `what` names the margin; `rotors`: name the worst rotor, if it is
+    clearly worse than the others; `bad` are rotors, from 1, with an alarm.
     """
     limit, at = 1.0 - s.max_utilisation, range(len(use))
     rotor = np.argmax(np.where(np.isfinite(use), use, -np.inf), axis=1)
@@ -303,8 +319,11 @@ def esc(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
 
 
 def heat(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
-    """Check when the ESC or the motor of each arm, whichever is first, reaches its temperature
-    limit."""
+    """Return checks (N, R), by row, of whether an ESC or motor soon reaches its temperature limit.
+
+    Of the two of an arm the sooner one counts; soon is `s.heat_ahead` s. Unknown without
+    temperatures.
+    """
     track = now.analysis.track.rows(now.rows)
     unknown = np.full(track.esc_temperature.shape, np.nan)
     esc_s, motor_s = (unknown, unknown) if now.heat is None else (now.heat.esc_s, now.heat.motor_s)
@@ -328,7 +347,10 @@ def heat(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
 
 
 def lead(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
-    """Check if a lead loses more power than the other leads, which heats its lugs."""
+    """Return checks (N, R), row by row, of whether a lead loses more power than the other leads.
+
+    The limit is `s.lead_watts`, W; such a loss heats the lugs.
+    """
     rows = now.analysis.track.esc_voltage[now.rows]
     none: Floats = np.full(rows.shape, np.nan)
     watts = none if now.heat is None else now.heat.lead_watts
@@ -344,7 +366,7 @@ def lead(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
 
 
 def desync(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
-    """Check whether a motor falls out of step with its ESC, again and again."""
+    """Return checks (N, R), by row, of whether a motor lost synchronism `s.desyncs` times."""
     none: Floats = np.full(now.analysis.track.rotor_speed_rpm[now.rows].shape, np.nan)
     falls = none if now.heat is None else now.heat.desyncs
     return AlarmChecks(
@@ -355,6 +377,42 @@ def desync(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
         text=lambda row, k: words.desync_words(k + 1, int(falls[row, k])),
         rotor=now.analysis.track.rotor_count,
         past=lambda k: words.desync_past(k + 1),
+    )
+
+
+def frames(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
+    """Check whether an ESC loses frames of its telemetry, by the limit of a report."""
+    rotors = now.analysis.track.rotor_count
+    share = np.full((len(now.arms), rotors), np.nan)
+    for row, answer in enumerate(now.arms):
+        if answer is None or ArmQuantity.LOST not in answer.quantities:
+            continue
+        share[row] = 0.0
+        for found in answer.findings:
+            if found.only_sensors and found.causes[0].cause is Cause.TELEMETRY:
+                share[row, found.arm] = found.causes[0].size
+    return AlarmChecks(
+        share > 0.0,
+        share == 0.0,
+        np.isfinite(share),
+        severity=lambda *_: NOTICE,
+        text=lambda row, k: words.frames_words(k + 1, float(share[row, k])),
+        rotor=rotors,
+    )
+
+
+def shaking(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
+    """Check whether the aircraft is shaken more than on its earlier flights, as a report does."""
+    ratio = np.full(len(now.arms), np.nan)
+    for row, answer in enumerate(now.arms):
+        if answer is not None and ArmQuantity.SHAKING in answer.quantities:
+            ratio[row] = 1.0 if answer.shaken is None else answer.shaken.ratio
+    return one_alarm(
+        ratio > 1.0,
+        ratio == 1.0,
+        np.isfinite(ratio),
+        severity=lambda *_: WARNING,
+        text=lambda row, _: words.shaking_words(float(ratio[row])),
     )
 
 
@@ -377,15 +435,18 @@ def motor_order(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
 
 
 def _always(now: RowsNow, on: bool, severity: int, text: str) -> AlarmChecks:
-    """Return checks of a condition that is known, and has the value `on`, at every row."""
+    """Return checks of a condition that is known in every row, and has the value `on` in all."""
     every = np.ones(now.analysis.track.time_s[now.rows].size, dtype=np.bool_)
     found = every & on
     return one_alarm(found, ~found, every, severity=lambda *_: severity, text=lambda *_: text)
 
 
 def faulty(kind: Kind, s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
-    """Check for faults of one kind: a column for each rotor, then one for a fault of several
-    candidates."""
+    """Return checks (N, R + 1) of faults of one kind: a column for each of R rotors, then one more.
+
+    The last is for a fault that may be of any of several rotors. A row in which the kind was not
+    tested is unknown.
+    """
     rotors, names = now.analysis.track.rotor_count, now.analysis.places
     on = np.zeros((len(now.faults), rotors + 1), dtype=np.bool_)
     known = on.copy()
@@ -482,14 +543,19 @@ OF_ROWS = (
     AlarmRule("motor order", 0.0, 0.0, motor_order, on_ground="kept"),
 )
 #: On the ground all alarms of the flight are cleared, except for a rotor that was found bad.
-OF_SOUGHT_ROWS = tuple(
-    AlarmRule(
-        *(name, 0.0, 0.0, partial(faulty, kind), Missing.SPEEDS),
-        on_ground="kept",
-        sampled=True,
-        of_airframe=True,
-    )
-    for name, kind in PARTS
+OF_SOUGHT_ROWS = (
+    *(
+        AlarmRule(
+            *(name, 0.0, 0.0, partial(faulty, kind), Missing.SPEEDS),
+            on_ground="kept",
+            sampled=True,
+            of_airframe=True,
+        )
+        for name, kind in PARTS
+    ),
+    # Near the limit answers come and go: several in a row must no longer have it.
+    AlarmRule("frames", 0.0, 60.0, frames, Missing.ESC, on_ground="kept", of_airframe=True),
+    AlarmRule("shaking", 0.0, 60.0, shaking, Missing.SPEEDS, on_ground="kept", of_airframe=True),
 )
 OF_SETTLED_ROWS = (
     AlarmRule(

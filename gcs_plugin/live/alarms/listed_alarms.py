@@ -41,6 +41,7 @@ from thrustmargin.models.checks.takeoff import TakeoffCheck, TakeoffWatch
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.fault_test import Kind, RotorFault
+from thrustmargin.models.model.flight_arms import ArmsSoFar
 from thrustmargin.models.model.output_faults import undecided
 from thrustmargin.models.model.rotor_faults import FaultHistory, RotorFaults, fault_signals
 from thrustmargin.models.model.rotor_model import identified_airframe
@@ -69,7 +70,7 @@ class Alarms:
         self._weighed_s = float("-inf")
         self._balance, self._stopped = BalanceWatch(), StoppedWatch()
         self._takeoff = TakeoffWatch()
-        self._arms = ArmWatch()
+        self._arms, self._arms_so_far = ArmWatch(), ArmsSoFar()
         self._rest_voltage = float("nan")
         self._conditions: dict[Key, _Condition] = {}
         self._cleared: dict[Key, tuple[Alarm, float]] = {}  # and when
@@ -105,16 +106,17 @@ class Alarms:
         unheard_s: Floats | None = None,
         from_outputs: bool = False,
     ) -> list[AlarmEvent]:
-        """Check the rows from `first` on, in order; return the changes. Arrays (T,) are as the
-        analysis.
+        """Check the rows from `first` on; return the changes of alarms, in order of time.
 
-        Checks that use the prediction cover the rows `settled`, and those for faults of rotors and
-        motors the rows `sought`, where these become final later. `pumped_kg` is the liquid pumped
-        so far, `virtual_kg` the virtual gauge, `margin_ahead` the least predicted margin on the
+        Arrays (T,) are on the rows of `analysis`; `clock_s` is the vehicle's clock, s. `settled`
+        are the rows with a final prediction, `sought` those in which rotor faults have been
+        searched for; only these are checked for what needs the one or the other. None: the rows
+        from `first` on, for `sought` the settled ones. `pumped_kg` is the liquid pumped so far,
+        `virtual_kg` the virtual gauge, `margin_ahead` the least predicted margin (a share) on the
         rest of the route; NaN where unknown. `esc_failures` (T, R) are ESC_FAILURE_FLAGS, NaN where
-        an ESC does not report on itself. `unheard_s` (T, R) are the s for which messages came
-        without a rotor's speed, NaN where none was ever reported; `from_outputs`: all speeds are
-        inferred from motor outputs.
+        an ESC does not report on itself. `unheard_s` (T, R) is the time, s, for which messages came
+        without a rotor's speed, NaN where none was ever reported. `from_outputs`: all speeds are
+        inferred from motor outputs. Checks that need the airframe are unknown without a verdict.
         """
         new, final = slice(first, None), slice(first, None) if settled is None else settled
         known = final if sought is None else sought
@@ -131,6 +133,7 @@ class Alarms:
             balances=balances,
             stopped=self._stopped.add(analysis.track.rows(new)),
             heat=self._arms.add(analysis.track.rows(new)),
+            arms=self._arms_so_far.add(analysis, known),
             unheard_s=unheard_s,
             from_outputs=from_outputs,
             takeoff=self._takeoff.add(
@@ -152,7 +155,7 @@ class Alarms:
         return sorted(events, key=lambda event: event.time_s)
 
     def _rest(self, analysis: FlightAnalysis, rows: slice) -> None:
-        """Store the battery's voltage before take-off, or the first one received."""
+        """Store the battery's last voltage on the ground, V; before any, the first received."""
         track = analysis.track
         volts = track.voltage[rows]
         rest = volts[(volts > 0.0) & ~track.flying[rows]]
@@ -165,8 +168,11 @@ class Alarms:
     def _faulty(
         self, analysis: FlightAnalysis, rows: slice, clock_s: Floats
     ) -> list[dict[Kind, tuple[RotorFault, ...]]]:
-        """Return, for each row of `rows`, the faults found by each test that ran in it; empty
-        for a row without a test. `clock_s` (T,) is the vehicle's clock."""
+        """Return, for each row of the slice `rows`, the faults that each test found in it, by kind.
+
+        A row in which no test ran has an empty dict; so have all rows without a verdict. `clock_s`
+        (T,) is the vehicle's clock, s.
+        """
         track, at = analysis.track, range(analysis.track.time_s.size)[rows]
         faults: list[dict[Kind, tuple[RotorFault, ...]]] = [{} for _ in at]
         if analysis.no_verdict or not at:
@@ -193,8 +199,11 @@ class Alarms:
         pumped_kg: Floats,
         virtual_kg: Floats,
     ) -> list[TankBalance | None]:
-        """Return, for each row of `rows`, how gauge, pumped mass and hover thrust agree about
-        the tank; once a second, else None. `pumped_kg` and `virtual_kg` (by thrust) are (T,)."""
+        """Return, for each row of the slice `rows`, the tank by gauge, pump and thrust.
+
+        None except once a second in flight, and in all rows without a verdict. On the ground the
+        balance begins anew. `clock_s`, s, `pumped_kg` and `virtual_kg` (mass by thrust) are (T,).
+        """
         track, at = analysis.track, range(analysis.track.time_s.size)[rows]
         balances: list[TankBalance | None] = [None for _ in at]
         if analysis.no_verdict:
@@ -235,7 +244,8 @@ class Alarms:
     def heard(self, now_s: float, link: LinkNow) -> list[AlarmEvent]:
         """Check the link at `now_s`, s of the ground's clock, and return changes of alarms.
 
-        While the link is lost or shared by two vehicles, all other alarms become unconfirmed.
+        While the link is silent, gives no rows, or is shared by two vehicles, all other alarms
+        become unconfirmed. Events have the time when that began, not `now_s`.
         """
         events: list[AlarmEvent] = []
         unheard, unusable = link.silent > self.settings.silence, link.rows_behind > UNSEEN
@@ -259,8 +269,12 @@ class Alarms:
         return events
 
     def restate(self, faults: Sequence[RotorFault], places: Sequence[str]) -> None:
-        """Replace the texts of listed faults by those of the same faults in the ended flight's
-        report."""
+        """Replace the texts of listed rotor and motor alarms by the texts of the ended flight's
+        report.
+
+        `faults` are the report's; an alarm without an equal fault among them is unchanged. `places`
+        are the rotors' names.
+        """
         for fault in faults:
             names = (name for name, kind in PARTS if kind == fault.kind and not fault.rotors)
             for name in names:
@@ -279,7 +293,11 @@ class Alarms:
         missing: Missing,
     ) -> None:
         """Apply one rule's checks of N rows, and append the changes of its alarms to `events`.
-        `times` (N,) s is the vehicle's clock, `flying` (N,) flags rows in flight."""
+
+        `times` (N,), s, is the vehicle's clock, for a rule of the link the ground's; `flying` (N,)
+        flags rows in flight. On the ground a rule is checked, or clears its alarms, or is not
+        looked at, by its `on_ground`. `missing` is the reason given where the checks are unknown.
+        """
         keys: list[Key] = [
             (rule.name, k + 1 if k < found.rotor else None) for k in range(found.on.shape[1])
         ]
@@ -308,10 +326,11 @@ class Alarms:
         seen: tuple[bool, bool, bool, bool],
         missing: Missing,
     ) -> None:
-        """Apply one row to one alarm.
+        """Apply a row of a rule's checks, at `time_s`, s, to one alarm; note its change.
 
-        `seen` is on, off, known and over; an alarm is over at once when the vehicle has landed or
-        its object no longer exists.
+        Changes are appended to `events`. `at` is (row, column) in `found`. `seen` is on, off, known
+        and over there; an alarm is over at once when the vehicle has landed or its object no longer
+        exists. `missing` is the reason if unknown.
         """
         on, off, known, over = seen
         before = self._conditions.get(key)
@@ -352,8 +371,12 @@ class Alarms:
         at: tuple[int, int],
         time_s: float,
     ) -> None:
-        """Raise an alarm whose condition was true for long enough; one raised again soon counts
-        on."""
+        """Raise the alarm `key` at `time_s`, s, with the text of `found` at (row, column); append
+        the change to `events`.
+
+        If it is listed, or was cleared within AGAIN s, it is the same alarm, and its count
+        increases; else a new one begins.
+        """
         cleared, cleared_s = self._cleared.pop(key, (None, float("-inf")))
         before = self.listed.get(key) or (cleared if time_s - cleared_s <= AGAIN else None)
         if before is None:
@@ -370,7 +393,10 @@ class Alarms:
         time_s: float,
         missing: Missing = Missing.NOTHING,
     ) -> None:
-        """Store an alarm with a state, and append an event to `events` if the state is new."""
+        """Store the alarm with `state`; append an event at `time_s`, s, if it had another.
+
+        `missing` is why it cannot be confirmed. A cleared alarm is removed from the list.
+        """
         now = replace(alarm, state=state, missing=missing)
         if state is AlarmState.UNCONFIRMED:
             now = replace(now, text=alarm.past or alarm.text)
@@ -384,7 +410,10 @@ class Alarms:
 
 
 def _worded(alarm: Alarm, found: AlarmChecks, at: tuple[int, int]) -> Alarm:
-    """Return an alarm with text, severity and rotors of the check at `at`, (row, column)."""
+    """Return the alarm with severity, text and rotors that `found` has at (row, column).
+
+    Texts are cut to the 50 characters of a STATUSTEXT.
+    """
     rotors = () if found.rotors is None else found.rotors(*at)
     past = "" if (words := found.past) is None else Sentence.of(lambda: say(words(at[1]))[:50])
     text = Sentence.of(lambda: say(found.text(*at))[:50])

@@ -119,15 +119,18 @@ class RecordingOutput(Output):
         self._recorder.close()
 
     def _write(self, until_us: float = math.inf) -> None:
-        """Write the waiting events up to a time, µs."""
+        """Write the waiting events up to `until_us`, the ground's clock, µs, in order of time."""
         with self._lock:
             while self._waiting and self._waiting[0][0] <= until_us:
                 self._recorder.event(heapq.heappop(self._waiting)[2])
 
 
 def sample_batch(update: Update, new: slice) -> pa.RecordBatch:
-    """Return the rows `new` of an update as a record batch; its schema depends on the rotor
-    count alone."""
+    """Return the rows `new` of an update as a record batch in SI, one column a quantity.
+
+    They are vehicle, boot, three times, the analysis, tank by thrust, mass pumped and forecast. The
+    schema depends on the rotor count alone.
+    """
     import pyarrow as pa
 
     analysis, track = update.analysis, update.analysis.track
@@ -252,10 +255,10 @@ class Recorder:
     def samples(
         self, vehicle: int, boot: int, rows: pa.RecordBatch, provisional: pa.RecordBatch
     ) -> None:
-        """Queue rows of samples for writing. All batches have one schema.
+        """Queue final `rows` of samples for writing. Batches of one boot have one schema.
 
         `provisional` rows are written too, and replaced at the next call for the vehicle, which
-        contains them again.
+        contains them again. After a restart (another `boot`) they stay.
         """
         with self._lock:
             before = self._later.get(vehicle)
@@ -399,7 +402,12 @@ class _Parts:
         return self._closed_rows + self._written
 
     def write(self, new: list[pa.RecordBatch], later: list[pa.RecordBatch]) -> None:
-        """Add final rows `new`, and provisional rows `later` that the next call replaces."""
+        """Add final rows `new`, and provisional rows `later` that the next call replaces.
+
+        If the disk refuses, `trouble` says why and the rows wait for the next call; the newest are
+        dropped, and counted in `rows_lost`, once more wait than two parts hold. After PART_ROWS
+        rows or PART_SECONDS s a new part begins.
+        """
         import pyarrow as pa
 
         if not self._tables:

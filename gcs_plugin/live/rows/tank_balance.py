@@ -1,6 +1,6 @@
 """Three independent estimates of what is in the tank, and how they compare.
 
-- gauge: what the vehicle reports, by the same rules as for a log (`telemetry.tank_source`);
+- gauge: what the vehicle reports, by the same rules as for a log (`telemetry.battery_and_tank`);
 - pump: what its servo output says has been sprayed, full output being the airframe's largest flow;
 - thrust: what the rotors carry beyond what the model expects, as a mass ("virtual gauge").
 They are compared over windows: `tank_verdict` says which of them parts from the others.
@@ -43,7 +43,12 @@ class DeliveryMeter:
         self._points: deque[tuple[float, float]] = deque()  # kg by the gauge, kg pumped
 
     def add(self, gauge: float, pumped: float) -> None:
-        """Add a sample, in order of time: kg by the gauge, and kg pumped so far; NaN is ignored."""
+        """Add the next sample: kg by the gauge, and kg pumped so far; ignored if NaN.
+
+        After LEARN_KG pumped, `now` becomes the fall of the gauge over the kg pumped of late, and
+        `first` the earliest such factor, limited to 0.4 to 1.6. A refill, or a count that begins
+        anew, begins the comparison anew; an almost empty gauge changes neither.
+        """
         if not np.isfinite(gauge + pumped):
             return
         if self._points and (gauge > self._points[-1][0] + 0.5 or pumped < self._points[-1][1]):
@@ -63,7 +68,7 @@ class DeliveryMeter:
 
 
 def virtual_gauge(analysis: FlightAnalysis) -> Floats:
-    """Return the mass (T,), kg, of liquid by thrust; NaN without measured speeds, or on the ground.
+    """Return the mass of liquid by thrust (T,), kg; NaN without measured speeds, or on the ground.
 
     With a gauge it is the gauge's level plus the thrust that the model does not explain. Without
     one it is all thrust beyond the empty mass, which is true in level flight without acceleration.
@@ -105,7 +110,10 @@ class BalanceWatch:
         self._first = self._last = 0
 
     def add(self, time_s: float, gauge: float, pumped: float, virtual: float) -> None:
-        """Add a sample: time, s, and kg by the gauge, kg pumped so far, kg by the virtual gauge."""
+        """Add the next sample: time, s; kg by gauge; kg pumped so far; kg by virtual gauge.
+
+        NaN where unknown. A step back in time, or a pause of more than 5 s, begins a new window.
+        """
         if self._last > self._first and not 0.0 <= time_s - self._rows[0, self._last - 1] <= 5.0:
             self._first = self._last
         if self._last == self._rows.shape[1]:
@@ -118,7 +126,11 @@ class BalanceWatch:
             self._first += 1
 
     def balance(self) -> TankBalance | None:
-        """Return the balance of the window; None until it is full."""
+        """Return the tank's loss over the window by each estimate, kg; None until full.
+
+        A loss is the mean over the first `end` s less the mean over the last; NaN if either is
+        unknown.
+        """
         rows = self._rows[:, self._first : self._last]
         time_s = rows[0]
         if not time_s.size or time_s[-1] - time_s[0] < 0.95 * self.seconds:

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from thrustmargin.gcs_plugin.mavlink.decode import MAVLINK_RULES
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
-from thrustmargin.gcs_plugin.mavlink.text import printable
 from thrustmargin.gcs_plugin.mavlink.who_sends import of_vehicles
 from thrustmargin.gcs_plugin.telemetry.clock import REFERENCES, gps_times, own_clock
 from thrustmargin.gcs_plugin.telemetry.recording import mission_item
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import sent_values
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import EventKind, parameter_change
+from thrustmargin.gcs_plugin.wording.language import printable
 from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.vehicle_facts import VehicleFacts
@@ -78,7 +78,7 @@ class VehicleState:
         return self.component is not None and not self.armed
 
     def changed_since(self, before: VehicleState) -> list[str]:
-        """Describe the parameters with influence on results that differ from an earlier state.
+        """Describe the parameters with influence on results that differ from the state `before`.
 
         Empty while parameters are still being received.
         """
@@ -95,8 +95,12 @@ class VehicleState:
 
 
 def fold(state: VehicleState, frame: Frame) -> VehicleState:
-    """Return the state after one more frame of this vehicle; the same object if it changes
-    nothing."""
+    """Return the state after one more frame of this vehicle: its heartbeat, parameters and mission.
+
+    It is the same object if the frame changes nothing, such as a frame of a component that is no
+    autopilot. The first autopilot heard sets `component`; another one with the same system id is
+    only added to `other_autopilots`, and its later frames are ignored.
+    """
     if frame.component in state.other_autopilots:
         return state
     name = layouts()[frame.id].name if frame.verified else ""
@@ -137,9 +141,11 @@ def fold(state: VehicleState, frame: Frame) -> VehicleState:
 def fold_mission(state: VehicleState, frame: Frame) -> VehicleState:
     """Return the state after a mission message that was sent to the vehicle or by it.
 
-    An upload begins with a ground station's MISSION_COUNT and ends with the vehicle's MISSION_ACK,
-    which also answers a station's MISSION_CLEAR_ALL. A MISSION_COUNT of the vehicle itself begins a
-    download.
+    Items are gathered until as many as MISSION_COUNT announced have come, and then become the
+    mission. A count or MISSION_CLEAR_ALL from a ground station, or the vehicle's MISSION_ACK after
+    an upload, shows that the mission on board is replaced; a count from the vehicle begins a
+    download. An item outside a transfer replaces the one of its number. Fences and rally points
+    change nothing.
     """
     columns = fields(frame)
     if columns is None or int(columns["mission_type"][0]) not in (0, OF_ALL_KINDS):
@@ -184,8 +190,10 @@ def _equal_missions(one: Mapping[int, PlanItem], other: Mapping[int, PlanItem]) 
 
 
 def _replaced(state: VehicleState, at_us: int) -> VehicleState:
-    """Return the state after its mission was replaced: without mission, unless one was received
-    within JUST_NOW s."""
+    """Return the state after its mission was replaced at `at_us`, the ground's clock, µs.
+
+    It has no mission, unless one was received within JUST_NOW s before.
+    """
     kept = state.mission if at_us - state.mission_came_us < JUST_NOW * 1e6 else {}
     return replace(state, mission=kept, mission_changes=state.mission_changes + 1)
 
@@ -201,7 +209,10 @@ def _fields(frames: Sequence[Frame], places: Sequence[int]) -> NDArray[np.void]:
 
 
 def places_of(frames: Sequence[Frame]) -> dict[str, list[int]]:
-    """Return the indices of frames by message name, for the messages that rows need."""
+    """Return the indices of frames by message name, for the messages that rows need.
+
+    Frames of unknown id are left out.
+    """
     places: dict[str, list[int]] = {}
     for place, frame in enumerate(frames):
         if frame.verified and (name := layouts()[frame.id].name) in _NEEDED:
@@ -212,10 +223,10 @@ def places_of(frames: Sequence[Frame]) -> dict[str, list[int]]:
 def clocks_of(
     places: Mapping[str, list[int]], frames: Sequence[Frame], pilots: Sequence[int | None]
 ) -> Floats:
-    """Return the time (n,), s since boot, that frames of the autopilot contain; NaN in other
-    frames.
+    """Return the time (n,), s since boot, that frames of the autopilot carry; NaN in other frames.
 
-    `pilots` (n,) are the autopilot's component ids.
+    `places` are the indices of frames by message name, `pilots` (n,) the autopilot's component id
+    when each arrived, None while unknown: then any component's clock counts.
     """
     own = np.full(len(frames), np.nan)
     for name in REFERENCES:
@@ -231,11 +242,11 @@ def grouped(
     pilots: Sequence[int | None],
     by_pilot: set[str],
 ) -> dict[str, tuple[NDArray[np.intp], NDArray[np.void]]]:
-    """Return, by message name, the places of its frames and their fields, for messages that rows
-    need.
+    """Return, by message name, the indices (m,) of its frames and their fields (m,).
 
-    Once the autopilot, component `pilots` (n,), has sent a message, which `by_pilot` remembers, the
-    same message from its companions is left out.
+    `places` are the indices by message name, `pilots` (n,) the autopilot's component id when each
+    frame arrived. Once the autopilot has sent a message, whose name is then added to `by_pilot`,
+    the same message from other components is left out.
     """
     groups = {}
     for name, found in places.items():
@@ -256,11 +267,10 @@ def dated_by_gps(
     groups: Mapping[str, tuple[NDArray[np.intp], NDArray[np.void]]],
     already: int | None,
 ) -> Bools:
-    """Flag the frames (n,) up to which a GPS time was received since the vehicle's start `boots`
-    (n,).
+    """Flag the frames (n,) from the first GPS time of their start of the vehicle, `boots` (n,).
 
-    `already` is the start in which a GPS time was known before these frames; it is not searched
-    again.
+    `groups` is the result of `grouped`. No frame of the start `already` is flagged: its GPS time
+    was known before these frames.
     """
     dated = np.zeros(boots.size, dtype=np.bool_)
     if "SYSTEM_TIME" in groups:

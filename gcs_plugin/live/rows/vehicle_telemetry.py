@@ -36,6 +36,7 @@ from thrustmargin.gcs_plugin.live.rows.vehicle_state import (
 from thrustmargin.gcs_plugin.logs.tlog import AUTOPILOTS
 from thrustmargin.gcs_plugin.mavlink.decode import ESC_TELEMETRY_FIRST
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
+from thrustmargin.gcs_plugin.telemetry.battery_and_tank import LEFT_OUT, stated_battery
 from thrustmargin.gcs_plugin.telemetry.clock import ArrivalClock, arrival_times, unix_minus_clock
 from thrustmargin.gcs_plugin.telemetry.motors import (
     MotorMap,
@@ -43,25 +44,21 @@ from thrustmargin.gcs_plugin.telemetry.motors import (
     motor_map,
     turned_escs,
 )
-from thrustmargin.gcs_plugin.telemetry.power import stated_battery
-from thrustmargin.gcs_plugin.telemetry.recording import Stream, several_autopilots
-from thrustmargin.gcs_plugin.telemetry.resample import known_rows, last_before
+from thrustmargin.gcs_plugin.telemetry.recording import several_autopilots
 from thrustmargin.gcs_plugin.telemetry.rows import KEPT, RowState, flight_rows
 from thrustmargin.gcs_plugin.telemetry.signals import (
     SignalBuffer,
     Signals,
+    Stream,
     best,
     hud_airspeed,
+    known_rows,
+    last_before,
     pitot_present,
 )
-from thrustmargin.gcs_plugin.telemetry.tank_source import LEFT_OUT
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
 from thrustmargin.gcs_plugin.wording.check_words import statement_words
-from thrustmargin.gcs_plugin.wording.live_words import (
-    FIELD_WORDS,
-    NEXT_SORTIE,
-    RATES,
-)
+from thrustmargin.gcs_plugin.wording.live_words import FIELD_WORDS, NEXT_SORTIE, RATES
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, Origin
 from thrustmargin.models.statement import Statement
@@ -182,7 +179,11 @@ class VehicleTelemetry:
         return self.state.facts if self._motors is None else self._motors.facts
 
     def take(self, frame: Frame) -> None:
-        """Store a frame of this vehicle, in the order of arrival."""
+        """Store a frame of this vehicle, in the order of arrival, and fold it into `state`.
+
+        Frames of a second autopilot with this system id are counted, but their data are dropped; an
+        event says so. Changes of the state become events.
+        """
         self.stamp_us = frame.stamp_us
         self.counts[frame.id] += 1
         changed = False
@@ -214,10 +215,11 @@ class VehicleTelemetry:
         self._restart()
 
     def rows(self) -> list[LiveRows]:
-        """Return the new rows of the stored frames, in order, in parts.
+        """Return the rows of the stored frames, in order, in parts; then drop the frames.
 
         A new part begins where the vehicle restarted, and where it reported something new
-        (parameters, its kind, its first GPS time), which is valid from the next row on.
+        (parameters, its kind, its first GPS time), which is valid from the next row on. Empty, and
+        the frames stay, while the vehicle's clock is unknown, for CLOCK_WAIT s at most.
         """
         frames = [frame for piece in self._pieces for frame in piece.frames]
         pilots = [piece.state.component for piece in self._pieces for _ in piece.frames]
@@ -272,7 +274,14 @@ class VehicleTelemetry:
     def _part(
         self, boot: int, piece: _Piece, streams: dict[str, Stream], until_s: float
     ) -> LiveRows | None:
-        """Make the rows of one start from messages up to `until_s`; `rows` sets their stamps."""
+        """Make the rows of start number `boot` up to `until_s`, s of the vehicle's clock, and keep
+        the state for the next call.
+
+        `streams` are the messages by name, during which the vehicle's state was `piece.state`.
+        `rows` sets the stamps of the result, which are 0 here. None if no row is complete yet, or
+        the vehicle's motors are unknown. A load source that the user named and that is not heard is
+        noted, and the load is unknown.
+        """
         state, row_state = piece.state, self._row_state
         if self._rested and state.armed:
             # As in a file (sorties): a stated load is valid from each sortie's start.
@@ -377,10 +386,11 @@ class VehicleTelemetry:
         return self._motors
 
     def stale(self) -> dict[str, float]:
-        """Return the fields that are too old, each with the s for which only other messages came.
+        """Return the fields no longer reported, in words, each with the s since its last.
 
-        By the vehicle's clock up to the last message that `rows` has processed: frames not
-        processed may contain the field.
+        A field is listed beyond its channel's age limit; one never reported is not. Time is the
+        vehicle's clock up to the last message that `rows` has processed: frames not processed may
+        contain the field.
         """
         now, signals = self._heard_s, self._buffer.signals
         ages: dict[str, float] = {}
@@ -396,5 +406,5 @@ class VehicleTelemetry:
 
 
 def _identity(state: VehicleState) -> tuple[object, ...]:
-    """Return the parts of a state on which rows depend."""
+    """Return the parts of a vehicle's state on which its rows depend, to compare two states."""
     return id(state.parameters), state.kind, state.autopilot, state.component, state.armed

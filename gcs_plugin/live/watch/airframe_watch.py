@@ -35,17 +35,20 @@ NOT_YET = state("not yet")  # why no margin is claimed before the first seconds 
 
 
 def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, words.WhyUnknown]:
-    """Return, by figure, the reason why it is unknown in the newest row; known figures are absent.
+    """Return each figure that is unknown in the newest row, by its name, with the reason; empty if
+    all are known.
 
-    Where no airframe is recognised, only the figures that could recognise it are listed.
+    Figures by rotor speed are unknown only in flight. Where no airframe is recognised, only a
+    missing rotor speed in flight is listed.
     """
     row = -1
     track = analysis.track
     tank_unknown = math.isnan(track.tank_kg[row])
     speeds = bool(np.isfinite(track.rotor_speed_rpm[row]).any())
     measured = speeds and not analysis.from_outputs[row].all()
-    predicted = bool(np.isfinite(analysis.utilisation_predicted[row]).any())
+    predicted = bool(np.isfinite(analysis.margin_predicted[row]).any())
     why_predicted = words.NO_LOAD if tank_unknown else words.NO_AIRSPEED
+    why_predicted = words.BAD_PART if analysis.bad_part else why_predicted
     found: dict[str, words.WhyUnknown] = {}
     if track.flying[row] and not speeds:
         found[words.MEASURED_MARGIN] = words.NO_SPEEDS
@@ -64,6 +67,7 @@ def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, wor
     if math.isnan(outlook.margin_ahead):
         placed = np.isfinite(track.position_ned[row]).all()
         without = words.NO_MISSION if outlook.route is None and placed else words.NO_POSITION
+        without = words.BAD_PART if outlook.route and not outlook.sound else without
         found[words.REMAINING_ROUTE] = words.NO_LOAD if tank_unknown and outlook.route else without
     if math.isnan(outlook.margin_full):
         found[words.FULL_MARGIN] = words.BAD_PART if analysis.bad_part else words.NO_AIRSPEED
@@ -75,7 +79,8 @@ def unknown_lines(
 ) -> Iterable[str]:
     """Yield one sentence for each reason, with all figures that are unknown for it.
 
-    `asked` are the options by which the vehicle is already asked for messages.
+    `figures` maps a figure's name to its reason, `asked` are the options by which the vehicle is
+    already asked for messages.
     """
     for reason in dict.fromkeys(figures.values()):
         names = [name for name, why in figures.items() if why == reason]
@@ -91,9 +96,10 @@ LANDED = 5.0  # s on the ground after which a new flight begins
 
 
 class AirframeWatch:
-    """Repeated decision whether one vehicle is of the airframe (`airframe_match`).
+    """Repeated decision whether one vehicle is of the model's airframe (`airframe_match`).
 
-    `source` is the link, for the command suggested to the user.
+    `given`: the user named the airframe, so it is trusted from the start. `source` is the link, for
+    the command suggested to the user.
     """
 
     def __init__(self, model: RotorModel, *, given: bool, source: str) -> None:
@@ -119,11 +125,11 @@ class AirframeWatch:
     def look(
         self, track: FlightTrack, facts: VehicleFacts, parameters: Mapping[str, float]
     ) -> AirframeMatch:
-        """Add new rows, in order, and return the match that is valid from the first
-        of them.
+        """Add new rows, in order of time, and return the match that holds from the first on.
 
-        The match must not depend on how many rows come at once, so rows must be passed split at
-        `due_s`.
+        `facts` and `parameters` are what the vehicle has reported so far. Another rotor count
+        contradicts at once. The match must not depend on how many rows come at once: the caller
+        splits rows at `due_s`.
         """
         if track.rotor_count != self._airframe.rotor_count:  # certain, and at once
             if not self._other_rotors:
@@ -154,7 +160,10 @@ class AirframeWatch:
             self._gather(track)
 
     def _look(self, facts: VehicleFacts, parameters: Mapping[str, float]) -> None:
-        """Decide by the evidence up to the last row added."""
+        """Compare the last minute in flight with the airframe and update the decision.
+
+        Nothing is decided with fewer than FEWEST_ROWS rows.
+        """
         self._looked_s = self._taken_s
         since = self._last_s - REACH
         evidence = join_tracks([(t, rows[t.time_s[rows] > since]) for t, rows in self._parts])

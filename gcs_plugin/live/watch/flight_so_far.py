@@ -20,7 +20,7 @@ from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState
 from thrustmargin.gcs_plugin.logs.tlog import AUTOPILOTS
 from thrustmargin.gcs_plugin.telemetry.first_contact import first_contact
-from thrustmargin.gcs_plugin.telemetry.sorties import LONG_DOWN, LOOK, REST, serviced
+from thrustmargin.gcs_plugin.telemetry.flight_log import LONG_DOWN, LOOK, REST, serviced
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer, answer_of
 from thrustmargin.gcs_plugin.wording.language import spoken
 from thrustmargin.gcs_plugin.wording.report_words import FirstContact
@@ -32,8 +32,7 @@ from thrustmargin.models.flight import FlightTrack, Floats, join_tracks
 from thrustmargin.models.model.advice import Advice, advise
 from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.inferred.load_inference import with_load_for_verdict
-from thrustmargin.models.model.inferred.prepared import fill_channels
+from thrustmargin.models.model.inferred.load_inference import fill_channels, with_load_for_verdict
 from thrustmargin.models.model.rotor_faults import FaultHistory
 from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe
 
@@ -98,8 +97,10 @@ class FlightSoFar:
 
     @cached_property
     def beyond_gauge_kg(self) -> float:
-        """Return the median mass, kg, by which hover thrust exceeds gauge or statement; 0 if not
-        significant."""
+        """Return the median mass, kg, by which hover thrust exceeds gauge or statement, in flight.
+
+        0 if that is not significant, or without a verdict.
+        """
         if self.airframe_match.no_verdict:
             return 0.0
         track = with_load_for_verdict(self._prepared, identified_airframe(self.model), self.outputs)
@@ -122,8 +123,9 @@ class FlightSoFar:
         return self.order is not None and self.order.verdict not in ("agrees", "unclear")
 
     def shown_by(self, airframe_match: AirframeMatch) -> AirframeMatch:
-        """Return the match with motor outputs and motor order as estimated from all rows of the
-        flight."""
+        """Return the match with motor outputs and motor order replaced by those from all rows of
+        the flight.
+        """
         open_pairs = () if self.order is None else self.order.open_pairs
         return replace(
             airframe_match,
@@ -134,8 +136,7 @@ class FlightSoFar:
 
     @cached_property
     def so_far(self) -> FlightAdvice:
-        """Return the advice that a report of these rows would give, with the faults found in
-        flight."""
+        """Return the advice of a report of these rows, with the faults that alarms found."""
         track, state = self._prepared, self.state
         made = advise(
             analyse(track, self.model, airframe_match=self.shown_by(self.airframe_match)),
@@ -154,8 +155,10 @@ class FlightSoFar:
 
     @property
     def answer(self) -> FlightAnswer:
-        """Return the answer in words of the current language; in flight with the time it is
-        valid up to."""
+        """Return the answer of the flight in words of the current language.
+
+        Until its report is ready it includes the time up to which it is valid.
+        """
         made = spoken(), self.settled
         if made not in self._answers:
             advice = (self.reported() if self.settled else None) or self.so_far
@@ -201,11 +204,11 @@ class SortieRows:
         state: VehicleState,
         events: Sequence[AlarmEvent],
     ) -> None:
-        """Add the next rows of the flight, and renew its result where that is due.
+        """Add the vehicle's next rows, and compute the flight's result anew if due.
 
-        `clock_s` (T,) is the vehicle's clock, s, at the rows of `track` (at least one row).
+        `clock_s` (T,) is the vehicle's clock, s, at the rows of `track` (T at least 1).
         `airframe_match` and `state` are the latest decision on the airframe and the vehicle's
-        reports; a raised alarm among `events`, those of these rows, renews the result at once.
+        reports. A raised alarm among `events`, those of these rows, makes the result due at once.
         """
         self._zero_s = float(clock_s[0] - track.time_s[0])
         self._said = airframe_match, state
@@ -254,7 +257,7 @@ class SortieRows:
             self._alarms.restate([one.fault for one in advice.faults], advice.places)
 
     def make(self) -> None:
-        """Set `now` to the flight up to the last row."""
+        """Set `now` to the flight up to the last row; nothing happens before the first take-off."""
         if not self._flown or self._said is None:
             return
         airframe_match, state = self._said
@@ -288,7 +291,11 @@ class SortieRows:
         return float(self._parts[-1].time_s[-1] - self._parts[0].time_s[0]) if self._parts else 0.0
 
     def _begins_another_flight(self, time_s: float) -> bool:
-        """Return True if a take-off now would begin another flight."""
+        """Return True if a take-off at `time_s`, s of the track's time, would begin another flight.
+
+        It would after REST s on the ground if the vehicle was disarmed there, else after LONG_DOWN
+        s.
+        """
         long = LONG_DOWN if not self._disarmed else REST
         return time_s - self._landed_s >= long
 
@@ -301,8 +308,10 @@ class SortieRows:
         self._reported = False
 
     def _begin(self, down_s: float, up_s: float) -> None:
-        """Begin another flight after a stay on the ground from `down_s` to `up_s`, s; keep the
-        later half of the stay, at most REST s."""
+        """Begin another flight after a stay on the ground, `down_s` to `up_s`, track's s.
+
+        Of the stay the later half is kept, at most REST s.
+        """
         self._keep(max(up_s - REST, 0.5 * (down_s + up_s)))
         self._begin_s = float(self._parts[0].time_s[0]) if self._parts else up_s
         self._made_s = -math.inf

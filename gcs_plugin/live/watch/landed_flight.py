@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import OF_ITSELF, OF_MISSION
 from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightAdvice, FlightSoFar
 from thrustmargin.gcs_plugin.live.watch.update import Later, WatchSettings
-from thrustmargin.gcs_plugin.logs.log_answer import answer_log, claimed_flights
+from thrustmargin.gcs_plugin.logs.log_answer import answer_log, matched_flights
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.layouts import message_ids
 from thrustmargin.models.errors import ThrustMarginError
@@ -64,7 +64,11 @@ class LandedFlights:
             lasting += stamped
 
     def follow_landing(self, flying: Bools, stamp_us: NDArray[np.int64]) -> None:
-        """Take the time of the landing from new rows: `flying` (N,), and when each came, µs."""
+        """Set `landed_us` to the stamp of the first row on the ground after the last in flight.
+
+        `flying` (N,) flags rows in flight; `stamp_us` (N,) is the ground's clock, µs. It becomes 0
+        where the last row is in flight, and stays if no row is, and none was.
+        """
         up = np.flatnonzero(flying)
         down = int(up[-1]) + 1 if up.size else 0
         if up.size or self._was_flying:
@@ -72,16 +76,15 @@ class LandedFlights:
             self.landed_us = 0 if self._was_flying else int(stamp_us[down])
 
     def forget(self, before_us: float) -> None:
-        """Drop messages from before a time, ground's clock in µs, except those that stay valid."""
+        """Drop messages before `before_us`, the ground's clock, µs, that are of no use later."""
         for k, (first_us, whole, lasting) in enumerate(self._chunks[:-1]):
             if self._chunks[k + 1][0] <= before_us and len(whole) > len(lasting):
                 self._chunks[k] = first_us, lasting, lasting
 
     def answer(self, flight: FlightSoFar) -> Callable[[], FlightAdvice | None]:
-        """Start the report of an ended flight; return a function that returns its advice, None
-        until ready.
+        """Start an ended flight's report; return a function for its advice, None until ready.
 
-        If no report can be made, it is the advice computed from the live rows.
+        If no report can be made, it is the advice that `flight` has from the live rows.
         """
         tlog = b"".join(whole for _, whole, _ in self._chunks)
         read = partial(as_reported, tlog, self._model, self._settings, system=self._system)
@@ -91,21 +94,22 @@ class LandedFlights:
 def as_reported(
     tlog: bytes, model: RotorModel, settings: WatchSettings, *, system: int
 ) -> FlightAdvice | None:
-    """Return the advice of `report` for the last flight of a vehicle, from the bytes of a .tlog.
+    """Return the advice that `report` gives for a vehicle's last flight, from the bytes of a .tlog.
 
-    None where the flight cannot be read, or the file not be written, as on a full disk.
+    `system` is its system id. None where the flight cannot be read, or the file not be written, as
+    on a full disk.
     """
     given, stated = settings.airframe_given, settings.as_of_a_file
     try:
         with tempfile.TemporaryDirectory(prefix="thrustmargin-") as folder:
             file = Path(folder) / f"vehicle {system}.tlog"
             file.write_bytes(tlog)
-            flights = claimed_flights(file, model, given=given, vehicle=system, **stated)
+            flights = matched_flights(file, model, given=given, vehicle=system, **stated)
     except (ThrustMarginError, OSError):
         return None
     log, airframe_match = flights[-1]
     analysis = analyse(
         log.track, model, airframe_match=replace(airframe_match, source=settings.link)
     )
-    said = answer_log(log, analysis, settings.alarms.max_utilisation)
-    return FlightAdvice(said.made.advice, said.contact)
+    answer = answer_log(log, analysis, settings.alarms.max_utilisation)
+    return FlightAdvice(answer.advice, answer.contact)

@@ -54,8 +54,10 @@ class LinkWatch:
         return max(now_us - self.last_us, 0) * 1e-6
 
     def take(self, frame: Frame) -> bool:
-        """Process the next frame in order of arrival; return False if it is a copy or late, to
-        be dropped."""
+        """Process the next frame in order of arrival; return False if the caller must drop it.
+
+        It is dropped if it is a copy of a recent frame, or was overtaken by newer ones.
+        """
         sender = self.senders.get(frame.component)
         if sender is None:
             sender = self.senders[frame.component] = SenderWatch()
@@ -84,10 +86,11 @@ class RotorSilence:
         self._unheard_s = np.full(rotor_count, np.nan)
 
     def add(self, known: NDArray[np.bool_], time_s: Floats, first: int, pause: float) -> Floats:
-        """Return the s (N, R) without a speed report at each row from `first` on; NaN before the
-        first one.
+        """Return the time, s, since each rotor's last speed report, for the rows from `first` on
+        (N, R).
 
-        `known` (T, R) marks the reported speeds of the rows at `time_s` (T,). A gap between rows
+        `known` (T, R) marks the reported speeds of the rows at `time_s` (T,), s. NaN before any
+        rotor's first report; a rotor that never reported counts from then. A gap between rows
         longer than `pause` s does not count: there the whole link was lost.
         """
         known = known[first:]

@@ -46,18 +46,19 @@ class Outlook:
     seconds_to_empty: float = math.nan
     full: Callable[[], float] = lambda: math.nan  # makes `margin_full`
     route: Forecast | None = None  # the rest of the mission, where one is known
+    sound: bool = True  # no rotor or motor is known to be bad, as the predicted margins assume
 
     @cached_property
     def margin_full(self) -> float:
         """Return the predicted margin, a share of 1, of the worst rotor with a full tank;
-        computed when requested."""
-        return self.full()
+        computed when requested. NaN where a rotor or motor is bad."""
+        return self.full() if self.sound else math.nan
 
     @property
     def margin_ahead(self) -> float:
         """Return the least predicted lasting margin on the rest of the route; NaN without a
-        mission."""
-        return math.nan if self.route is None else self.route.lasting_margin
+        mission, and where a rotor or motor is bad."""
+        return self.route.lasting_margin if self.route and self.sound else math.nan
 
 
 class LookAhead:
@@ -91,11 +92,12 @@ class LookAhead:
     def rows(
         self, analysis: FlightAnalysis, first: int, new: LiveRows, state: VehicleState
     ) -> tuple[Floats, Floats]:
-        """Process the rows `new`, in order, which are those of the analysis from `first` on.
+        """Process the rows `new`, in order, which are those of the analysis from `first` on, and
+        renew the forecast `now` every FORECAST_EVERY s.
 
         Return two arrays (N,), one value for each new row: kg delivered since the pump was first
-        heard, by the delivery factor then known; and the least predicted margin on the rest of the
-        route, NaN without a mission.
+        heard, by the delivery factor then known; and the least predicted margin, a share, on the
+        rest of the route, NaN without a mission or a verdict.
         """
         gauge = analysis.track.measured("tank_kg")
         delivered, margin_ahead = np.full((2, new.clock_s.size), np.nan)
@@ -121,7 +123,12 @@ class LookAhead:
         mission_item: int,
         state: VehicleState,
     ) -> None:
-        """Forecast from one row; `mission_item` is the number of the item flown to, -1 unknown."""
+        """Set `now` to the forecast from one row, at the vehicle's clock `clock_s`, s: time until
+        the tank is empty, margin with a full tank, and the remaining route.
+
+        `pump_share` is the pump's output, 0 to 1, NaN if unknown; `mission_item` the number of the
+        item flown to, -1 if unknown. An unknown wind counts as none.
+        """
         track, airframe = analysis.track, self._model.airframe
         tank = float(track.tank_kg[row])
         inferred = math.isnan(track.measured("tank_kg")[row])
@@ -144,11 +151,11 @@ class LookAhead:
     def _flow(
         self, clock_s: float, level: float, error: float, pump_share: float, delivery: float
     ) -> float:
-        """Return the flow out of the tank while spraying, kg/s, from the pump, else the gauge; NaN
-        if unknown.
+        """Return the flow out of the tank while spraying, kg/s, by pump, else by gauge.
 
-        `pump_share` is the pump's output, 0 to 1, NaN if unknown; `delivery` the ratio of delivered
-        to pumped liquid; `level` kg, with the standard error `error` if inferred.
+        `pump_share` is the pump's output, 0 to 1, NaN if unknown: off, the last flow is kept.
+        `delivery` is the ratio of delivered to pumped liquid; `level` kg, with the standard error
+        `error` if inferred. NaN if unknown, as before the gauge was read for 80 % of FLOW_WINDOW.
         """
         airframe = self._model.airframe
         if math.isfinite(pump_share):
@@ -199,8 +206,10 @@ class LookAhead:
 
 
 def recorded_seconds_to_empty(track: FlightTrack, row: int) -> float:
-    """Return the s until a recorded flight's tank is empty, at its rate in the window before
-    `row`."""
+    """Return the s until a recorded flight's tank is empty, at its rate in FLOW_WINDOW s to `row`.
+
+    NaN where the level is known for less than 80 % of that window or does not fall significantly.
+    """
     time_s = track.time_s
     first = int(np.searchsorted(time_s, time_s[row] - FLOW_WINDOW))
     levels = np.column_stack([time_s[first : row + 1], track.tank_kg[first : row + 1]])
@@ -213,8 +222,11 @@ def recorded_seconds_to_empty(track: FlightTrack, row: int) -> float:
 
 
 def _fall(levels: Floats, error: float) -> float:
-    """Return the rate, kg/s, by which levels (N, 2), clock s and kg, fall; NaN if not
-    significant."""
+    """Return the rate, kg/s, at which levels (N, 2), clock s and kg, fall; NaN if not significant.
+
+    Significant is a fall over the window of more than SURE_FALL times its standard error, of which
+    `error`, kg, is one part. N must be at least 2.
+    """
     time_s, kg = levels.T - levels.mean(axis=0)[:, None]
     square = float(time_s @ time_s)
     slope = float(time_s @ kg) / square
@@ -225,14 +237,19 @@ def _fall(levels: Floats, error: float) -> float:
 
 
 def _seconds_to_empty(tank: float, flow: float) -> float:
-    """Return the s until the tank is empty; inf without a flow or beyond LONGEST_FLIGHT, NaN if
-    unknown."""
+    """Return the s until a tank of `tank` kg is empty at `flow` kg/s; NaN if either is unknown.
+
+    inf without a flow, or if beyond LONGEST_FLIGHT.
+    """
     seconds = tank / flow if flow > 0.0 else (math.inf if flow == 0.0 else math.nan)
     return math.inf if seconds > LONGEST_FLIGHT else seconds
 
 
 def _plan(waypoints: Iterable[PlanItem], *, home_first: bool) -> MissionPlan | None:
-    """Return the mission whose transfer was received from the link; None unless it is complete."""
+    """Return the mission of the items received from the link; None unless it is complete and valid.
+
+    `home_first`: item 0 is the home position, as in ArduPilot.
+    """
     ordered = sorted(waypoints, key=lambda w: w.number)
     if not ordered or [w.number for w in ordered] != list(range(len(ordered))):
         return None

@@ -26,8 +26,8 @@ from thrustmargin.models.checks.instruments import (
 from thrustmargin.models.checks.voltage import VoltageSoFar
 from thrustmargin.models.flight import FlightTrack, join_tracks
 from thrustmargin.models.model.airframe_match import AirframeMatch
+from thrustmargin.models.model.inferred.load_inference import Inferred, fill_channels_so_far
 from thrustmargin.models.model.inferred.output_speed import OutputCalibration
-from thrustmargin.models.model.inferred.prepared import Inferred, fill_channels_so_far
 from thrustmargin.models.model.rotor_model import RotorModel, identified_airframe
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.provenance import Reason
@@ -53,8 +53,11 @@ class FrozenWatch:
         self._voltage = VoltageSoFar()
 
     def without_frozen(self, track: FlightTrack, parameters: Mapping[str, float]) -> FlightTrack:
-        """Return new rows, in order, with NaN for a broken voltage and for channels frozen so
-        far."""
+        """Return the next rows with NaN for a broken voltage and for channels frozen by now.
+
+        Channels are checked every EVERY s; one that moves again is returned from this call on. Rows
+        that begin no later than the last ones begin a new flight.
+        """
         time_s = track.time_s
         if self._flown and time_s[0] <= self._last_s:  # it was started anew
             self._begin()
@@ -82,9 +85,10 @@ class FrozenWatch:
 
 
 def _moves(track: FlightTrack, channel: str, stood: Stand) -> bool:
-    """Return True if a frozen reading moves again; False for one that only contradicts others.
+    """Return True if a reading that `stood` describes as frozen takes another value in `track`.
 
-    A contradicting reading was never still, and is tested at the next check.
+    False for one dropped because it contradicts others: it was never still, and the next check
+    tests it.
     """
     if stood.reason is not Reason.FROZEN:
         return False
@@ -108,7 +112,7 @@ class RowPreparation:
 
     @property
     def outputs(self) -> OutputCalibration:
-        """What the rows so far show of the speed that each motor output makes."""
+        """Return what the rows so far show of the speed that each motor output makes."""
         return self._inferred.outputs
 
     def restart(self) -> None:
@@ -116,8 +120,7 @@ class RowPreparation:
         self._inferred = Inferred()
 
     def parts(self, rows: LiveRows) -> Iterator[LiveRows]:
-        """Yield new rows in parts that begin where the airframe is compared again, at most PART s
-        long.
+        """Yield the rows in parts of at most PART s that begin where the airframe is compared.
 
         So a decision between two rows does not depend on how many rows came at once.
         """
@@ -137,10 +140,10 @@ class RowPreparation:
     def prepare(
         self, new: LiveRows, facts: VehicleFacts, parameters: Mapping[str, float]
     ) -> LiveRows:
-        """Return new rows without frozen readings and with what is inferred, after deciding
-        `airframe_match` from their first row on.
+        """Return new rows without frozen readings; with inferred ones if the airframe matches.
 
-        `facts` and `parameters` are the vehicle's own reports.
+        The match, `airframe_match`, is decided first, and holds from their first row on. `facts`
+        and `parameters` are the vehicle's own reports.
         """
         reported = new.track
         measured = self._frozen.without_frozen(reported, parameters)

@@ -39,8 +39,9 @@ class RowHorizon:
         self._waiting = 0
 
     def settled(self, time_s: Floats, first: int, *, at_once: bool) -> slice:
-        """Return the rows of `time_s` (T,), s, that become final with the rows from `first` on.
+        """Return the slice of the rows that become final with the rows from `first` on.
 
+        `time_s` (T,), s, are all known rows, of which a final one has `look_s` s of later ones.
         `at_once`: every row is final as soon as it arrives.
         """
         begin, until = first - self._waiting, time_s.size
@@ -65,10 +66,10 @@ class SettledRows:
         self._sought.restart()
 
     def settled(self, time_s: Floats, first: int, *, at_once: bool) -> tuple[slice, slice]:
-        """Return the rows of `time_s` (T,), s, that become final with the rows from `first` on: by
-        their predictions, and by the search for faults.
+        """Return two slices of the rows that become final with the rows from `first` on.
 
-        `at_once`: every row is final as soon as it is there.
+        The first is by their predictions, the second by the search for faults. `time_s` (T,), s,
+        are all known rows. `at_once`: every row is final as soon as it arrives.
         """
         at_once = at_once or not self._effects
         return (
@@ -84,10 +85,11 @@ class SettledRows:
         *,
         last: bool,
     ) -> tuple[AlarmEvent, ...]:
-        """Return events of rows with the ground's clock when the report came that gave them.
+        """Return the events with the Unix time of the report that showed them, sorted by it.
 
-        Where predictions are final only later, that is the report that made them so; `last`: the
-        end of what comes has. `time_s` (T,) is the track's, `arrays` are as `CARRIED`.
+        Where predictions are final only later, that is the report that made them final. `last`: no
+        further report will come, and the newest counts. `time_s` (T,) is the track's, s; `arrays`
+        are those that CARRIED names, on the same rows.
         """
         later = {rule.name for rule in OF_SETTLED_ROWS} if self._effects else set[str]()
         if self._sought.look_s > 0.0:
@@ -103,10 +105,10 @@ class SettledRows:
 
 
 def kept_rows(last: Update, look_back_s: float) -> tuple[slice, FlightState | None]:
-    """Return the rows of the last update that the next one needs, and the model's state before
-    them.
+    """Return the rows of the last update that the next needs, and the model's state before them.
 
-    `look_back_s` is the time, s, that the model needs before a row.
+    They are the rows that are not final, and `look_back_s` s before, which the model needs; at
+    least SHOWN.
     """
     time_s = last.analysis.track.time_s
     needed = min(last.settled, time_s.size - 1)

@@ -6,10 +6,9 @@ done: when its result is first needed, or in the background.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, TypeVar
 
@@ -17,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmEvent, AlarmSettings
-from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows
 from thrustmargin.gcs_plugin.live.watch.airframe_watch import unknown_figures, unknown_lines
 from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightSoFar
 from thrustmargin.gcs_plugin.live.watch.outlook import Outlook
@@ -30,8 +28,8 @@ from thrustmargin.gcs_plugin.wording.check_words import (
 )
 from thrustmargin.gcs_plugin.wording.live_words import NO_ALARM, no_escs, tank_by
 from thrustmargin.models.checks.takeoff import TakeoffCheck
-from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.model.analysis import FlightAnalysis, with_bad_part
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.provenance import Meaning, SourceKind
 from thrustmargin.models.statement import Statement
 
@@ -158,25 +156,3 @@ class Update:
         tank = () if tank_kg.kind is SourceKind.ABSENT else (tank_by(tank_kg),)
         unknown = unknown_lines(unknown_figures(self.analysis, self.outlook), self.asked)
         return (*unknown, *tank, *inferred, *map(statement_words, self.notes))
-
-
-def update_with_bad_part(update: Update) -> Update:
-    """Return the update for an aircraft with a bad rotor or motor: without the margin for a full
-    tank."""
-    outlook = replace(update.outlook, full=lambda: math.nan)
-    return replace(update, analysis=with_bad_part(update.analysis), outlook=outlook)
-
-
-def continues(last: Update, new: LiveRows) -> bool:
-    """Return True if the new rows follow the last: no restart, and the same number of rotors."""
-    before = last.analysis.track.rotor_count
-    return last.boot == new.boot and before == new.track.rotor_count
-
-
-def with_rows(last: Update | None, window: slice, new: LiveRows | None) -> FlightTrack:
-    """Return the rows `window` of the last update, followed by the new ones."""
-    if last is None:
-        assert new is not None
-        return new.track
-    track = last.analysis.track
-    return track.rows(window) if new is None else track.followed_by(new.track, window.start)

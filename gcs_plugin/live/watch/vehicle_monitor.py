@@ -19,11 +19,7 @@ from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState, fold_mission
 from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows, VehicleTelemetry
-from thrustmargin.gcs_plugin.live.watch.flight_so_far import (
-    FlightAdvice,
-    FlightSoFar,
-    SortieRows,
-)
+from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightAdvice, FlightSoFar, SortieRows
 from thrustmargin.gcs_plugin.live.watch.landed_flight import LandedFlights
 from thrustmargin.gcs_plugin.live.watch.link_watch import LinkWatch, RotorSilence
 from thrustmargin.gcs_plugin.live.watch.outlook import LookAhead
@@ -36,10 +32,7 @@ from thrustmargin.gcs_plugin.live.watch.update import (
     Later,
     Update,
     WatchSettings,
-    continues,
-    update_with_bad_part,
     when_asked,
-    with_rows,
 )
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.wording.check_words import described_words, remedy_words
@@ -51,6 +44,7 @@ from thrustmargin.models.model.analysis import (
     FlightAnalysis,
     FlightState,
     analyse,
+    with_bad_part,
     with_load_beyond_gauge,
 )
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -140,7 +134,11 @@ class VehicleMonitor:
         self._outlook.use_plan(plan, self.state)
 
     def take(self, frame: Frame) -> None:
-        """Process the next frame of this vehicle, in the order of arrival."""
+        """Process the next frame of this vehicle, in the order of arrival.
+
+        Copies and late frames are dropped. While two vehicles share the id, frames count as heard,
+        and all that is known of the vehicle is forgotten.
+        """
         if not self.link.take(frame):
             return
         if self.link.shared:
@@ -157,10 +155,11 @@ class VehicleMonitor:
         self.telemetry.state = fold_mission(self.state, frame)
 
     def updates(self, *, final: bool = False) -> list[Update]:
-        """Return the new rows since the last call, analysed.
+        """Return the new rows since the last call, analysed, in order of time.
 
-        There is one part for each start of the vehicle, and for each change of its own reports.
-        `final`: no more frames will come, and the last predictions count as settled.
+        There is one Update for each start of the vehicle, and for each change of its own reports.
+        `final`: no more frames will come; a last Update without new rows makes all predictions
+        final.
         """
         made = [
             self._update(part)
@@ -174,9 +173,13 @@ class VehicleMonitor:
         return made
 
     def _update(self, new: LiveRows | None) -> Update:
-        """Make the next update: with new rows, or for None with the last predictions settled."""
+        """Return the next Update, with the `new` rows; None makes the last predictions final.
+
+        It is stored as `last`. Rows that do not continue the last ones (a restart, a gap) begin a
+        new analysis. New rows are prepared, checked for alarms, and added to the sortie.
+        """
         last = self.last
-        if last is None or (new is not None and not continues(last, new)):
+        if last is None or (new is not None and not _continues(last, new)):
             if last is not None and new is not None and last.boot != new.boot:
                 self.alarms.restarted(float(new.clock_s[0]))
             last = None
@@ -188,7 +191,7 @@ class VehicleMonitor:
             reported, before = new.track, self.airframe_match
             new = self._preparation.prepare(new, self.telemetry.facts, self.state.parameters)
             start = self._state_under_claim(before, new, start)
-        analysis = self._analysed(with_rows(last, window, new), start)
+        analysis = self._analysed(_with_rows(last, window, new), start)
         time_s = analysis.track.time_s
         first = time_s.size - (0 if new is None else new.clock_s.size)
         settled, sought = self._settled.settled(time_s, first, at_once=new is None)
@@ -249,7 +252,7 @@ class VehicleMonitor:
             notes=() if rows is None else rows.notes,
             asked=self._asked,
         )
-        self.last = update_with_bad_part(made) if self._sortie.found_bad else made
+        self.last = _with_bad_part(made) if self._sortie.found_bad else made
         return self.last
 
     def _begin_anew(self) -> None:
@@ -264,8 +267,11 @@ class VehicleMonitor:
     def _state_under_claim(
         self, before: AirframeMatch, new: LiveRows, start: FlightState | None
     ) -> FlightState | None:
-        """Note a decision on the airframe other than `before`; return the model's state before the
-        new rows, None where the airframe was newly recognised or lost."""
+        """Note a changed decision on the airframe; return the model's state for new rows.
+
+        `before` is the decision of the last rows, `start` the model's state after them. Return
+        None, to start anew, if the verdict was allowed or withdrawn with the change.
+        """
         airframe_match = self.airframe_match
         if replace(airframe_match, outputs=before.outputs) == before and self.last is not None:
             return start
@@ -276,8 +282,10 @@ class VehicleMonitor:
         return None if bool(before.no_verdict) != bool(airframe_match.no_verdict) else start
 
     def _analysed(self, track: FlightTrack, start: FlightState | None) -> FlightAnalysis:
-        """Analyse rows, with the match and the load beyond the gauge that the whole flight so
-        far shows."""
+        """Analyse `track` from the model's state `start`, with what the whole flight so far shows.
+
+        That is the airframe's match, and the load beyond what the gauge shows.
+        """
         flight = self._sortie.now
         airframe_match = (
             self.airframe_match if flight is None else flight.shown_by(self.airframe_match)
@@ -290,8 +298,11 @@ class VehicleMonitor:
     def _beyond_the_rows(
         self, analysis: FlightAnalysis, first: int, new: LiveRows
     ) -> dict[str, NDArray[Any]]:
-        """Return the arrays named by CARRIED for the new rows: vehicle and ground clocks, pumped
-        and delivered mass, kg, and the least margin on the remaining route."""
+        """Return the arrays that CARRIED names for the rows `new`, the analysis's from `first` on.
+
+        They are vehicle's and ground's clock, pumped and delivered mass, kg, and the least margin
+        on the remaining route.
+        """
         delivered, margin_ahead = self._outlook.rows(analysis, first, new, self.state)
         return {
             "clock_s": new.clock_s,
@@ -304,8 +315,9 @@ class VehicleMonitor:
     def tick(self, now_us: int) -> list[AlarmEvent]:
         """Check the link as of `now_us`, the ground's clock, up to which all frames were received.
 
-        The result does not depend on how far the analysis is: missing messages show by their own
-        clock.
+        Return the alarms raised or cleared, with Unix times; none for an id that has not proved to
+        be a vehicle. The result does not depend on how far the analysis is: missing messages show
+        by their own clock.
         """
         if not self.seen:
             return []
@@ -328,9 +340,11 @@ class VehicleMonitor:
         return max(self.telemetry.read_us - int(self.last.stamp_us[-1]), 0) * 1e-6
 
     def stale(self, now_us: int) -> str:
-        """Return the sentence on fields that are no longer reported; empty if all are.
+        """Return the sentence on fields no longer reported for more than LASTING s at `now_us`, the
+        ground's clock, µs.
 
-        It is empty also while the vehicle as a whole is silent.
+        Empty without such a field, while the vehicle as a whole is silent, and if several vehicles
+        share its system id.
         """
         if self.link.shared or self.link.silent(now_us) > self.alarms.settings.silence:
             return ""
@@ -349,3 +363,25 @@ class VehicleMonitor:
         A vehicle that fell silent in flight stays listed.
         """
         return self.link.silent(now_us) > GONE and not self.flying
+
+
+def _with_bad_part(update: Update) -> Update:
+    """Return the update for an aircraft with a bad rotor or motor: without the figures that assume
+    sound ones (predicted margin, margin on the route and with a full tank)."""
+    outlook = replace(update.outlook, sound=False)
+    return replace(update, analysis=with_bad_part(update.analysis), outlook=outlook)
+
+
+def _continues(last: Update, new: LiveRows) -> bool:
+    """Return True if the new rows follow the last: no restart, and the same number of rotors."""
+    before = last.analysis.track.rotor_count
+    return last.boot == new.boot and before == new.track.rotor_count
+
+
+def _with_rows(last: Update | None, window: slice, new: LiveRows | None) -> FlightTrack:
+    """Return the rows `window` of the last update, followed by the new ones."""
+    if last is None:
+        assert new is not None
+        return new.track
+    track = last.analysis.track
+    return track.rows(window) if new is None else track.followed_by(new.track, window.start)

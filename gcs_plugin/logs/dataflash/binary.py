@@ -31,13 +31,18 @@ from thrustmargin.models.flight import Floats
 def dataflash_boots(path: Path, *, vehicle: int | None = None) -> Iterator[Recording]:
     """Yield a recording of a binary DataFlash log for each run between restarts.
 
-    Raise LogError if no message is found, or `vehicle` is not the one in the log.
+    `vehicle` is a system id, None for that of the log. Raise LogError if no message is found, or
+    `vehicle` is not the one in the log.
     """
     yield from boots_of(path, "DataFlash", **_scanned_messages(path), vehicle=vehicle)
 
 
 def _scanned_messages(path: Path) -> dict[str, Any]:
-    """Return the arguments of `boots_of` for a file; its bytes are freed before tables are made."""
+    """Return messages, times, size, kept and skipped, keyword arguments of `boots_of`, for a file.
+
+    The file's bytes are freed before tables are made. Raise LogError if there is no message, or the
+    log is an old one of PX4.
+    """
     data, size = read_bytes(path, PADDING)
     scanned = scan(data, size)
     if scanned.start.size == 0 or len(scanned.formats) < 2:

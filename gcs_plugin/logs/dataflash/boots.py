@@ -23,19 +23,18 @@ from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import (
 )
 from thrustmargin.gcs_plugin.logs.dataflash.message_scan import Format
 from thrustmargin.gcs_plugin.mavlink.scan import Index
+from thrustmargin.gcs_plugin.telemetry.flight_log import sorties_of
 from thrustmargin.gcs_plugin.telemetry.recording import (
     FlightLog,
     LogQuality,
     Recording,
-    Stream,
     damage_of,
     pauses,
     placed,
     restarts,
     stretches,
 )
-from thrustmargin.gcs_plugin.telemetry.signals import Signals
-from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
+from thrustmargin.gcs_plugin.telemetry.signals import Signals, Stream
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import (
     Options,
     VehicleEvent,
@@ -93,9 +92,10 @@ def boots_of(
 ) -> Iterator[Recording]:
     """Yield a recording for each run between restarts of a file of `size` bytes.
 
-    `messages` are the needed ones and the three that define units, by name; `kept` is the number of
-    all messages, `skipped` the (offset, length) of damage. Raise LogError if `vehicle` is not the
-    one in the log.
+    `format_name` is that of its LogFormat. `messages` are the needed ones and the three that define
+    units, by name; `times` the clock along the file; `kept` the number of all messages; `skipped`
+    the (offset, length) of damage. Raise LogError if `vehicle`, if not None, is not the one in the
+    log.
     """
     in_text = format_name != "DataFlash"
     units = Units.from_tables(lambda name: messages[name].table if name in messages else None)
@@ -118,9 +118,10 @@ def boots_of(
 
 
 def _stream(messages: Messages, units: Units, *, in_text: bool) -> Stream | None:
-    """Return the messages as a Stream; None if they have no time, or lack a required column.
+    """Return the messages as a Stream; None if there are none, or a time or column is missing.
 
-    `in_text`: they are from a text log, whose numbers are scaled already.
+    `in_text`: they are from a text log, whose numbers are scaled already. Parameters and mission
+    items need no time.
     """
     name = messages.form.name
     scale, label = units.describe(messages.form, text=in_text)
@@ -139,8 +140,10 @@ def _recording_of(
     quality: LogQuality,
     vehicle: int | None,
 ) -> Recording:
-    """Return the Recording of the streams of one boot; raise LogError if `vehicle` is not the
-    log's."""
+    """Return the Recording of the streams of one boot, by message name.
+
+    The system id is MAV_SYSID, else 1; raise LogError if `vehicle`, if not None, is another one.
+    """
     parameters: dict[str, float] = {}
     sent: tuple[tuple[float, str, float], ...] = ()
     if "PARM" in streams:
@@ -184,7 +187,10 @@ def _errors(stream: Stream | None) -> tuple[VehicleEvent, ...]:
 
 
 def _unix_offset(stream: Stream | None) -> float | None:
-    """Return Unix time minus vehicle's clock, s, by the GPS week; None without a fix."""
+    """Return Unix time minus the vehicle's clock, s, the median over the messages GPS with a week.
+
+    None without such a message.
+    """
     if stream is None:
         return None
     columns = columns_of(stream)
@@ -200,7 +206,7 @@ def _unix_offset(stream: Stream | None) -> float | None:
 
 
 def _waypoints(stream: Stream | None) -> tuple[PlanItem, ...]:
-    """Return the mission as last logged, by item number; empty if none is."""
+    """Return the mission items as last logged in messages CMD, in order; empty if none is."""
     if stream is None:
         return ()
     columns = columns_of(stream)

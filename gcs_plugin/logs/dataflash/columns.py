@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.logs.dataflash.message_scan import LETTERS, SCALED_LETTERS, Format
-from thrustmargin.gcs_plugin.mavlink.text import printable
+from thrustmargin.gcs_plugin.wording.language import printable
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.units import SCALES, Scale
 
@@ -66,7 +66,10 @@ class DataFlashColumns:
         return [printable(raw) for raw in values]
 
     def si(self, name: str, assumed: str) -> Floats:
-        """Return a column (n,) in SI; its unit is `assumed` if the log states none."""
+        """Return a column (n,) in SI; its unit is `assumed` if the log states none.
+
+        An unknown unit counts as SI. NaN where a damaged description made the column text.
+        """
         label = self.label.get(name, "")
         # A label that is not known is SI already, or none.
         factor, offset = SCALES[assumed] if label in NO_UNIT else SCALES.get(label, Scale())
@@ -74,7 +77,7 @@ class DataFlashColumns:
 
 
 def own_clock(columns: Sequence[str]) -> tuple[str, float] | None:
-    """Return the name of the column with the vehicle's clock and its unit, s; None without one.
+    """Return the name of the column with the vehicle's clock, and its unit in s; else None.
 
     Logs from before 2015 count ms; their GPS message has the clock in T, and its TimeMS is of the
     GPS week.
@@ -105,10 +108,10 @@ class Units:
 
     @classmethod
     def from_tables(cls, table: Callable[[str], NDArray[np.void] | None]) -> Units:
-        """Return the units that a log states; `table` returns the messages of a name, None if
-        absent.
+        """Return the units that a log states in UNIT, MULT and FMTU.
 
-        Factors are logged as single precision widened to double.
+        `table` returns the messages of a name, None if absent. Factors are rounded to 7 digits:
+        they are logged as single precision widened to double.
         """
 
         def rows(name: str, *columns: str) -> Iterator[tuple[Any, ...]]:
@@ -127,10 +130,11 @@ class Units:
         )
 
     def describe(self, form: Format, *, text: bool) -> tuple[dict[str, float], dict[str, str]]:
-        """Return factor and unit label of each column of `form`.
+        """Return the factor and the unit label of each column of `form`, by column name.
 
-        A letter with a factor of its own (centi, 1e-7) takes no MULT; numbers of text logs are
-        scaled already.
+        A letter with a factor of its own (centi, 1e-7) takes no MULT, and a multiplier of 0 is
+        none. `text`: the log is a text log, whose letters scale nothing. Some integer columns are
+        hundredths whatever the log states. A column without a unit has the label "" or none.
         """
         scale: dict[str, float] = {}
         ids, multipliers = self.of_type.get(form.type, ("", ""))

@@ -13,10 +13,10 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.logs.dataflash.columns import DataFlashColumns
 from thrustmargin.gcs_plugin.mavlink.rules import Rule, Signal, quantity
-from thrustmargin.gcs_plugin.telemetry.recording import Stream
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import whole_number
 from thrustmargin.gcs_plugin.telemetry.signals import (
     Signals,
+    Stream,
     ordered_signal,
     signals_by_channel,
 )
@@ -31,6 +31,17 @@ _PLACE, _WARM = ("latlon deg", "latlon deg", "m"), Meaning.BOARD_TEMPERATURE
 def _error_rate(columns: Any) -> Floats:
     # In per cent; the log states no unit for it.
     return 0.01 * columns.number("Err")
+
+
+#: Bits of EDT2.Status, from libraries/AP_ESC_Telem/LogStructure.h: its status is new; the last one
+#: was a warning (such as a desync) or an error (such as a stall). An alert (such as a
+#: demagnetisation) is no failure: hard manoeuvres have some.
+_EDT2_NEW, _EDT2_FAILURES = 2, 8 | 16
+
+
+def _edt2_failures(columns: Any) -> Floats:
+    status = columns.number("Status").astype(np.int64)
+    return np.where(status & _EDT2_NEW, status & _EDT2_FAILURES, np.nan)
 
 
 #: Preferred sources first. `unit` is used where the log states none; `index` and `only` apply where
@@ -72,6 +83,7 @@ RULES: tuple[Rule, ...] = (
     Rule("ESC", ("Temp",), "esc_temperature", "degC", index="Instance", unknown=(0,)),
     Rule("ESC", ("MotTemp",), "motor_temperature", "degC", index="Instance", unknown=(0,)),
     Rule("ESC", ("Err",), "esc_error_rate", index="Instance", convert=_error_rate),
+    Rule("EDT2", ("Status",), "esc_edt2", index="Instance", convert=_edt2_failures),
     Rule("ESC", ("RawRPM",), "esc_rpm", "rpm", index="Instance"),
     Rule("ESC", ("RPM",), "esc_rpm", "rpm", index="Instance", note=_SMOOTHED),
 )
@@ -156,9 +168,10 @@ _NOT_MEASURED = {"voltage": (0,), "current": (0, 3)}
 def without_monitors_off(
     signals: Signals, parameters: Mapping[str, float]
 ) -> tuple[Signals, dict[str, Statement]]:
-    """Remove the signals of battery monitors that are off; also return the reasons by channel.
+    """Remove the signals of battery monitors that BATT_MONITOR states as off, by `parameters`.
 
-    Older firmware logs an arbitrary value for such a monitor.
+    Older firmware logs an arbitrary value for such a monitor. Also return, for voltage and current,
+    why signals were removed.
     """
     kept: dict[str, tuple[Signal, ...]] = dict(signals)
     unused: dict[str, Statement] = {}
@@ -209,9 +222,10 @@ def _by_rule(rule: Rule, streams: Mapping[str, Stream]) -> list[Signal]:
 
 
 def _in_hundredths(rate: Floats, streams: Mapping[str, Stream]) -> bool:
-    """Return True if body rates (n, 3) are in hundredths of a degree, as in ArduCopter before 3.4.
+    """Return True if body rates (n, 3), read as deg/s and given in rad/s, are 100 times too large.
 
-    The message is equal in both; the unit shows by the gyroscope's rates, else by the size.
+    ArduCopter before 3.4 logs hundredths of a degree in an equal message. The unit shows by the
+    gyroscope's rates, else by the size: above any gyroscope's range.
     """
     sizes = np.linalg.norm(rate, axis=1)
     gyro = streams.get("IMU")
@@ -225,7 +239,10 @@ def _in_hundredths(rate: Floats, streams: Mapping[str, Stream]) -> bool:
 
 
 def _real_numbers(numbers: Floats) -> list[int]:
-    """Return the distinct source numbers without those of a few damaged rows."""
+    """Return the distinct whole numbers of sources, ascending, without those of a few damaged rows.
+
+    A number must be from 0 to 31, in at least 2 % as many rows as the most frequent one.
+    """
     distinct, counts = np.unique(numbers[np.isfinite(numbers)], return_counts=True)
     common = counts >= 0.02 * counts.max() if counts.size else counts > 0
     return [int(n) for n in distinct[common] if 0 <= n < _MOST_SOURCES and n == int(n)]
@@ -241,8 +258,10 @@ def _rangefinder_good(columns: DataFlashColumns) -> np.ndarray:
 
 
 def _core(streams: Mapping[str, Stream], names: tuple[str, ...]) -> tuple[str, Stream] | None:
-    """Return name and stream of the first message of `names` that is present, with the rows of EKF
-    core 0; None if absent."""
+    """Return name and stream of the first message of `names` that is present, else None.
+
+    Of a message with several EKF cores only the rows of core 0 are kept.
+    """
     for name in names:
         stream = streams.get(name)
         if stream is None:
@@ -313,7 +332,7 @@ def _landed(stream: Stream) -> list[Signal]:
 
 
 def _armed(streams: Mapping[str, Stream]) -> list[Signal]:
-    """Return signals of 1 (armed) and 0 (disarmed), by each logged change.
+    """Return a signal of 1 (armed) and 0 (disarmed) by the changes in each of messages ARM and EV.
 
     Before the first change the state is its opposite. A crash check disarms, and before a second
     arming the vehicle was disarmed, even if the log pauses while disarmed.

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.mavlink.frame import Bytes
 from thrustmargin.gcs_plugin.mavlink.scan import Index, gaps_between, gather
-from thrustmargin.gcs_plugin.mavlink.text import printable
+from thrustmargin.gcs_plugin.wording.language import printable
 
 HEAD = (0xA3, 0x95)
 FMT_TYPE = 128
@@ -79,8 +79,9 @@ class FoundMessages:
     skipped: tuple[tuple[int, int], ...]  # (offset, length)
 
     def rows_of(self, name: str) -> tuple[Index, Format | None]:
-        """Return the rows of the messages called `name`, and their format; None if the log has
-        none.
+        """Return the rows of the messages called `name`, and their format.
+
+        Empty and None if the log has none.
         """
         for number, form in self.formats.items():
             if form.name == name:
@@ -94,8 +95,11 @@ class FoundMessages:
 
 
 def make_format(number: int, length: int, name: str, letters: str, columns: str) -> Format | None:
-    """Return the Format of an FMT message's fields; None if they contradict each other (a damaged
-    FMT)."""
+    """Return the Format of an FMT message's fields; None if they contradict each other (damage).
+
+    `number` is the message type, `length` bytes with the header, `letters` one for each column,
+    `columns` their names, separated by commas.
+    """
     names = tuple(c.strip() for c in columns.split(",")) if columns else ()
     if not name or not name.isalnum() or len(names) != len(letters):
         return None
@@ -106,8 +110,10 @@ def make_format(number: int, length: int, name: str, letters: str, columns: str)
 
 
 def scan(data: Bytes, size: int) -> FoundMessages:
-    """Return all DataFlash messages in the first `size` bytes of `data`, which ends with PADDING
-    more."""
+    """Return all DataFlash messages in the first `size` bytes of `data`.
+
+    `data` must be followed by PADDING more bytes.
+    """
     heads = [_heads(data, size, low) for low in range(0, size, _CHUNK)]
     start = np.concatenate(heads) if heads else np.empty(0, np.int64)
     del heads
@@ -134,7 +140,11 @@ def _heads(data: Bytes, size: int, low: int) -> Index:
 
 
 def _formats(data: Bytes, start: Index) -> dict[int, Format]:
-    """Return message types by number, from every intact FMT message; they begin at `start` (n,)."""
+    """Return the Format of each message type number, from FMT messages at the offsets `start` (n,).
+
+    Damaged ones are ignored, and of several for one number the first counts. Empty if all are
+    damaged.
+    """
     own = make_format(FMT_TYPE, FMT_LENGTH, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")
     assert own is not None
     formats: dict[int, Format] = {}
@@ -158,8 +168,9 @@ def _formats(data: Bytes, start: Index) -> dict[int, Format]:
 
 
 def _torn_tail(data: Bytes, size: int, lengths: NDArray[np.int64]) -> int:
-    """Return the offset of a last message that the end of the file cuts off; the file's end if
-    none.
+    """Return the offset of a last message that the end of the file cuts off, else `size`.
+
+    `size` is the file's length and `lengths` (256,) the bytes of each message type, 0 if unknown.
     """
     longest = int(lengths.max(initial=0))
     for begin in range(max(size - longest, 0), size):
@@ -173,11 +184,11 @@ def _torn_tail(data: Bytes, size: int, lengths: NDArray[np.int64]) -> int:
 
 
 def _chain(start: Index, end: Index, size: int, *, torn: int) -> NDArray[np.bool_]:
-    """Flag the candidates (n,) from `start` to `end` that are messages: the next one begins where
-    they end.
+    """Flag the candidates (n,), at offsets `start` to `end`, that are messages.
 
-    The last may end at `size`, the file's end, or at `torn`, where a message begins that the file's
-    end cuts off. Candidates inside the body of a message are chance matches and are not flagged.
+    A message's end must be the start of another candidate, `size` (the file's end), or `torn`,
+    where a message begins that the file's end cuts off. Candidates inside the body of a message are
+    chance matches and are not flagged.
     """
     count = start.size
     keep = np.zeros(count, dtype=np.bool_)

@@ -36,7 +36,8 @@ class _Lines:
 def dataflash_text_boots(path: Path, *, vehicle: int | None = None) -> Iterator[Recording]:
     """Yield a recording of a DataFlash log in text form for each run between restarts.
 
-    Raise LogError if it describes no message (FMT), or `vehicle` is not the one in the log.
+    `vehicle` is a system id, None for that of the log. Raise LogError if no line describes a
+    message (FMT), or `vehicle` is not the one in the log.
     """
     text = path.read_bytes()
     lines = _lines(text)
@@ -115,8 +116,11 @@ def _format(rest: bytes) -> Format | None:
 
 
 def _table(form: Format, cells: list[list[str]]) -> tuple[NDArray[np.void], Bools]:
-    """Return the lines whose every cell fits its format letter, as a structured array, and flags
-    (n,) of those lines."""
+    """Return the lines whose every cell fits its format letter, and their flags (n,) among all.
+
+    `cells` are the cells of each line of one message. The lines are a structured array with float64
+    or S64 columns; NaN is a number.
+    """
     good = np.ones(len(cells), dtype=np.bool_)
     texts = {
         name: letter in _TEXT_LETTERS

@@ -118,9 +118,9 @@ def cover(
 
 
 def _home(words: str) -> tuple[float, float, float]:
-    """Return latitude and longitude, degrees, and m AMSL (NaN if not given) of option --home.
+    """Parse option --home, `LATITUDE,LONGITUDE` or with `,ALTITUDE`: degrees, degrees, m AMSL.
 
-    Raises UsageError for another text.
+    The altitude is NaN if it is not given. Raises UsageError for another text.
     """
     try:
         values = [float(word) for word in words.split(",")]

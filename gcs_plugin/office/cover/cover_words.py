@@ -8,7 +8,7 @@ from thrustmargin.gcs_plugin.wording.plan_words import hectares
 
 
 def coverage_words(coverage: Coverage) -> tuple[str, ...]:
-    """Return the sentences about a route over a field, in the order of the terminal."""
+    """Return the sentences that the terminal prints on a route over a field, in their order."""
     lines, spacing = coverage.lines, coverage.lines.spacing
     headings = sorted({round(h) % 180 for h in lines.heading_deg})
     listed = ", ".join(f"{h}°" for h in headings[:3]) + (" ..." if len(headings) > 3 else "")

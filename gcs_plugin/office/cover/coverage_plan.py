@@ -80,12 +80,12 @@ def cover_field(
     no_spray: FieldOutline | None = None,
     home: tuple[float, float, float] | None = None,
 ) -> Coverage:
-    """Return the route that sprays `outline`, around obstacles and with the pump off over
-    `no_spray`.
+    """Return the mission that sprays the field `outline`, with its lengths and areas.
 
-    Both are in the plane of `outline`; its holes are flown around. `home` is latitude, longitude,
-    degrees, and m AMSL or NaN; without one it is the start of the first line. Raise PlanError if
-    nothing is left to spray or the route is too long for a mission.
+    `obstacles` and the field's holes are flown around; over `no_spray` the pump is off. Both must
+    be in the plane of `outline`. `home` is latitude, longitude, degrees, and m AMSL or NaN; if
+    None, it is the start of the first line. Raise PlanError if nothing is left to spray, home is
+    too far, or the route is too long for a mission.
     """
     if not (math.isfinite(order.swath) and order.swath > 0.0):
         raise PlanError(f"a swath of {order.swath:g} m sprays nothing; give its width in m")
@@ -147,8 +147,10 @@ def _polygons(area: shapely.Geometry) -> shapely.MultiPolygon:
 def _outside(
     outline: FieldOutline, obstacles: FieldOutline | None, order: CoverageOrder
 ) -> Detours:
-    """Return the paths to use where none stays in the field; they avoid only holes and
-    obstacles."""
+    """Return the search for paths around holes and obstacles that may leave the field.
+
+    It is used where no path inside the field exists.
+    """
     solid = shapely.MultiPolygon([shapely.Polygon(p.exterior) for p in outline.area.geoms])
     shut = shapely.difference(solid, outline.area)
     if obstacles is not None:
@@ -172,8 +174,10 @@ class _Way:
     outside: int = 0
 
     def follow(self, line: Floats) -> None:
-        """Append the path to the start of `line` (2, 2) and along it, with the pump on outside
-        `dry`."""
+        """Append to the route the path to the start of `line` (2, 2), m, then the line itself.
+
+        The pump is on along the line, except inside the area `dry`.
+        """
         if self.points:
             self._cross(self.points[-1], line[0])
         wet = shapely.LineString(line)
@@ -201,10 +205,11 @@ class _Way:
         self._to(line[0] + direction * distance, on=False)
 
     def _cross(self, start: Floats, end: Floats) -> None:
-        """Append the corners of the shortest path from `start` (2,) to `end` (2,), pump off.
+        """Append to the route the corners of the shortest path from `start` (2,) to `end` (2,),
+        pump off.
 
-        It may leave the field, and is then counted in `outside`. Raises PlanError if obstacles
-        block every path.
+        If no path stays in the field, it leaves the field and is counted in `outside`. Raises
+        PlanError if obstacles block every path.
         """
         corners = self.inside.way(start, end)
         if corners is None:
@@ -226,11 +231,13 @@ class _Way:
 def _plan(
     way: _Way, places: Floats, home: tuple[float, float, float], order: CoverageOrder
 ) -> MissionPlan:
-    """Return the mission of a route whose points are at `places` (N, 2), latitude and longitude,
-    degrees.
+    """Return the mission that takes off, flies to `places` (N, 2), latitude and longitude, degrees,
+    in order, and returns to launch.
 
-    `home` is latitude, longitude, degrees, and m AMSL, NaN if unknown. Raises PlanError for more
-    items than a mission can have.
+    Items are numbered from 1: takeoff, speed, then a waypoint per place and a pump switch wherever
+    the pump's state changes after it, and the return. `way` states for each place if the pump is on
+    after it. `home` is latitude, longitude, degrees, and m AMSL or NaN. Raise PlanError for more
+    than MOST_ITEMS items.
     """
     frame = FRAME_ABOVE_GROUND if order.above_ground else FRAME_ABOVE_HOME
     yaw = math.nan if order.px4 else 0.0  # PX4 turns the nose to it, north for 0

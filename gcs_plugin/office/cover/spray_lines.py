@@ -46,11 +46,11 @@ class LinesInOrder:
 def lines_in_order(
     area: shapely.MultiPolygon, swath: float, heading_deg: float | None, start: Floats
 ) -> LinesInOrder:
-    """Return lines `swath` m apart over each part of `area`, m east and north, ordered from
-    `start`.
+    """Return spray lines about `swath` m apart over each part of `area`, ordered into one route.
 
-    `start` is (2,). Without `heading_deg` each part gets the heading with the fewest lines. Raise
-    PlanError if no area is left or the lines are too many for a mission.
+    Coordinates are m east and north; `start` (2,) is where the route begins. `heading_deg` is of
+    the lines, clockwise from north; with None each part gets the heading with the fewest lines.
+    Raise PlanError if no area is left or the lines are too many for a mission.
     """
     cells: list[list[Floats]] = []
     headings: list[float] = []
@@ -74,10 +74,10 @@ def lines_in_order(
 
 
 def fewest_turns(part: shapely.Polygon, swath: float) -> float:
-    """Return the heading, degrees from 0 to 180, with the fewest lines, `swath` m apart, over
-    `part`.
+    """Return the heading, 0 to 180 degrees, at which lines `swath` m apart over `part` are fewest.
 
-    Of equal headings it is the one with the longest lines.
+    Of headings with equally many lines it is the one at which the part is narrowest across the
+    lines.
     """
     rough = shapely.simplify(part.exterior, swath / 4, preserve_topology=False)
     corners = shapely.get_coordinates(rough)
@@ -107,10 +107,9 @@ def _turned(points: Floats, heading_deg: float, *, back: bool = False) -> Floats
 
 
 def _count(width: float, swath: float) -> int:
-    """Return the number of lines over a strip `width` m wide, at least 1.
+    """Return the number of lines for a strip `width` m wide: width / swath rounded, at least 1.
 
-    It is width / swath rounded; one more if the lines would be spaced by more than 1 + LOOSE
-    swaths.
+    One more if the lines would be more than (1 + LOOSE) * `swath` m apart.
     """
     exact = width / swath
     near = max(round(min(exact, 1e9)), 1)
@@ -120,10 +119,11 @@ def _count(width: float, swath: float) -> int:
 def _pieces(
     level: shapely.Polygon, low: float, high: float, swath: float
 ) -> tuple[list[list[Floats]], float]:
-    """Return the pieces (2, 2), m, of each line inside `level`, left to right, and the spacing, m.
+    """Return the pieces inside `level` of equally spaced horizontal lines, and the spacing, m.
 
-    Lines are horizontal, from `low` to `high`, at most `swath` m apart. Raise PlanError for too
-    many.
+    The lines cover the heights `low` to `high`, m, about `swath` m apart. For each line, from the
+    lowest, there is a list of pieces (2, 2), m, left to right; pieces shorter than SHORTEST m are
+    left out. Raise PlanError for more than MOST_LINES lines or pieces.
     """
     count = _count(high - low, swath)
     if count > MOST_LINES:
@@ -156,11 +156,12 @@ def _pieces(
 
 
 def _cells(part: shapely.Polygon, swath: float, heading: float) -> tuple[list[list[Floats]], float]:
-    """Return the cells of `part`, areas sprayed back and forth without a gap, and the line spacing,
-    m.
+    """Divide `part` into cells that can be sprayed back and forth without a gap; return the spacing
+    too.
 
-    A cell is a list of its lines (2, 2), both ends in m east and north, in order across. `heading`
-    of the lines is in degrees from north, clockwise. Raise PlanError above MOST_CELLS.
+    A cell is a list of its lines in order across, each (2, 2): both ends, m east and north.
+    `heading` of the lines is in degrees from north, clockwise; the spacing of lines is in m. Raise
+    PlanError for more than MOST_CELLS cells.
     """
     level = shapely.transform(part, lambda xy: _turned(xy, heading))
     _, low, _, high = level.bounds
@@ -193,8 +194,12 @@ def _overlap(a: Floats, b: Floats) -> bool:
 
 
 def _tour(cells: Sequence[Sequence[Floats]], start: Floats) -> Floats:
-    """Order the lines (L, 2, 2) of all cells into one route from `start` (2,): go to the nearest
-    corner of a remaining cell, then back and forth along its lines."""
+    """Order the lines of all cells into one route (L, 2, 2), m: L lines, each from its start to its
+    end.
+
+    From `start` (2,) go to the nearest corner of an unvisited cell, then back and forth along its
+    lines.
+    """
     # Corner k of a cell: from its first (0, 1) or last line (2, 3), at that line's start or end.
     corners = np.array([[c[0][0], c[0][1], c[-1][0], c[-1][1]] for c in cells])
     unvisited = np.ones(len(cells), dtype=np.bool_)
@@ -230,7 +235,8 @@ class Detours:
     def way(self, start: Floats, end: Floats) -> Floats | None:
         """Return the turning points (K, 2) of the shortest path from `start` (2,) to `end` (2,).
 
-        K is 0 if the straight line is free. None if no path stays inside.
+        Points are m east and north, and the path stays inside the area. K is 0 if the straight line
+        does. None if no path stays inside.
         """
         if shapely.covers(self._wide, shapely.LineString([start, end])):
             return np.empty((0, 2))
@@ -256,9 +262,10 @@ class Detours:
         return np.array(route[::-1])
 
     def _lengths(self, a: Floats, b: Floats) -> Floats:
-        """Return distances (A, B), m, between points `a` (A, 2) and `b` (B, 2).
+        """Return the distances (A, B), m, between points `a` (A, 2) and `b` (B, 2), m.
 
-        0 where the straight line leaves the area, which means no connection.
+        A distance is 0, which the path search takes as no connection, where the straight line
+        leaves the area.
         """
         if not len(a) or not len(b):
             return np.zeros((len(a), len(b)))
@@ -277,7 +284,11 @@ def _inner_corners(area: shapely.Geometry) -> Floats:
 
 
 def _reflex(area: shapely.Geometry) -> Floats:
-    """Return the reflex corners (C, 2) of an area, at which its inner angle exceeds 180°."""
+    """Return the corners (C, 2) of an area at which its inner angle exceeds 180°, also those of
+    holes.
+
+    A shortest path inside the area turns only there.
+    """
     found_corners = [np.empty((0, 2))]
     for part in shapely.get_parts(area):
         if part.geom_type != "Polygon" or part.is_empty:

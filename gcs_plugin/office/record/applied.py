@@ -18,7 +18,8 @@ from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.gcs_plugin.wording.check_words import in_english
 from thrustmargin.mission.field import Field, sprayed_field
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, Origin
-from thrustmargin.models.model.inferred.load_inference import NINETY, with_load
+from thrustmargin.models.model.inferred.load_inference import with_load
+from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.smoothing import known_median
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
@@ -33,10 +34,10 @@ SAME_SPEED, SAME_TANK = 0.01, 0.2
 
 
 def better_logs(logs: Sequence[FlightLog]) -> list[int | None]:
-    """Return, for each log, the index of another log that records the same flight better; else
-    None.
+    """Return for each log the index of a log that records the same flight better; None if none
+    does.
 
-    The best knows pump and position for the longest time in the air.
+    Better is a log that knows pump and position for longer in the air.
     """
     best = sorted(range(len(logs)), key=lambda k: -_known_airborne_s(logs[k].track))
     better: list[int | None] = [None] * len(logs)
@@ -57,9 +58,10 @@ def _known_airborne_s(track: FlightTrack) -> float:
 def _same_flight(one: FlightLog, other: FlightLog) -> bool:
     """Return True if two logs record the same flight.
 
-    Their times overlap by more than half of the shorter one, they are at the same places, and rotor
-    speeds and tank agree. Without positions they are of the same autopilot. Undated logs must be
-    identical.
+    Their times must overlap by more than half of the shorter one, and positions, rotor speeds and
+    tank levels agree; clocks may differ by CLOCK_DIFFERENCE s. Without positions they must have the
+    same autopilot serial number instead. If one log has no date, times, positions, rotor speeds and
+    tank levels must be identical.
     """
     first, second = one.track, other.track
     if first.start_unix_s is None or second.start_unix_s is None:
@@ -84,9 +86,10 @@ def _same_flight(one: FlightLog, other: FlightLog) -> bool:
 def _speeds_and_tank_agree(
     first: FlightTrack, second: FlightTrack, interval: tuple[float, float]
 ) -> bool:
-    """Return True if the median rotor speeds and gauge readings of two tracks agree in the air.
+    """Return True if median rotor speeds and median gauge readings of two tracks agree in the air.
 
-    `interval` are the first and the last Unix time, s. A value that one track lacks agrees.
+    Only rows within `interval`, first and last Unix time, s, count. A value that one track lacks
+    counts as agreeing; different numbers of rotors do not agree.
     """
     speeds, tanks = [], []
     for track in (first, second):
@@ -156,10 +159,10 @@ class Liquid:
 
 
 def applied_swaths(logs: Sequence[FlightLog], swath: float | None) -> Applied | None:
-    """Return the treated area of all sorties; None if no log reports the pump on.
+    """Return the treated area and passes of all sorties; None if no log reports the pump on.
 
-    Without a `swath`, m, it is the spacing of neighbouring lines. The area is NaN for several
-    sorties if one has no geographic position, because their overlap is then unknown.
+    `swath` is the treated width, m; None uses the spacing of neighbouring lines. The area is NaN
+    for several sorties if one has no geographic position, because their overlap is then unknown.
     """
     tracks = [log.track for log in logs]
     placed = all(track.origin is not None for track in tracks)
@@ -193,9 +196,9 @@ def applied_swaths(logs: Sequence[FlightLog], swath: float | None) -> Applied | 
 
 
 def positions_from(origin: Origin | None, track: FlightTrack) -> Floats:
-    """Return the track's positions (T, 3), m north, east, down of `origin`.
+    """Return the track's positions (T, 3), m north, east and down of `origin`.
 
-    They are returned unchanged without an origin.
+    They are returned unchanged if `origin` is None or the track has no origin.
     """
     zero = track.origin
     if origin is None or zero is None or zero == origin:
@@ -206,8 +209,8 @@ def positions_from(origin: Origin | None, track: FlightTrack) -> Floats:
 def _sortie_rows(number: int, track: FlightTrack, origin: Origin | None) -> Floats:
     """Return rows (T + 1, 7) of one sortie: number, Unix time, time, north, east, down, pump.
 
-    Times are s, positions m from `origin`. A last row with the pump off and no position keeps
-    sorties apart, so that no swath leads from one to the next.
+    Times are in s, NaN for an unknown Unix time; positions are m from `origin`; pump is 1 if on in
+    the air. A last row with the pump off and without position separates this sortie from the next.
     """
     time_s, plan = track.time_s, positions_from(origin, track)
     unix_s = time_s + (np.nan if track.start_unix_s is None else track.start_unix_s)
@@ -218,8 +221,11 @@ def _sortie_rows(number: int, track: FlightTrack, origin: Origin | None) -> Floa
 
 
 def _pass_of_rows(rows: Floats, width: float, origin: Origin | None) -> Pass | None:
-    """Return the pass of consecutive rows of `_sortie_rows`; None if the vehicle did not move.
-    `width` is the swath, m; the strip is None without it or `origin`."""
+    """Return the pass flown in consecutive `rows` of `_sortie_rows`; None if the vehicle did not
+    move.
+
+    `width` is the swath, m. The pass has no strip of ground if `width` is NaN or `origin` None.
+    """
     line = shapely.simplify(shapely.LineString(rows[:, 3:5]), 0.1)
     if line.length == 0.0:
         return None
@@ -239,9 +245,10 @@ def _pass_of_rows(rows: Floats, width: float, origin: Origin | None) -> Pass | N
 
 
 def _to_degrees(geometry: Any, origin: Origin) -> Any:
-    """Convert a geometry from (north, east), m from `origin`, to (longitude, latitude), degrees.
+    """Convert a shapely geometry from (north, east), m from `origin`, to (longitude, latitude),
+    degrees.
 
-    Longitudes continue beyond 180° across the date line, so that no shape is cut.
+    Longitudes continue beyond 180° across the date line, so that no shape is torn.
     """
 
     def degrees(points: Floats) -> Floats:
@@ -254,7 +261,11 @@ def _to_degrees(geometry: Any, origin: Origin) -> Any:
 
 
 def cut_at_date_line(shape: Any) -> Any:
-    """Cut a geometry, whose longitudes may exceed 180°, at the date line, as RFC 7946 requires."""
+    """Return a shape, whose longitudes may exceed 180°, in parts with longitudes from -180° to
+    180°.
+
+    RFC 7946 requires shapes to be cut at the date line. Other shapes are returned unchanged.
+    """
     west, _, east, _ = shape.bounds
     if west >= -180.0 and east <= 180.0:
         return shape
@@ -267,9 +278,9 @@ def cut_at_date_line(shape: Any) -> Any:
 
 
 def gauge_estimate(track: FlightTrack) -> Liquid | None:
-    """Estimate the liquid from the fall of the tank gauge in the air.
+    """Estimate the sprayed liquid, kg, from the fall of the tank gauge in the air.
 
-    None if no gauge reports the level, or if the level rose.
+    None if no gauge reports the level, or if the level is unknown or rose.
     """
     source = track.source("tank_kg")
     if not source.reported:
@@ -283,10 +294,11 @@ def gauge_estimate(track: FlightTrack) -> Liquid | None:
 
 
 def pump_estimate(track: FlightTrack) -> Liquid | None:
-    """Estimate the liquid by the pump's output, of a track whose tank level was read from it.
+    """Estimate the sprayed liquid, kg, of a track whose tank level was computed from the pump's
+    output.
 
-    None if the level has another source, if the log pauses in the air, when the pump's state is
-    unknown, or if the pump's flow is unknown.
+    None if the level has another source, if the log pauses in the air, since the pump's state is
+    then unknown, or if the pump's flow is unknown.
     """
     source = track.source("tank_kg")
     if source.kind is not SourceKind.INFERRED or source.meaning is Meaning.HOVER_THRUST:
@@ -302,9 +314,10 @@ def pump_estimate(track: FlightTrack) -> Liquid | None:
 
 
 def thrust_estimate(track: FlightTrack, airframe: Airframe) -> Liquid | None:
-    """Estimate the liquid from the fall of the load that hover thrust shows, ignoring the gauge.
+    """Estimate the sprayed liquid, kg, with a 90 % interval, from the fall of the load in hover.
 
-    None if the load cannot be inferred, or if it rose.
+    The load is inferred from thrust, ignoring the gauge. None if it cannot be inferred, or if it
+    rose.
     """
     hidden = replace(
         track,
@@ -317,16 +330,18 @@ def thrust_estimate(track: FlightTrack, airframe: Airframe) -> Liquid | None:
     if source.meaning is not Meaning.HOVER_THRUST:
         return None
     fall, error = _level_fall(shown)
-    half_width = NINETY * error
+    half_width = INTERVAL * error
     if not fall >= 0.0:
         return None
     return Liquid(by="thrust", kg=fall, within_kg=half_width, source=in_english(source))
 
 
 def _level_fall(track: FlightTrack) -> tuple[float, float]:
-    """Return the fall of the tank level in the air, kg, and an upper bound of its standard error.
+    """Return the fall of the tank level in the air, kg, positive if it falls, and an upper bound of
+    its standard error, kg.
 
-    Both are NaN with fewer than 2 END_ROWS known levels.
+    The levels are medians of the first and the last END_ROWS known ones in flight. Both results are
+    NaN with fewer than 2 * END_ROWS. The error is 0 if the track states none.
     """
     known = np.flatnonzero(track.flying & np.isfinite(track.tank_kg))
     if known.size < 2 * END_ROWS:
@@ -350,9 +365,12 @@ def job_estimate(parts: Sequence[Liquid | None]) -> Liquid | None:
 
 
 def differences(estimates: Sequence[Liquid]) -> list[dict[str, object]]:
-    """Return a dict for each pair of estimates: `between`, `difference_kg`, `allowed_kg`, `agree`.
+    """Return a dict for each pair of estimates of the liquid, each estimate paired with every later
+    one.
 
-    The allowed difference is both intervals in quadrature, and AGREE_SHARE of the larger estimate.
+    `between` lists the names of both, `difference_kg` is the later minus the earlier. `allowed_kg`
+    is the root of the sum of both squared half widths, plus AGREE_SHARE of the larger estimate.
+    `agree` is True if the absolute difference is at most that. Empty for fewer than two estimates.
     """
     differing: list[dict[str, object]] = []
     for k, one in enumerate(estimates):

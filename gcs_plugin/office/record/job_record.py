@@ -58,10 +58,11 @@ def job_rules() -> Mapping[str, JobRule]:
 
 
 def open_items(rule: JobRule, known: Collection[str]) -> list[dict[str, Any]]:
-    """Return a dict for each item of the rule that lacks fields.
+    """Return a dict for each item of the rule for which at least one field is missing.
 
-    Its keys are `asks`, the item in words, `fields`, the names that are not in `known`, and `when`,
-    the condition in words under which the item is required (empty: always).
+    `known` are the names of the fields that the record has. Keys: `asks`, the item in words;
+    `fields`, its missing fields; `when`, the condition in words under which it is required (empty:
+    always).
     """
     return [
         {"asks": item.asks, "fields": lacking, "when": item.when}
@@ -127,7 +128,12 @@ class JobRecord:
     finished: datetime | None
 
     def as_json(self) -> dict[str, Any]:
-        """Return the record as JSON values, schema "thrustmargin.record/1"."""
+        """Return the record as a dict for JSON, schema "thrustmargin.record/1".
+
+        Keys: `made_utc`, `version`, `logs`, `left_out` (unused logs), `fields` (name to entry),
+        `liquid` (`estimates`, `differences`) and `rules`. Each rule states when the record is due
+        (None if unknown), if it is `late`, and the items that lack fields as `missing`.
+        """
         return {
             "schema": SCHEMA,
             "made_utc": self.made_utc,
@@ -157,11 +163,11 @@ class JobRecord:
 def log_entries(
     logs: Sequence[FlightLog], done: Applied | None, zone: tzinfo | None
 ) -> dict[str, Entry]:
-    """Return the fields that the logs contain, by name: times, place, wind, temperature, treated
-    area.
+    """Return the record's fields that logs contain, by name: times, place, wind, temperature, area.
 
-    `done` is the treated area, None if no pump was on. Local times are in `zone`, or if None in
-    this computer's zone, and state their offset.
+    Areas are in ha. `done` is the treated area, None if no pump was on; then only temperature and
+    serial number remain. Local times are in `zone`, or in this computer's zone if None, and include
+    the offset.
     """
     entries: dict[str, Entry] = {}
     if done is not None and done.start_unix_s is not None and done.end_unix_s is not None:
@@ -205,9 +211,10 @@ def log_entries(
 
 
 def _wind(logs: Sequence[FlightLog], done: Applied | None) -> Entry | None:
-    """Return the autopilot's wind: mean and direction with the pump on, and the maximum.
+    """Return one entry with the autopilot's wind, m/s: mean, direction it comes from, and maximum.
 
-    None without an estimate.
+    Only rows in flight with the pump on count. None without such rows, or without a wind estimate
+    in them.
     """
     if done is None:
         return None
@@ -227,9 +234,10 @@ def _wind(logs: Sequence[FlightLog], done: Applied | None) -> Entry | None:
 
 
 def _temperature(logs: Sequence[FlightLog]) -> Entry | None:
-    """Return the median temperature of the outside air, °C; None without an outside sensor.
+    """Return an entry with the median outside air temperature in flight, °C, of the first log with
+    one.
 
-    The temperature of the autopilot's board does not count.
+    None without an outside sensor: the temperature of the autopilot's board is not used.
     """
     for log in logs:
         source = log.track.source("temperature")
@@ -243,9 +251,11 @@ def _temperature(logs: Sequence[FlightLog]) -> Entry | None:
 
 
 def field_entries(outline: FieldOutline, done: Applied | None) -> dict[str, Entry]:
-    """Return the field's area, and the area treated outside it, ha.
+    """Return entries `field_area`, and `area_outside_field` if the treated ground is known, both
+    ha.
 
-    Raises DataError if nothing in the field was treated: it is then another job's field.
+    `outline` is the field, `done` the treated area, None if no pump was on. Raises DataError if no
+    treated ground is in the field, which is then that of another job.
     """
     detail = outline.name
     entries = {
@@ -275,9 +285,11 @@ THOUSANDS = re.compile(r"\s*[1-9][0-9]{0,2},[0-9]{3}[^0-9]")
 
 
 def product_entries(rate: str, area_ha: float | None) -> dict[str, Entry]:
-    """Return the quantity of the product: the stated dose `rate` times the treated area, `area_ha`.
+    """Return an entry with the product's quantity: the dose `rate` times the treated area,
+    `area_ha`.
 
-    Empty without an area. Raises DataError if the dose cannot be read, or in two ways.
+    `rate` is text such as `1.5 L/ha` or `8 fl oz/ac`. Empty if `area_ha` is None. Raises DataError
+    for another text, and for a comma that could separate thousands or decimals.
     """
     match = DOSE.fullmatch(rate)
     if match is None or not (dose := float(match[1].replace(",", "."))) > 0.0:
@@ -297,9 +309,11 @@ def product_entries(rate: str, area_ha: float | None) -> dict[str, Entry]:
 def liquid_entries(
     estimates: Sequence[Liquid], density: float | None, area_ha: float | None
 ) -> dict[str, Entry]:
-    """Return quantity and spray volume by the first estimate in `estimates`, the most direct one.
+    """Return entries of the sprayed liquid: `quantity_kg`, `quantity`, L, and `spray_volume`, L/ha,
+    if `area_ha` is known.
 
-    `density` is kg/L; without it the quantity is in kg. Empty without an estimate.
+    They are by the first of `estimates`, which are sorted with the most direct first. `density` is
+    kg/L; if None, `quantity` is in kg and `spray_volume` is missing. Empty without an estimate.
     """
     if not estimates:
         return {}

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 from tyro.conf import Positional, UseAppendAction
 
-from thrustmargin.gcs_plugin.commands.shared.analysed import analysed_flights
 from thrustmargin.gcs_plugin.commands.shared.inputs import (
     ANY_KNOWN,
     AS_HEARD,
@@ -19,6 +18,7 @@ from thrustmargin.gcs_plugin.commands.shared.inputs import (
     Known,
     Reading,
 )
+from thrustmargin.gcs_plugin.commands.shared.log_flights import analysed_flights
 from thrustmargin.gcs_plugin.commands.shared.options import UsageError, require_logs
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.reports.shared.page_shell import utc_text
@@ -226,7 +226,7 @@ def record(
 
 
 def zone_of(name: str | None) -> tzinfo | None:
-    """Return the time zone of a name such as Europe/Berlin; None without a name.
+    """Return the time zone called `name`, such as Europe/Berlin; None if `name` is None.
 
     Raises UsageError for an unknown name.
     """
@@ -243,10 +243,11 @@ def zone_of(name: str | None) -> tzinfo | None:
 def counted_once(
     flights: list[tuple[FlightAnalysis, FlightLog]],
 ) -> tuple[list[tuple[FlightAnalysis, FlightLog]], list[UnusedLog]]:
-    """Return the flights, each from one log, and the unused logs with reasons.
+    """Return the flights, each from one log only, and what is not used, with the reason.
 
-    Unused are second logs of a flight, other vehicles, and parts without a flight or that cannot be
-    read. Parts of a flight that its log lacks are listed with them.
+    Not used are logs of a flight that another log records better, other vehicles in a log, and
+    stretches that are no flight or cannot be read. Parts of a flight that its log lacks are listed
+    with them.
     """
     from thrustmargin.gcs_plugin.office.record.applied import better_logs
     from thrustmargin.gcs_plugin.office.record.record_words import other_vehicles, same_flight
@@ -274,7 +275,10 @@ def counted_once(
 
 
 def liquids(flights: list[tuple[FlightAnalysis, FlightLog]]) -> list[Liquid]:
-    """Return the estimates of the liquid by gauge, pump and thrust that exist for all sorties."""
+    """Return up to three estimates of the liquid sprayed in all flights: by gauge, pump and thrust.
+
+    An estimate that does not exist for every flight is left out.
+    """
     from thrustmargin.gcs_plugin.office.record.applied import (
         gauge_estimate,
         job_estimate,
@@ -307,7 +311,10 @@ FULL_KG = 900.0
 def _with_pump_level(
     flights: list[tuple[FlightAnalysis, FlightLog]],
 ) -> list[tuple[FlightAnalysis, FlightLog]]:
-    """Read the sorties again with the tank level by the pump's output; empty if one cannot be."""
+    """Read the logs of the flights again, with the tank level computed from the pump's output.
+
+    Empty if one of them cannot be read so.
+    """
     from dataclasses import replace
 
     from thrustmargin.gcs_plugin.logs import read_sorties
@@ -333,9 +340,13 @@ def _with_pump_level(
 def _stated_fields(
     stated: JobStatement, air_temperature_c: float | None, weather: str
 ) -> dict[str, Entry]:
-    """Return the fields that options state; `weather` is the source of the stated weather.
+    """Return the record's entries that the user stated in options, by field name.
 
-    Raises UsageError for a text of more than LONGEST letters.
+    The names are the fields of `stated`, "temperature" for the air temperature, °C, and "aircraft":
+    the registration, else the serial number of the aircraft, if one is stated. None and empty texts
+    are left out. The source of wind, temperature, humidity and inversion is `weather`: "stated",
+    "station" or "forecast"; that of other fields is always the option. Raise UsageError for a text
+    of more than LONGEST letters.
     """
     from thrustmargin.gcs_plugin.office.record.job_record import Entry, EntrySource
 
@@ -362,7 +373,10 @@ def _stated_fields(
 
 
 def _ask(name: str) -> str:
-    """Ask for a field on the terminal and return the answer; empty if it is unknown."""
+    """Ask for the field `name` in the terminal and return the answer; empty if it is not known.
+
+    A dose that cannot be read is asked for again.
+    """
     from thrustmargin.gcs_plugin.office.record.job_record import product_entries
     from thrustmargin.gcs_plugin.office.record.record_words import TITLES
 

@@ -42,9 +42,10 @@ NAMES = (
 def write_record(record: JobRecord, done: Applied | None, folder: Path) -> list[Path]:
     """Write the files of a record into `folder` and return their paths.
 
-    They are record.json, .csv and .pdf; with a known swath and place also applied.geojson, and with
-    pyshp applied.shp, .shx, .dbf and .prj. Files of an earlier record are replaced after all are
-    written. Raises OSError.
+    They are record.json, .csv and .pdf; if the treated ground is known also applied.geojson, and if
+    pyshp is installed applied.shp, .shx, .dbf and .prj. All are complete before older ones are
+    replaced; older files that this record lacks are deleted. Raises OSError if one cannot be
+    written.
     """
     contents = {
         "record.json": page_shell.json_text(record.as_json()).encode("utf-8", "replace"),
@@ -67,9 +68,10 @@ def write_record(record: JobRecord, done: Applied | None, folder: Path) -> list[
 
 
 def csv_text(record: JobRecord) -> str:
-    """Return the record as CSV: name, value, unit, source and detail of each field.
+    """Return the record as CSV: field, value, unit, source and detail.
 
-    Missing fields and unused logs follow. No cell can be taken for a formula.
+    Unused logs and missing fields follow the fields. Texts are written so that no spreadsheet runs
+    one as a formula.
     """
     known = [
         (name, entry.value, entry.unit, str(entry.source), entry.detail)
@@ -88,7 +90,11 @@ def csv_text(record: JobRecord) -> str:
 
 
 def html_text(record: JobRecord) -> str:
-    """Return the record as the simple HTML page that becomes the PDF."""
+    """Return the record as an HTML page, from which the PDF is made.
+
+    It lists unused logs, fields with sources, the liquid, and what rules require and the record
+    lacks.
+    """
     rows = "".join(
         f"<tr><td>{escape(TITLES.get(name, name))}</td><td>{escape(_value_text(entry.value))} "
         f"{escape(entry.unit)}</td><td>{escape(entry.source)}: {escape(entry.detail)}</td></tr>"
@@ -116,7 +122,11 @@ def _value_text(value: Any) -> str:
 
 
 def _pass_properties(number: int, one: Pass) -> dict[str, Any]:
-    """Return the properties of a pass for GeoJSON and shapefile; None where unknown."""
+    """Return the properties of a pass for GeoJSON and shapefile.
+
+    Keys: `pass` (its number, from 1), `flight`, `start_utc` and `end_utc` (texts), `length_m` and
+    `speed_m_s`. The speed is None if unknown.
+    """
     return {
         "pass": number,
         "flight": one.flight,
@@ -128,7 +138,12 @@ def _pass_properties(number: int, one: Pass) -> dict[str, Any]:
 
 
 def geojson(done: Applied) -> dict[str, Any]:
-    """Return the treated area and each pass as GeoJSON features (RFC 7946, WGS 84)."""
+    """Return the treated area and the strip of each pass as a GeoJSON FeatureCollection (RFC 7946).
+
+    Properties: `part` is "area" or "pass"; an area has `area_ha`, `whole` (complete) and `swath_m`,
+    a pass those of `_pass_properties`. Coordinates are WGS 84. Shapes that are unknown or empty are
+    left out.
+    """
     area = {
         "part": "area",
         "area_ha": done.area / 1e4,
@@ -161,7 +176,10 @@ def makes_shapefiles() -> bool:
 
 
 def shapefile(done: Applied) -> dict[str, bytes]:
-    """Return the files of a shapefile by name, with a polygon for each pass."""
+    """Return the four files of a shapefile, name -> content, with a polygon for each pass.
+
+    A pass without a strip is left out. Needs the library pyshp.
+    """
     import shapefile as pyshp
 
     parts = {ending: io.BytesIO() for ending in ("shp", "shx", "dbf")}

@@ -80,9 +80,9 @@ def other_vehicles(chosen: int, others: Sequence[int]) -> str:
 def liquid_words(
     estimates: list[Mapping[str, Any]], differing: list[Mapping[str, Any]]
 ) -> Iterator[str]:
-    """Yield a line for each estimate of the liquid and for each pair in `differing`.
+    """Yield a line for each estimate of the liquid, and for each pair of estimates that disagree.
 
-    `estimates` are `Liquid` as JSON values, `differing` the result of `differences`.
+    `estimates` are `Liquid` as dicts; `differing` are all pairs, as `differences` returns them.
     """
     for one in estimates:
         half_width = f" ± {number(one['within_kg'], 'kg')}" if one["within_kg"] else ""
@@ -96,9 +96,9 @@ def liquid_words(
 
 
 def missing_words(rules: list[Mapping[str, Any]]) -> Iterator[str]:
-    """Yield a line for each item that a rule requires and that is missing, and for late records.
+    """Yield a line for each item that a rule requires and the record lacks, and for a late record.
 
-    `rules` are those of `JobRecord.as_json`.
+    `rules` is the list "rules" of `JobRecord.as_json`.
     """
     for rule in rules:
         for item in rule["missing"]:

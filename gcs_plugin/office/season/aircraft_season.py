@@ -1,19 +1,20 @@
-"""Find, in the stored flights of one aircraft, what changed, what was wrong and what to do."""
+"""Find, in the stored flights of one aircraft, what changed, what was wrong and what to do.
+
+Flights of several aircraft that share a name are separated before, and second logs of one flight
+are dropped.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby, pairwise
 from types import MappingProxyType
 from typing import Any
 
 from thrustmargin.gcs_plugin.office.season import fleet_words as words
 from thrustmargin.gcs_plugin.office.season.parts import Part, PartHistory
-from thrustmargin.gcs_plugin.office.season.same_aircraft import (
-    alternating_boards,
-    overlap_count,
-    unique_flights,
-)
 from thrustmargin.gcs_plugin.office.season.stored_words import (
     flight_action,
     flight_alarms,
@@ -36,6 +37,134 @@ from thrustmargin.models.identification.season.season_changes import (
     season_changes,
 )
 from thrustmargin.models.model.advice import FlightLevel
+
+CLOCK_DIFFERENCE = 5.0  # s, by which the clocks of autopilot and ground may differ
+AT_ONE_TIME = 8  # logs of one time under one name, at most
+EARTH_RADIUS = 6.371e6  # m
+#: m between the starts of two logs of one flight: each logger has an origin of its own
+PLACES_APART = 200.0
+#: Figures that two logs of one flight share -> by how much they may differ, in their unit.
+FIGURES_APART: Mapping[str, float] = {
+    "tank_start_kg": 0.1,
+    "tank_end_kg": 0.1,
+    "distance_m": 5.0,
+    "voltage_min": 0.1,
+    "current_median": 0.3,
+    "ground_speed_median": 0.1,
+    "height_agl_max": 1.0,
+}
+#: or by this share of them: the autopilot records more often than telemetry does. Two logs of one
+#: flight differ by 0.2 %, two simulated aircraft on one mission in their current by 1.2 %.
+SHARE_APART = 0.01
+LEAST_IN_COMMON = 2
+NAN = float("nan")
+Flights = Sequence[Mapping[str, Any]]
+
+
+def group_by_frame(flights: Flights) -> dict[str, list[Mapping[str, Any]]]:
+    """Group the flights under one name by frame, number and layout of rotors, which no repair
+    changes.
+
+    The keys are the frames in words. A flight with an unknown number or layout joins the one frame
+    that it fits; if it fits none or several, it is a group of its own.
+    """
+    frames = dict.fromkeys((f["rotor_count"], f["layout"]) for f in flights)
+
+    def fits(one: tuple[Any, Any], other: tuple[Any, Any]) -> bool:
+        return all(a is None or a == b for a, b in zip(one, other, strict=True))
+
+    found: dict[str, list[Mapping[str, Any]]] = {}
+    for flight in flights:
+        frame = (flight["rotor_count"], flight["layout"])
+        fuller = [f for f in frames if f != frame and fits(frame, f)]
+        fullest = [f for f in fuller if not any(f != o and fits(f, o) for o in fuller)]
+        own = fullest[0] if len(fullest) == 1 else frame
+        found.setdefault(words.frame_words(*own), []).append(flight)
+    return found
+
+
+def alternating_boards(flights: Flights) -> int:
+    """Return the number of autopilots that flew alternately under one name.
+
+    0 if each was only replaced once by the next.
+    """
+    known = [f["board"] for f in flights if f["board"]]
+    turns = sum(1 for _ in groupby(known))
+    return len(set(known)) if turns > len(set(known)) else 0
+
+
+def unique_flights(flights: Flights) -> list[Mapping[str, Any]]:
+    """Return the flights without second logs of a flight, such as those of a ground station.
+
+    `flights` are rows of the store, sorted by start time. Of two logs of a flight the one with the
+    graver verdict is kept; of equally grave ones the one with sums, else the first.
+    """
+    kept: list[Mapping[str, Any]] = []
+    for flight in flights:
+        near = range(max(0, len(kept) - AT_ONE_TIME), len(kept))
+        same = next((k for k in near if _same_flight(kept[k], flight)), None)
+        if same is None:
+            kept.append(flight)
+        elif _rank(flight) < _rank(kept[same]):
+            kept[same] = flight
+    return kept
+
+
+def _rank(flight: Mapping[str, Any]) -> tuple[int, bool]:
+    """Return a sort key of a log: of two logs of one flight, that with the smaller key is kept."""
+    level = FlightLevel(flight["verdict"] or FlightLevel.UNKNOWN)
+    return level.gravity, flight["sums_reason"] is not None
+
+
+def overlap_count(flights: Flights) -> int:
+    """Return how many flights overlap the flight before them in time.
+
+    One aircraft cannot do that.
+    """
+    return sum(_times_overlap(one, other) for one, other in pairwise(flights))
+
+
+def _same_flight(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Return True if two rows of the store are logs of the same flight.
+
+    Their times must overlap, and their autopilots' serial numbers be equal. If one is unknown,
+    place, load, distance, current and time of the worst row must agree as far as both have them,
+    and at least LEAST_IN_COMMON of them: several aircraft of one make often fly at the same time.
+    """
+    if not _times_overlap(one, other):
+        return False
+    if one["board"] and other["board"]:
+        return one["board"] == other["board"]
+    apart = _metres_apart(one, other)
+    worst = [(f["started_unix_s"] or 0.0) + (f["worst_time_s"] or NAN) for f in (one, other)]
+    agree = [abs(worst[0] - worst[1]) < CLOCK_DIFFERENCE] if all(map(finite, worst)) else []
+    agree += [apart < PLACES_APART] if finite(apart) else []
+    for name, least in FIGURES_APART.items():
+        a, b = one[name], other[name]
+        if finite(a) and finite(b):
+            agree.append(abs(a - b) <= max(least, SHARE_APART * max(abs(a), abs(b))))
+    return all(agree) and len(agree) >= LEAST_IN_COMMON
+
+
+def _metres_apart(one: Mapping[str, Any], other: Mapping[str, Any]) -> float:
+    """Return the distance, m, between the places where two flights began; NaN if unknown."""
+    if not all(finite(f[name]) for f in (one, other) for name in ("latitude_deg", "longitude_deg")):
+        return NAN
+    north = math.radians(one["latitude_deg"] - other["latitude_deg"])
+    east = math.radians(one["longitude_deg"] - other["longitude_deg"])
+    east *= math.cos(math.radians(one["latitude_deg"]))
+    return EARTH_RADIUS * math.hypot(north, east)
+
+
+def _times_overlap(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Return True if two flights share more than half of the shorter one; False without times."""
+    times = [(f["started_unix_s"], f["duration_s"]) for f in (one, other)]
+    if not all(finite(start) and finite(long) for start, long in times):
+        return False
+    ends = min(start + long for start, long in times)
+    both = ends - max(start for start, _ in times)
+    return both > 0.5 * min(long for _, long in times)
+
 
 FIRST, LOAD, ACT, WATCH = "look first", "fill less", "at the next service", "watch"
 NONE, CHECK, FINE = "no verdict", "check the instrument", "sound"
@@ -143,10 +272,12 @@ def aircraft_season(
     parts: Sequence[Part] = (),
     frames: Mapping[str, int] = MappingProxyType({}),
 ) -> AircraftSeason:
-    """Return the season of one aircraft from its rows of `flights` and `sums`, oldest first.
+    """Return the season of one aircraft: its flights, the changes over them, and findings.
 
-    Sums of another model than the newest one's are left out. `frames` has the number of flights of
-    each aircraft of this name, by its frame, if there are several. `with_parts` adds the parts.
+    `flights` and `sums` are its rows of the store's tables of these names, oldest first. Sums by
+    another model than the newest one's are left out. `frames`, frame -> number of flights, is given
+    if several aircraft share this name. `parts` serve to recognise a replaced rotor; `with_parts`
+    adds their histories.
     """
     flights, given = unique_flights(flights), len(flights)
     order = {f["flight"]: k for k, f in enumerate(flights)}
@@ -211,10 +342,10 @@ def sort_findings(findings: Iterable[SeasonFinding]) -> tuple[SeasonFinding, ...
 def change_level(
     ratio: float, acts: float = ACTS, firsts: float = FIRSTS, *, part: str = ""
 ) -> str:
-    """Return the level of a change by its `ratio` to the usual difference between sound aircraft.
+    """Return the level of a change: WATCH, ACT or FIRST (inspect this aircraft first).
 
-    From `acts` on it is ACT, from `firsts` on FIRST; but CHECK if `part`, to be inspected, is an
-    instrument. Below `acts` it is WATCH.
+    `ratio` is the change over the usual difference between fault-free aircraft. It is ACT from
+    `acts` on, FIRST from `firsts` on. If `part` is an instrument, it is CHECK from `acts` on.
     """
     if ratio >= acts and part in INSTRUMENTS:
         return CHECK
@@ -224,7 +355,8 @@ def change_level(
 def _change_findings(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[SeasonFinding]:
     """Yield a finding for each change of a value over the season.
 
-    Only the last change of a value is a reason to act, and one to a sound rotor is none.
+    Only the last change of a value gets a level that asks to act. A rotor that became sound again,
+    or makes more thrust than expected, does not.
     """
     count = len(season.counted)
     for trend in season.changes.trends if season.changes else ():
@@ -264,9 +396,11 @@ def _change_findings(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[
 def _swap_words(
     season: AircraftSeason, trend: Trend, entry: SeasonEntry, parts: Sequence[Part]
 ) -> str:
-    """Return, in words, the part that was installed on a rotor when its loss became smaller.
+    """Return the part that explains why the loss of a rotor became smaller: `propeller 2 P7,
+    installed ...`.
 
-    Without one in `parts` return the request to enter it into parts.csv.
+    It is the one of `parts` that was installed on that rotor between the flights before and after
+    the change. Without one, return the request to enter it into parts.csv.
     """
     rotor = words.rotor_of(trend.name)
     before = season.started(max(entry.earliest - 1, 0))
@@ -288,7 +422,13 @@ def reported_then(season: AircraftSeason, at: int) -> str:
 
 
 def _shared_findings(season: AircraftSeason) -> Iterable[SeasonFinding]:
-    """Yield a finding for each model error that all flights share."""
+    """Yield a finding for each value in `season.changes.shared`: a deviation from the model that
+    all flights have with one sign and size.
+
+    The weight of a finding is the size of the deviation over the value's usual size, 0 where that
+    is unknown; its level follows from it. The action also lists up to three other values that
+    explain the flights about as well. Nothing is yielded without `season.changes`.
+    """
     for one in season.changes.shared if season.changes else ():
         trend = season.changes.trend(one.name) if season.changes else None
         ratio = abs(one.value) / trend.usual if trend else 0.0
@@ -312,7 +452,11 @@ def _season_verdict(flight: Mapping[str, Any]) -> str | None:
 
 
 def _verdict_findings(season: AircraftSeason) -> Iterable[SeasonFinding]:
-    """Yield a finding for each bad verdict of the last RECENT flights, and for missing verdicts."""
+    """Yield findings on bad verdicts of the last RECENT flights, and on open caveats of the last
+    one.
+
+    Also yield one if more than half of all flights have no verdict.
+    """
     count = len(season.flights)
     recent = season.flights[-RECENT:]
     for gravity, verdict in enumerate(GROUNDING):
@@ -338,8 +482,8 @@ def _verdict_findings(season: AircraftSeason) -> Iterable[SeasonFinding]:
                 verdict=verdict,
             )
     for caveat in flight_caveats(recent[-1]) if recent else ():
-        count = sum(caveat in flight_caveats(f) for f in recent)
-        if sentence := words.open_sentence(caveat, count, len(recent)):
+        shared_by = sum(caveat in flight_caveats(f) for f in recent)
+        if sentence := words.open_sentence(caveat, shared_by, len(recent)):
             yield SeasonFinding(
                 level=CHECK,
                 weight=0.0,

@@ -120,9 +120,9 @@ def fleet(
 
 
 def _parts(store: SeasonStore, file: Path | None) -> list[Part]:
-    """Read parts from `file`, else from the store's parts.csv; empty without either.
+    """Read the parts from `file`; if None, from the store's parts.csv, which may be missing.
 
-    Raises DataError for a file that cannot be read.
+    Empty without either. Raises DataError for a file that cannot be read or is wrong.
     """
     from thrustmargin.gcs_plugin.office.season.parts import read_parts
 
@@ -139,10 +139,10 @@ def _parts(store: SeasonStore, file: Path | None) -> list[Part]:
 
 
 def _side_by_side(store: SeasonStore, names: tuple[str, str]) -> list[list[Any]]:
-    """Return a row for each figure of COMPARED: its name, and its median for each of two names.
+    """Return rows (column of COMPARED, its median for the first name, its median for the second).
 
     A name is that of an aircraft, a flight or a model's digest. The first row is the number of
-    flights. Raises DataError for a name without flights.
+    flights; a median without a known value is None. Raises DataError for a name without flights.
     """
     from statistics import median
 
@@ -162,7 +162,7 @@ def _side_by_side(store: SeasonStore, names: tuple[str, str]) -> list[list[Any]]
 
 
 def _print_rows(heads: Sequence[str], rows: Sequence[Sequence[Any]], file: Path | None) -> None:
-    """Print a table, or write it to a CSV file if one is given."""
+    """Print a table with the headings `heads`, or write it as CSV to `file` if that is not None."""
     if file is not None:
         write_text(file, csv_text(heads, rows))
         return

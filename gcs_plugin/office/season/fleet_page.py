@@ -95,10 +95,10 @@ class FleetSeason:
 
     @property
     def above_limit(self) -> list[tuple[str, Any]]:
-        """Return pairs of an aircraft's name and its row of a flight graded OVER or graver.
+        """Return (aircraft's name, row of a flight) for flights graded OVER or graver.
 
-        They are sorted by their smallest margin; those without a known margin, such as lost ones,
-        come first. At most MOST_LISTED are returned.
+        They are sorted by their smallest margin; flights without a known margin, such as those that
+        lost control, come first. At most MOST_LISTED are returned.
         """
         found = [(a.name, f) for a in self.aircraft for f in a.above_limit]
 
@@ -112,7 +112,11 @@ class FleetSeason:
 def rank_aircraft(
     store: str, aircraft: Sequence[seasons.AircraftSeason], rejected: int = 0
 ) -> FleetSeason:
-    """Return the fleet with its aircraft sorted by level, weight of the first finding, and name."""
+    """Return the fleet with its aircraft in order of urgency.
+
+    They are sorted by level, then by the weight of the first finding, then by name. `store` is the
+    store's address to display, `rejected` the number of rejected logs.
+    """
 
     def urgency(one: seasons.AircraftSeason) -> tuple[int, float, str]:
         weight = one.findings[0].weight if one.findings else 0.0
@@ -123,7 +127,7 @@ def rank_aircraft(
 
 
 def cells(one: seasons.AircraftSeason) -> tuple[str, ...]:
-    """Return the cells of an aircraft's row in the table under HEADS, in the chosen language."""
+    """Return the texts of an aircraft's row in the fleet's table, one for each of HEADS."""
     top = one.findings[0] if one.findings and one.level != seasons.FINE else None
     worst = one.worst
     return (
@@ -139,7 +143,10 @@ def cells(one: seasons.AircraftSeason) -> tuple[str, ...]:
 
 
 def html_text(fleet: FleetSeason, *, alone: bool = False) -> str:
-    """Return the page; `alone` if it is of one aircraft, with a table of all its flights."""
+    """Return the page on the fleet as HTML.
+
+    `alone`: the fleet is one aircraft, and the page has a table of all its flights.
+    """
     context = {
         "fleet": fleet,
         "alone": alone,
@@ -179,7 +186,7 @@ def present_value(trend: Trend) -> str:
 
 
 def chart(trend: Trend) -> Markup:
-    """Return an SVG with each flight's value and 95 % interval, the curve and the changes.
+    """Return an SVG of a value over flights, with 95 % intervals, smooth curve and changes.
 
     Empty with fewer than two known values.
     """
@@ -217,7 +224,10 @@ def chart(trend: Trend) -> Markup:
 
 
 def as_json(fleet: FleetSeason) -> str:
-    """Return the fleet as JSON, schema thrustmargin.fleet/1; null where a value is unknown."""
+    """Return the seasons of all aircraft as JSON, schema thrustmargin.fleet/1.
+
+    Unknown numbers are null.
+    """
     made = {
         "schema": "thrustmargin.fleet/1",
         "store": fleet.store,
@@ -231,7 +241,12 @@ def as_json(fleet: FleetSeason) -> str:
 
 
 def _json(one: seasons.AircraftSeason) -> dict[str, Any]:
-    """Return one aircraft's season as JSON values."""
+    """Return one aircraft's season as a dict for JSON; NaN where unknown.
+
+    It has counts (flights, flights above the limit or without a verdict), sums (hours, area,
+    litres), `worst_margin` (None if unknown), `findings`, `trends` (also those of the parts'
+    batteries) and `parts`; parts without a name are left out.
+    """
     trends = [] if one.changes is None else list(one.changes.trends)
     return {
         "aircraft": one.name,
@@ -276,9 +291,10 @@ def _json(one: seasons.AircraftSeason) -> dict[str, Any]:
 
 
 def _hectares(flights: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Return the area sprayed by all flights, ha, as `hectares` and `hectares_at_least`.
+    """Return the area sprayed in all flights, ha, as `hectares` and `hectares_at_least`.
 
-    The first is NaN if a part of the area is unknown, else the second.
+    If the area of each flight is wholly known, `hectares` has the sum and the other is NaN. Else
+    `hectares_at_least` has the sum of what is known, and `hectares` is NaN.
     """
     whole = all(finite(f["hectares"]) or f["spraying_s"] == 0.0 for f in flights)
     known = sum(seasons.known_sum(flights, name) for name in ("hectares", "hectares_at_least"))

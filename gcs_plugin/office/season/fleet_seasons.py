@@ -6,11 +6,14 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal, steps
-from thrustmargin.gcs_plugin.office.season.aircraft_season import AircraftSeason, aircraft_season
+from thrustmargin.gcs_plugin.office.season.aircraft_season import (
+    AircraftSeason,
+    aircraft_season,
+    group_by_frame,
+)
 from thrustmargin.gcs_plugin.office.season.fleet_page import FleetSeason, rank_aircraft
 from thrustmargin.gcs_plugin.office.season.part_history import with_parts
 from thrustmargin.gcs_plugin.office.season.parts import Part
-from thrustmargin.gcs_plugin.office.season.same_aircraft import group_by_frame
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, read_flights, read_sums
 from thrustmargin.gcs_plugin.store.worker_processes import in_processes, own_cores
 from thrustmargin.models.errors import DataError
@@ -22,9 +25,10 @@ MANY, GIVEN = 24, 8
 def fleet_season(
     store: SeasonStore, aircraft: str | None = None, parts: Sequence[Part] = ()
 ) -> FleetSeason:
-    """Return the season of all aircraft of a store, or of `aircraft` alone.
+    """Return the season of all aircraft of a store, or of the one named `aircraft`.
 
-    Raises DataError if the store has no such aircraft.
+    `parts` are the installed and removed parts of all aircraft. A progress bar is shown on stderr.
+    Raises DataError if the store has no aircraft of that name.
     """
     names = store.aircraft()
     if aircraft is not None and aircraft not in names:
@@ -44,14 +48,21 @@ def fleet_season(
 def _seasons(
     store: SeasonStore, names: Sequence[str], parts: Sequence[Part]
 ) -> Iterator[list[AircraftSeason]]:
-    """Yield the seasons of GIVEN aircraft at a time."""
+    """Yield lists of seasons, each of at most GIVEN of the aircraft `names`.
+
+    Many aircraft are computed by several processes; lists then come in the order in which they are
+    ready.
+    """
     groups = [names[k : k + GIVEN] for k in range(0, len(names), GIVEN)]
     processes = own_cores() if len(names) >= MANY else 1
     yield from in_processes(partial(seasons_of, store.url, parts=parts), groups, processes)
 
 
 def seasons_of(url: str, names: Sequence[str], parts: Sequence[Part]) -> list[AircraftSeason]:
-    """Return the seasons of the aircraft `names`; a name of several frames has one for each."""
+    """Return the seasons of the aircraft `names` in the store at `url`.
+
+    If aircraft of different frames (rotor number and layout) share a name, each frame has a season.
+    """
     from threadpoolctl import threadpool_limits
 
     store, found = SeasonStore.open(url), []

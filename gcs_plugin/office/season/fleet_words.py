@@ -38,7 +38,9 @@ class ValueWords:
         return number(value * self.factor, self.unit, max(decimals, self.decimals))
 
     def amounts(self, before: float, after: float) -> tuple[str, str]:
-        """Return two amounts with as many decimals, up to four, as make them differ."""
+        """Return two amounts as texts, with as many decimals, up to four, as it takes to tell them
+        apart.
+        """
         for decimals in range(self.decimals, 5):
             made = self.amount(before, decimals), self.amount(after, decimals)
             if made[0] != made[1]:
@@ -99,9 +101,11 @@ def rotor_of(name: str) -> int | None:
 
 
 def value_words(name: str) -> ValueWords:
-    """Return title, unit, scale factor, decimals and action of a value of a season, by its name.
+    """Return title, unit, scale factor, decimals and action for a value that a season follows.
 
-    An unknown name becomes the title itself, without a unit, and the action is IDENTIFY.
+    `name` is the value's name in the sums of flights. The displayed amount is value * factor, in
+    the unit returned. An unknown name becomes the title itself, without a unit, and the action is
+    IDENTIFY.
     """
     rotor = rotor_of(name)
     if rotor is not None:
@@ -141,9 +145,11 @@ def flight_words(index: int, unix_s: float | None) -> str:
 
 
 def entry_sentence(name: str, entry: SeasonEntry, when: str, ended: bool) -> str:
-    """Return the sentence on a value's change: which, by how much and at which flight.
+    """Return the sentence on a change of the value `name`: from and to which amount, at which
+    flight.
 
-    It has a 95 % interval. `when` names the flight. `ended`: a ramp stopped before the last flight.
+    `when` is the flight, in words; the flights of its 95 % interval follow. For a ramp the sentence
+    has the amount per flight, and when it `ended`, or that it goes on.
     """
     words = value_words(name)
     since = when
@@ -172,15 +178,15 @@ def entry_sentence(name: str, entry: SeasonEntry, when: str, ended: bool) -> str
 
 
 def back_to_sound(entry: SeasonEntry) -> bool:
-    """Return True if an entry is a step to a smaller value, as by a new propeller."""
+    """Return True if a change is a step to a smaller value, as a new propeller causes."""
     return not entry.ramp and entry.size < 0.0 and abs(entry.after) < abs(entry.before)
 
 
 def shared_sentence(name: str, value: float, error: float) -> str:
-    """Return a sentence about a model error that all flights share.
+    """Return the sentence on a value by which all flights differ from the model in the same way.
 
-    `value` and its standard `error` are in the unit of the sums; the sentence has the 95 %
-    interval.
+    `name` is the value's name; `value` and its standard `error` are in its unit in files. The
+    sentence has the 95 % interval.
     """
     words = value_words(name)
     ends = (value - 1.96 * error, value + 1.96 * error)
@@ -189,8 +195,11 @@ def shared_sentence(name: str, value: float, error: float) -> str:
 
 
 def several_aircraft(overlap_count: int, flights: int) -> str:
-    """Return the sentence that flights under one name overlap in time: `overlap_count` of
-    `flights`."""
+    """Return the sentence that `overlap_count` of `flights` flights overlap in time with another
+    one.
+
+    More than one aircraft must then have the name.
+    """
     return say(
         "{count} of {all} flights are at the time of another one: more than one aircraft has this "
         "name, so its figures may mix them",
@@ -206,8 +215,10 @@ def frame_words(rotors: int | None, layout: str | None) -> str:
 
 
 def one_name(frames: Mapping[str, int]) -> str:
-    """Return the sentence that several aircraft share a name, with the number of flights by frame,
-    `frames`."""
+    """Return the sentence that several aircraft share a name, each with its number of flights.
+
+    `frames` maps an aircraft's frame in words to that number.
+    """
     each = "; ".join(
         f"{words}: {say('{count} flights', count=count)}" for words, count in frames.items()
     )
@@ -246,7 +257,11 @@ def battery_prefix(name: str, elsewhere: str) -> str:
 
 
 def no_verdict(flight: Mapping[str, Any]) -> tuple[str, str]:
-    """Return why a flight has no verdict, and the action that helps."""
+    """Return why a stored flight has no verdict, and what to do to get one, both in words.
+
+    `flight` is its row of the store. The step is on the airframe if it is unknown or contradicted,
+    else on missing rotor speeds, else on the load, else to inspect the log.
+    """
     reason = flight_reason(flight)
     if flight["airframe_basis"] == "not known":
         return reason, say(SET_AIRFRAME)
@@ -314,9 +329,9 @@ def _count_words(verdict: str, count: int, recent: int) -> str:
 
 
 def open_sentence(caveat: Caveat, count: int, recent: int) -> str:
-    """Return the sentence on a caveat open in `count` of the `recent` flights.
+    """Return the sentence that a caveat was open in `count` of the last `recent` flights.
 
-    Empty if other findings report it.
+    Empty for a caveat that another finding reports.
     """
     if caveat not in _OPEN:
         return ""

@@ -52,7 +52,7 @@ def with_parts(
 ) -> list[aircraft_season.AircraftSeason]:
     """Return the seasons with the histories of the parts that flew on each aircraft.
 
-    Findings about a battery are added to the aircraft that it flew on last.
+    Findings on a battery's resistance are added to the aircraft on which the battery flew last.
     """
     histories: dict[str, list[PartHistory]] = {s.name: [] for s in seasons}
     findings: dict[str, list[aircraft_season.SeasonFinding]] = {s.name: [] for s in seasons}
@@ -105,8 +105,11 @@ def _with_worn_battery(
 def _flights_of_parts(
     seasons: Sequence[aircraft_season.AircraftSeason], parts: Sequence[Part]
 ) -> Iterable[tuple[str, list[_PartFlight]]]:
-    """Yield (name, flights by time) of each part; the name is empty for an aircraft's unnamed
-    battery."""
+    """Yield (name, flights by time) of each part of `parts`.
+
+    Flights of an aircraft without a named battery are yielded as those of a battery with an empty
+    name.
+    """
     by_name: dict[str, list[_PartFlight]] = {}
     for season in seasons:
         started = [f["started_unix_s"] for f in season.flights]
@@ -122,9 +125,10 @@ def _flights_of_parts(
 
 
 def resistance(flights: Sequence[Mapping[str, Any]]) -> Trend | None:
-    """Return the trend of a battery's resistance, ohm, over its flights, and the changes in it.
+    """Return the trend of a battery's internal resistance, ohm, and its changes over the flights.
 
-    A flight is a row of the store; NaN where unknown. None with fewer than six known resistances.
+    `flights` are rows of the store with `battery_ohm` and `battery_ohm_error`, NaN where unknown.
+    None with fewer than six known resistances.
     """
     value = np.array([f["battery_ohm"] for f in flights], dtype=np.float64)
     error = np.array([f["battery_ohm_error"] for f in flights], dtype=np.float64)
@@ -155,7 +159,10 @@ def resistance(flights: Sequence[Mapping[str, Any]]) -> Trend | None:
 def _battery_findings(
     history: PartHistory, flown: Sequence[_PartFlight]
 ) -> Iterable[aircraft_season.SeasonFinding]:
-    """Yield a finding for each change of a battery's resistance over its flights `flown`."""
+    """Yield a finding for each change of a battery's resistance over its flights `flown`.
+
+    A change asks to act only if it is the last, is a rise, and the battery was not removed.
+    """
     trend, last_stay = history.battery, flown[-1].part
     removed = last_stay is not None and np.isfinite(last_stay.removed_s)
     for entry in trend.changes if trend else ():
@@ -190,9 +197,10 @@ def _battery_findings(
 
 
 def _recent_loss(flown: Sequence[_PartFlight]) -> tuple[float, float]:
-    """Return the mean loss of a part's rotor over its last RECENT flights, and its standard error.
+    """Return the mean thrust loss of a part's rotor over its last RECENT flights, and its standard
+    error.
 
-    Both are NaN if no flight shows the loss.
+    Both are shares, weighted by inverse variance; NaN if no flight shows the loss.
     """
     value, weight = [], []
     for flight in flown[-aircraft_season.RECENT :]:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from thrustmargin.gcs_plugin.mavlink.text import clean
+from thrustmargin.gcs_plugin.wording.language import clean
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.identification.season.season_changes import Trend
 from thrustmargin.models.whole_file import not_utf8
@@ -48,8 +48,10 @@ class Part:
         return int(found[2]) if found and found[2] else None
 
     def flights(self, started: Sequence[float | None]) -> list[int]:
-        """Return the indices of the flights with this part, by their start times `started`, Unix s;
-        None is never one."""
+        """Return the indices of the flights that started while this part was installed.
+
+        `started` are the flights' start times, Unix s; a flight with None is never among them.
+        """
         inside = (
             k
             for k, at in enumerate(started)
@@ -74,9 +76,9 @@ class PartHistory:
 
 
 def read_parts(data: bytes, name: str) -> list[Part]:
-    """Return the parts in the content of parts.csv, UTF-8; `name` is the file's, for errors.
+    """Parse the content of parts.csv, UTF-8 bytes, and return the parts in it.
 
-    Raises DataError with the line that is wrong.
+    `name` is the file's name for errors. Raises DataError with the line that is wrong.
     """
     try:
         rows = csv.DictReader(io.StringIO(data.decode("utf-8-sig")))
@@ -88,11 +90,10 @@ def read_parts(data: bytes, name: str) -> list[Part]:
 
 
 def _parts(rows: csv.DictReader, name: str) -> list[Part]:
-    """Return the parts (battery, motor, ...) of all rows of a table, with aircraft, position and
-    dates.
+    """Return the parts (battery, motor or propeller) in all rows of a table, with place and dates.
 
-    Raises DataError if a column is missing, if two parts are in one place at a time, or one part is
-    in two places.
+    `name` is the file's, for errors. Raises DataError if a column is missing, if two parts are at
+    one place of an aircraft at a time, or if a part is at two places at a time.
     """
     rows.fieldnames = [(f or "").strip().lower().replace(" ", "_") for f in rows.fieldnames or []]
     if missing := [c for c in COLUMNS if c not in rows.fieldnames]:
@@ -117,7 +118,11 @@ def _parts(rows: csv.DictReader, name: str) -> list[Part]:
 
 
 def _part(row: dict[str, Any], where: str) -> Part:
-    """Return the part of one row. Raises DataError, with `where`, for a wrong cell."""
+    """Return the part in one row of parts.csv; an empty date means always installed or never
+    removed.
+
+    Raises DataError, beginning with `where` (file and line), for a wrong cell.
+    """
     for column in COLUMNS:
         if len(row[column] or "") > LONGEST_CELL:
             raise DataError(
@@ -139,9 +144,10 @@ def _part(row: dict[str, Any], where: str) -> Part:
 
 
 def _time(text: str, where: str, otherwise: float) -> float:
-    """Return the Unix time, s, of an ISO 8601 text; `otherwise` for an empty one.
+    """Return the Unix time, s, of an ISO 8601 text, in UTC unless it states a zone.
 
-    Raises DataError, with `where`, for another text.
+    `otherwise` is returned for an empty text. Raises DataError, beginning with `where`, for another
+    text.
     """
     if not text:
         return otherwise

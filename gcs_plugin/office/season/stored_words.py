@@ -34,7 +34,7 @@ from thrustmargin.models.model.model_misfit import Caveat
 
 
 def reason_words(answer: StoredAnswer) -> str:
-    """Return why there is no verdict, else the headline."""
+    """Return the reasons why a stored flight has no verdict; if it has one, its headline."""
     said = {
         NoVerdict.NOT_KNOWN: lambda: say("this aircraft is not known: no airframe was given"),
         NoVerdict.CONTRADICTED: lambda: say(
@@ -72,10 +72,11 @@ def mark_old_text(text: str) -> str:
 
 
 def flight_action(flight: Mapping[str, Any], by_kind: Action | None = None) -> str:
-    """Return what to do after a flight of the store; empty if neither its row nor `by_kind` has it.
+    """Return what to do after a stored flight, from its row of the store.
 
-    `by_kind` is the action for the flight's verdict. It is put before the text of an older row,
-    which may be in another language, and replaces an action that is missing or cannot be read.
+    A row of an older version has a text, perhaps in another language; `by_kind`, the action for its
+    verdict, is put before the text. It also replaces an action that cannot be read. Empty without
+    any.
     """
     answer, kind = _stored(flight), by_kind.text if by_kind else ""
     if answer:
@@ -119,7 +120,9 @@ def flight_doing(flight: Mapping[str, Any]) -> str:
 
 
 def _column(words: Callable[[StoredAnswer], Any]) -> Callable[[str], Any]:
-    """Return a function from the stored JSON to words; it returns None if that cannot be read."""
+    """Return a function of the stored JSON that returns `words` of it, and None if it cannot be
+    read.
+    """
 
     def made(stored: str) -> Any:
         answer = read_answer(stored)

@@ -67,7 +67,7 @@ class ViewProcess:
         return lines[-1] if lines else f"exit code {self._process.returncode}"
 
     def close(self) -> None:
-        """End the process; may be called again."""
+        """End the process that serves the view, by force after 3 s; later calls have no effect."""
         self._process.terminate()
         try:
             self._process.wait(3.0)
@@ -97,10 +97,6 @@ USAGE = (
     "margin max-utilisation 50%: warn when more of a rotor's maximum thrust is in use\n"
     f"margin OPTION VALUE, or - for none: {', '.join(OPTIONS)}"
 )
-RENAMED = (
-    "max-utilisation, the largest share of a rotor's maximum thrust that may be in use; "
-    "for a margin of 45 % write 55%"
-)
 PERIOD = 0.5  # s between two looks at what the thread found
 ROW = 4  # of the console, below MAVProxy's own
 
@@ -123,8 +119,10 @@ class MarginModule(mp_module.MPModule):
         self._worker.put(bytes(packet.get_msgbuf()))
 
     def idle_task(self) -> None:
-        """Print the worker's messages and update the console every PERIOD s; MAVProxy calls this
-        far more often."""
+        """Print the worker's messages and update the console, at most every PERIOD s.
+
+        MAVProxy calls this far more often.
+        """
         now = time.monotonic()
         self._worker.looked()
         if now < self._next:
@@ -145,7 +143,9 @@ class MarginModule(mp_module.MPModule):
             self.console.set_status(name, text, row=ROW, fg=colour)
 
     def cmd_margin(self, args: Sequence[str]) -> None:
-        """Run MAVProxy's command `margin`, with the words after it in `args`."""
+        """Run MAVProxy's command `margin`; `args` are the words after it. Print the usage for other
+        words.
+        """
         match list(args):
             case []:
                 self._print_margins()
@@ -159,8 +159,6 @@ class MarginModule(mp_module.MPModule):
                 print(f"margin {name} {getattr(self._worker.options, OPTIONS[name])}")
             case [name, *value] if name in OPTIONS:
                 self._set(name, " ".join(value))
-            case ["limit", *_]:
-                print(f"margin limit is now {RENAMED}")
             case _:
                 print(USAGE)
 
@@ -193,8 +191,11 @@ class MarginModule(mp_module.MPModule):
         print(f"margin max-utilisation {100.0 * value:g}%")
 
     def _set(self, name: str, text: str) -> None:
-        """Set an option and restart the worker; the vehicles' own reports so far are passed to
-        it."""
+        """Set the option `name` from `text` and restart the worker with it.
+
+        What vehicles reported about themselves so far is passed to the new worker. A text that is
+        no number is refused in print.
+        """
         before = self._worker
         try:
             options = with_option(before.options, OPTIONS[name], text)
@@ -232,9 +233,10 @@ class MarginModule(mp_module.MPModule):
 
 
 def init(mpstate: Any, **options: Any) -> MarginModule:
-    """Create the module; called by MAVProxy, which prints an ImportError as one line."""
-    if "limit" in options:
-        raise ImportError(f"limit is now {RENAMED}")
+    """Return the module; MAVProxy calls this with itself and the options of `module load`.
+
+    Raises ImportError, which MAVProxy prints as one line, for an unknown option or a wrong value.
+    """
     unknown = sorted(set(options) - {field.name for field in dataclasses.fields(MarginOptions)})
     if unknown:
         raise ImportError(f"no option {', '.join(unknown)}; see docs/live.md")
@@ -246,8 +248,10 @@ def init(mpstate: Any, **options: Any) -> MarginModule:
 
 
 def with_option(options: MarginOptions, name: str, text: str) -> MarginOptions:
-    """Return the options with one of them set from its text. Raises ValueError for a wrong
-    number."""
+    """Return the options with the field `name` parsed from `text`; "-" restores the default.
+
+    Raises ValueError if the field is a number and the text is not.
+    """
     kind = next(field.type for field in dataclasses.fields(options) if field.name == name)
     default = {f.name: f.default for f in dataclasses.fields(options)}[name]
     value: Any = text
@@ -261,8 +265,10 @@ def with_option(options: MarginOptions, name: str, text: str) -> MarginOptions:
 
 
 def usable(value: Any) -> float:
-    """Parse `0.5` or `50%` to a share between 0 and 1, exclusive. Raises ValueError for anything
-    else."""
+    """Parse a share such as `0.5` or `50%`, between 0 and 1 exclusive.
+
+    Raises ValueError for anything else.
+    """
     number, percent, _ = str(value).partition("%")
     try:
         share = float(number) / (100.0 if percent else 1.0)

@@ -110,7 +110,10 @@ class MarginWorker:
             self.thread.join(timeout)
 
     def put(self, data: bytes) -> None:
-        """Queue one frame as received on the link; drop and count it if the queue is full."""
+        """Append one MAVLink frame, as received, to the queue.
+
+        If the queue is full, drop the frame and count it.
+        """
         if len(self._waiting) >= WAITING:
             self.dropped += 1
             return
@@ -120,8 +123,9 @@ class MarginWorker:
         self._waiting.append((data, now))
 
     def looked(self) -> None:
-        """Store that all frames up to now were put in, so that no silence counts while MAVProxy
-        hangs."""
+        """Store that all frames so far were received, so that a pause of MAVProxy is not taken for
+        silence.
+        """
         self._looked = time.monotonic()
 
     def pass_on_to(self, send: Callable[[bytes], None]) -> None:
@@ -229,9 +233,12 @@ def _heard_s(update: Update) -> float:
 
 
 def reading(update: Update, stamp: float) -> NewestFigures:
-    """Return the figures of an update's newest row, which arrived at `stamp` (time.monotonic()).
+    """Return the figures of an update's newest row for the station's console.
 
-    On the ground the margin is predicted from the model; rotors count from 1, 0 is none.
+    `stamp` is its arrival by time.monotonic(), s. Margins are shares, of the worst rotor. On the
+    ground the margin is the predicted one, without an interval, since a rotor at rest has all its
+    thrust left. Unknown numbers are NaN. Rotors count from 1; 0 is none. `basis` is empty for
+    measured speeds.
     """
     import numpy as np
 
@@ -248,7 +255,7 @@ def reading(update: Update, stamp: float) -> NewestFigures:
     known, rotor = (float(a[0]) for a in worst_rotor(use[-1:]))
     measured = flying and bool(analysis.any_measured[-1])
     basis = analysis.speed_basis if measured else SpeedBasis.PREDICTED
-    predicted, _ = worst_rotor(analysis.utilisation_predicted[-1:])
+    predicted, _ = worst_rotor(1.0 - analysis.margin_predicted[-1:])
     low, high = analysis.use_ends if flying else (use, use)
     redundancy = float(analysis.redundancy_yaw_uncontrolled[-1])
     error = float(np.nan_to_num(analysis.redundancy_error[-1]))
@@ -280,7 +287,10 @@ def reading(update: Update, stamp: float) -> NewestFigures:
 
 
 def share(value: float) -> str:
-    """Return a margin in per cent, "--" when unknown; a negative one without its size."""
+    """Return a margin, a share, as text in per cent; "--" if unknown.
+
+    A negative one has no number: the rotor is beyond its ceiling.
+    """
     if value < 0.0:
         return BEYOND_CEILING
     return f"{100 * value:.0f} %" if math.isfinite(value) else "--"
@@ -292,7 +302,10 @@ def number(value: float, form: str) -> str:
 
 
 def summary(now: NewestFigures, max_utilisation: float, age: float) -> list[str]:
-    """Return the lines that `margin` prints for one vehicle; `age` is that of its newest row, s."""
+    """Return the lines that the command `margin` prints for one vehicle.
+
+    `now` are its newest figures, `age` their age, s; `max_utilisation` is a share.
+    """
     return [own_syntax(line) for line in _lines(now, max_utilisation, age)]
 
 
@@ -341,13 +354,18 @@ def _lines(now: NewestFigures, max_utilisation: float, age: float) -> list[str]:
 def fields(
     now: NewestFigures | None, max_utilisation: float, age: float
 ) -> dict[str, tuple[str, str]]:
-    """Return console fields, name -> (text, colour); grey when no recent figures exist."""
+    """Return the fields of MAVProxy's console, name -> (text, colour).
+
+    `now` are the vehicle's newest figures, `age` their age, s. Without figures, or with older ones
+    than STALE, the fields are grey dashes. The margin is red if its whole interval is below 1 -
+    `max_utilisation`, orange if only a part is.
+    """
     if now is None or age > STALE or math.isnan(age) or now.problem:
-        names = {"Margin": "Margin --", "OneOut": "OneOut --", "Tank": "Tank --"}
+        names = {"Margin": "Left --", "OneOut": "OneOut --", "Tank": "Tank --"}
         return {name: (text, "grey") for name, text in names.items()}
     if now.no_verdict:
         return {
-            "Margin": ("Margin: NO VERDICT", "orange"),
+            "Margin": ("NO VERDICT", "orange"),
             "OneOut": ("OneOut --", "grey"),
             "Tank": (f"Tank {number(now.tank_kg, '.1f')} kg", "black"),
         }
@@ -358,7 +376,7 @@ def fields(
     rotor = f" R{now.rotor}" if now.rotor else ""
     return {
         "Margin": (
-            f"Margin {'≈ ' if predicted else ''}{share(now.margin)}{rotor}",
+            f"Left {'≈ ' if predicted else ''}{share(now.margin)}{rotor}",
             "red" if low else "orange" if near or predicted or now.unmeasured else "green",
         ),
         "OneOut": (f"OneOut {number(now.redundancy, '.2f')}", out),

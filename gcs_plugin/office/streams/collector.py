@@ -25,17 +25,17 @@ LEVELS = ("emergency", "alert", "critical", "error", "warning", "notice", "info"
 _ROTOR = ("vehicle", "rotor", "name", "basis")
 #: Metric -> its description and its labels.
 FIGURES: Mapping[str, tuple[str, tuple[str, ...]]] = {
-    "margin_ratio": ("Thrust margin in the air, of one", _ROTOR),
+    "margin_ratio": ("Thrust left in the air, of one", _ROTOR),
     "margin_low_ratio": ("Low end of its 90 % interval", _ROTOR),
     "margin_high_ratio": ("High end of its 90 % interval", _ROTOR),
     "utilisation_ratio": ("Share of the rotor's maximum thrust in use", _ROTOR),
-    "margin_predicted_ratio": ("Thrust margin as predicted, worst rotor", ("vehicle",)),
+    "margin_predicted_ratio": ("Thrust left as predicted, worst rotor", ("vehicle",)),
     "redundancy_ratio": ("Worst rotor lost, yaw uncontrolled: thrust over weight", ("vehicle",)),
     "tank_kg": ("Liquid in the tank", ("vehicle",)),
     "tank_by_thrust_kg": ("Liquid in the tank as the rotors' thrust shows it", ("vehicle",)),
     "time_to_empty_seconds": ("At the present flow; +Inf: not within a flight", ("vehicle",)),
-    "margin_ahead_ratio": ("Least predicted margin on the rest of the route", ("vehicle",)),
-    "margin_full_tank_ratio": ("Predicted margin with a full tank", ("vehicle",)),
+    "margin_ahead_ratio": ("Least predicted thrust left on the rest of the route", ("vehicle",)),
+    "margin_full_tank_ratio": ("Predicted thrust left with a full tank", ("vehicle",)),
     "voltage_volts": ("Battery voltage", ("vehicle",)),
     "flying": ("1 off the ground", ("vehicle",)),
     "flight_level": (
@@ -45,7 +45,7 @@ FIGURES: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "next_fill_kg": ("Largest fill by that flight, at the safe end", ("vehicle",)),
     "outputs_median_ratio": ("Of an aircraft not known: its motors' outputs", ("vehicle",)),
     "outputs_most_ratio": ("The highest of them in that flight", ("vehicle",)),
-    "no_verdict": ("1: the aircraft is not known, no margin is claimed", ("vehicle",)),
+    "no_verdict": ("1: the aircraft is not known, no verdict", ("vehicle",)),
 }
 #: Counters of the whole monitor: field of MonitorStatus -> what it counts.
 COUNTS = {
@@ -96,12 +96,14 @@ class MonitorCollector(Collector):
         return ()
 
     def collect(self) -> Iterator[Metric]:
-        """Yield the present values of all metrics."""
+        """Yield all metrics of the monitor with their present values, for Prometheus."""
         fleet, now_us = self._monitor.fleet, self._monitor.now_us()
         watches = {str(n): w for n, w in fleet.vehicles.items() if not w.has_left(now_us)}
         yield _gauge("vehicles", "Vehicles that are heard or missed", [((), float(len(watches)))])
         limit = 1.0 - fleet.max_utilisation
-        yield _gauge("margin_least_ratio", "Margin below which an alarm is raised", [((), limit)])
+        yield _gauge(
+            "margin_least_ratio", "Thrust left below which an alarm is raised", [((), limit)]
+        )
         yield from _age_metrics(watches, now_us)
         yield from _figure_metrics(watches, now_us, fleet.old_s)
         labels = ("vehicle", "alarm", "part", "level", "state")
@@ -127,7 +129,10 @@ def _gauge(
     samples: Iterable[tuple[tuple[str, ...], float]],
     labels: tuple[str, ...] = (),
 ) -> GaugeMetricFamily:
-    """Return a gauge with one sample per (label values, number); NaN is left out."""
+    """Return a gauge called PREFIX + `name`, with `words` as its help text.
+
+    Each sample is (values of `labels`, number); samples of NaN are left out.
+    """
     family = GaugeMetricFamily(PREFIX + name, words, labels=labels)
     for values, number in samples:
         if not math.isnan(number):
@@ -136,10 +141,11 @@ def _gauge(
 
 
 def _age_metrics(watches: Mapping[str, VehicleMonitor], now_us: int) -> Iterator[Metric]:
-    """Yield, by vehicle, the s since its last message, row and stale field, and counts of bad
-    frames.
+    """Yield one metric for each kind of age, s: of a vehicle's last message, of its newest row
+    (left out before the first), and of each stale field.
 
-    Bad frames are lost, repeated or late ones.
+    Then yield one each for the counts of missing, doubled and late frames, by vehicle and
+    component. `watches` are by system id, `now_us` is the monitor's time, µs.
     """
     silent = [((n,), w.link.silent(now_us)) for n, w in watches.items()]
     yield _gauge("silence_seconds", "Since anything was heard of it", silent, ("vehicle",))
@@ -167,8 +173,11 @@ def _age_metrics(watches: Mapping[str, VehicleMonitor], now_us: int) -> Iterator
 def _figure_metrics(
     watches: Mapping[str, VehicleMonitor], now_us: int, old_s: float
 ) -> Iterator[Metric]:
-    """Yield the figures of vehicles whose newest row is at most `old_s` old and whose id no other
-    vehicle uses."""
+    """Yield the metrics of the newest row (margin, tank, rotors, ...) of each vehicle.
+
+    A vehicle is left out if its newest row is older than `old_s` s at `now_us`, µs, or if another
+    vehicle has the same system id.
+    """
     samples: dict[str, list[tuple[tuple[str, ...], float]]] = {name: [] for name in FIGURES}
     for number, watch in watches.items():
         update = watch.last
@@ -184,7 +193,12 @@ def _figure_metrics(
 
 
 def _vehicle_figures(update: Update) -> dict[str, float]:
-    """Return a vehicle's figures by metric; NaN where unknown."""
+    """Return the values of a vehicle's newest row by metric name, the unit in the name; NaN where
+    unknown.
+
+    The outputs' median and largest use are only of an aircraft without an airframe whose motor
+    outputs are known.
+    """
     analysis, outlook, answer = update.analysis, update.outlook, update.answer
     predicted = analysis.margin_predicted[-1]
     flying = bool(analysis.track.flying[-1])
@@ -210,8 +224,10 @@ def _vehicle_figures(update: Update) -> dict[str, float]:
 
 
 def _rotor_figures(update: Update) -> Iterator[tuple[tuple[str, str, str], dict[str, float]]]:
-    """Yield (rotor, name, source of its speed) and the figures of each rotor; nothing on the
-    ground."""
+    """Yield, for each rotor, ((number from 1, place, source of its speed), values by metric name).
+
+    The values are of the newest row. Yield nothing on the ground or without a verdict.
+    """
     analysis = update.analysis
     names = analysis.places
     if analysis.no_verdict or not analysis.track.flying[-1]:
@@ -230,7 +246,11 @@ def _rotor_figures(update: Update) -> Iterator[tuple[tuple[str, str, str], dict[
 
 
 def _status_metrics(status: MonitorStatus) -> Iterator[Metric]:
-    """Yield the metrics of the whole monitor: its counters, its delay and its recording."""
+    """Yield the metrics of the whole monitor: counts of frames, delay of the analysis, and
+    recording.
+
+    Metrics of the recording are missing if nothing is recorded.
+    """
     for name, words in COUNTS.items():
         yield CounterMetricFamily(f"{PREFIX}link_{name}", words, value=getattr(status, name))
     yield _gauge("behind_seconds", "By which the analysis is late", [((), status.behind_s)])

@@ -9,8 +9,8 @@ from typing import Annotated
 import tyro
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.shared.analysed import analysed_flights
 from thrustmargin.gcs_plugin.commands.shared.inputs import AS_HEARD, Inputs, Reading, Share
+from thrustmargin.gcs_plugin.commands.shared.log_flights import analysed_flights
 from thrustmargin.gcs_plugin.commands.shared.options import (
     OutputFile,
     UsageError,

@@ -150,8 +150,9 @@ class SortieClock:
     unix: bool
 
     def stamp_ns(self, time_s: float) -> int:
-        """Return ns of a time in s from the sortie's first row, limited to 0 and the format's 64
-        bits.
+        """Return the timestamp, ns, of a time in s from the sortie's first row.
+
+        It is limited to 0 and the largest that the format holds, 64 bits.
         """
         return min(max(round((self.start_s + time_s) * 1e9), 0), 2**64 - 1)
 
@@ -164,7 +165,10 @@ def sortie_clock(log: FlightLog) -> SortieClock:
 
 
 def messages_of(report: ReportedFlight, log: FlightLog) -> Iterator[StreamMessage]:
-    """Yield all messages of a sortie, topic by topic."""
+    """Yield the MCAP messages of a sortie, one topic after the other, not sorted by time.
+
+    They are the report, margin, rotors, rows, position, findings and log lines.
+    """
     sortie, clock, rows = log.sortie, sortie_clock(log), report.rows
     first = float(rows["time_s"][0])
     yield StreamMessage("/report", first, to_json_values(report.json))
@@ -175,7 +179,7 @@ def messages_of(report: ReportedFlight, log: FlightLog) -> Iterator[StreamMessag
         of_row = {name: values[k] for name, values in scalars.items()}
         yield StreamMessage("/flight", time_s, {**of_row, "sortie": sortie})
     yield from _position_messages(log, clock)
-    for finding in report.answer.findings:
+    for finding in report.json["findings"]:
         time_s = first if finding.time_s is None else finding.time_s
         content = {**to_json_values(finding), "sortie": sortie}
         yield StreamMessage("/findings", time_s, content)
@@ -203,7 +207,11 @@ def _margin_band(report: ReportedFlight) -> tuple[Floats, Floats, Floats]:
 
 
 def _margin_messages(report: ReportedFlight, sortie: int) -> Iterator[StreamMessage]:
-    """Yield the margin of the worst rotor at each time, None where no rotor has one."""
+    """Yield a message at each time step with the worst rotor's margin, its interval and its basis.
+
+    Shares of thrust; None where no rotor has a margin. `sortie` is the number that each message
+    states.
+    """
     rows = report.rows
     margin, low, high = _margin_band(report)
     _, worst = worst_rotor(1.0 - margin)
@@ -229,7 +237,10 @@ def _margin_messages(report: ReportedFlight, sortie: int) -> Iterator[StreamMess
 
 
 def _rotor_messages(report: ReportedFlight, sortie: int) -> Iterator[StreamMessage]:
-    """Yield the values of every rotor at each time."""
+    """Yield a message at each time step with a list of all rotors' values; None where unknown.
+
+    `sortie` is the number that each message states.
+    """
     rows, names = report.rows, report.json["model"]["rotor_names"]
     columns = {key: _nulls(rows[key]) for key in OF_ROTOR}
     bands = zip(("margin", "margin_low", "margin_high"), _margin_band(report), strict=True)
@@ -247,7 +258,10 @@ def _rotor_messages(report: ReportedFlight, sortie: int) -> Iterator[StreamMessa
 
 
 def _position_messages(log: FlightLog, clock: SortieClock) -> Iterator[StreamMessage]:
-    """Yield the position at each time at which it is known; nothing without an origin."""
+    """Yield latitude, longitude, degrees, and altitude, m, at each time step with a known position.
+
+    Nothing if the track has no geographic origin.
+    """
     track = log.track
     if track.origin is None:
         return
@@ -267,7 +281,10 @@ def _position_messages(log: FlightLog, clock: SortieClock) -> Iterator[StreamMes
 def _log_message(
     log: FlightLog, clock: SortieClock, time_s: float, level: int, name: str, words: str
 ) -> StreamMessage:
-    """Return a line of the log topic; `time_s` is s from the sortie's first row."""
+    """Return a line for the viewer's log: `words`, with the sender `name` and the Foxglove `level`.
+
+    `time_s` is the time from the sortie's first row, s; `clock` converts it to a timestamp.
+    """
     content = {
         "timestamp": _timestamp(clock.stamp_ns(time_s)),
         "level": level,
@@ -285,8 +302,10 @@ def _timestamp(stamp_ns: int) -> dict[str, int]:
 
 
 def layout_text(rotor_names: Sequence[str]) -> str:
-    """Return the layout as JSON, with a line for each rotor; Foxglove reads it by "Import from
-    file"."""
+    """Return a Foxglove layout as JSON, with lines for each rotor; load it by "Import from file".
+
+    `rotor_names` are the rotors' places; an empty one is replaced by the rotor's number.
+    """
     rotors = range(len(rotor_names))
     rotor_names = [name or f"rotor {r + 1}" for r, name in enumerate(rotor_names)]
     panels: dict[str, dict[str, Any]] = {
@@ -342,7 +361,7 @@ def layout_text(rotor_names: Sequence[str]) -> str:
 
 
 def _plot(title: str, paths: Sequence[tuple[str, str]]) -> dict[str, Any]:
-    """Return a plot panel of Foxglove with a line for each message path and its label."""
+    """Return a Foxglove plot panel with one line for each (message path, label) in `paths`."""
     return {
         "title": title,
         "paths": [
@@ -370,10 +389,11 @@ def _split(direction: str, first: Any, second: Any) -> dict[str, Any]:
 
 
 def write_mcap(flights: Sequence[tuple[ReportedFlight, FlightLog]], path: Path) -> int:
-    """Write the sorties of one log to `path` and return the number of messages.
+    """Write the sorties of one log to the MCAP file `path` and return the number of messages.
 
-    Each message is JSON, each topic has its JSON schema. Raises DataError when the sorties have
-    different clocks, InstallError without the library, OSError when `path` cannot be written.
+    Messages are JSON, sorted by time; each topic has a JSON schema. Raises DataError if only some
+    sorties have Unix time, InstallError if the mcap library is missing, OSError if `path` cannot be
+    written.
     """
     require("export --mcap", "mcap")
     from mcap.writer import Writer

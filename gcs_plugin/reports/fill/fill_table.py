@@ -94,8 +94,10 @@ class FillTable:
         return bool(self.model.airframe.tank_volume_l) and self.fill.reason != "unsound"
 
     def rows(self, state: str) -> list[tuple[str, list[str]]]:
-        """Return (altitude, [largest fill per temperature]) as texts, for one battery state of
-        `voltages`."""
+        """Return the table's lines for one battery state, a key of `voltages`.
+
+        A line is (altitude, [largest fill for each temperature]), all as texts with unit.
+        """
         made = []
         for row, altitude in enumerate(self.altitudes):
             first = (list(self.voltages).index(state) * len(self.altitudes) + row) * len(
@@ -123,10 +125,13 @@ def fill_table(
     altitudes: Sequence[float],
     clearance: Clearance = NO_FLIGHT,
 ) -> FillTable:
-    """Compute the recommended fill for a complete day, and the table over air and battery.
+    """Compute the largest fill for a day, and a table of fills over temperature, altitude and
+    battery.
 
-    `speed` is m/s over the ground while spraying, `clearance` the consequence of the aircraft's
-    last flights.
+    `day` must be complete. `speed` is m/s over the ground while spraying, `limit` the largest share
+    of a rotor's thrust that may be used for long. `rotor_lost`: losing one rotor must be
+    survivable. Altitudes are m above the sea. `clearance` is the consequence of the aircraft's
+    earlier flights.
     """
     found = day_fill(model, day, speed=speed, limit=limit, rotor_lost=rotor_lost)
     nominal = model.airframe.nominal_voltage
@@ -165,7 +170,11 @@ def temperatures(table: FillTable) -> list[str]:
 
 
 def conditions(table: FillTable) -> list[str]:
-    """Return the conditions under which the recommendation is valid, a sentence each."""
+    """Return sentences on what the recommended fill assumes: day, airspeed, limits, model.
+
+    Conditions and steps from earlier flights come first. Where drag is unknown, a sentence says so
+    in place of the airspeed; missing limits of the maker and guessed values come last.
+    """
     airframe = table.model.airframe
     sure = how_sure(table.fill)
     drag_unknown = table.model.network is None and table.found.airspeed > 0.0
@@ -192,7 +201,10 @@ def conditions(table: FillTable) -> list[str]:
 
 
 def json_text(table: FillTable) -> str:
-    """Return the table as JSON; fills in kg, null where unknown."""
+    """Return the recommendation and the table as JSON, schema "thrustmargin.fill/2".
+
+    Fills are kg, null where unknown.
+    """
     fill, ask = table.fill, table.sensitive
     bad = fill.reason == "unsound"
     shape = (len(table.voltages), len(table.altitudes), len(table.temperatures_c))

@@ -25,7 +25,6 @@ import jinja2
 import numpy as np
 from markupsafe import Markup
 
-from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.reports.shared import page_shell
 from thrustmargin.gcs_plugin.reports.shared import plot_style as style
 from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text, software_version
@@ -37,6 +36,7 @@ from thrustmargin.gcs_plugin.wording.forecast_words import (
     gate_sag,
     verdict,
 )
+from thrustmargin.gcs_plugin.wording.language import clean
 from thrustmargin.gcs_plugin.wording.report_words import LEFT
 from thrustmargin.gcs_plugin.wording.thrust_left import left_words
 from thrustmargin.mission.forecast.battery import CELL, RESISTANCE, electric_power
@@ -56,16 +56,20 @@ if TYPE_CHECKING:
 
 
 def conditions_json(given: PlanConditions) -> dict[str, Any]:
-    """Return the conditions of a forecast by their names in files, where `fill_kg` is a safe fill.
+    """Return a forecast's conditions as a dict for JSON, by the names that files use.
 
-    The liquid on board at take-off is `tank_start_kg`, as in reports and in the store.
+    The liquid at take-off is `tank_start_kg` there, because `fill_kg` is a safe fill in files.
     """
     named = {f.name: getattr(given, f.name) for f in fields(given)}
     return {"tank_start_kg": named.pop("fill_kg"), **named}
 
 
 def json_text(made: PlanForecast) -> str:
-    """Return the forecast as JSON; kg, s, Wh and shares of thrust."""
+    """Return the forecast as JSON, schema "thrustmargin.forecast/2".
+
+    Units are in the keys; a key without one is in SI, and utilisation is a share of a rotor's
+    largest thrust. Unknown numbers are null.
+    """
     use, weakest = made.advised.advice.use, made.weakest
     sorties = () if made.needs.short_of else made.needs.sorties  # no split is possible
     content = {
@@ -120,10 +124,10 @@ def json_text(made: PlanForecast) -> str:
 
 
 def _power(made: PlanForecast) -> dict[str, object]:
-    """Return the mean power of the flight, W, its 90 % interval, and its source, as a dict for
-    JSON.
+    """Return the flight's mean electric power as a dict for JSON: `mean_w` and `interval_w` (90 %).
 
-    `basis` is "flights" where flights of the aircraft measured its current, else "formula".
+    `basis` is "flights" where earlier flights of the aircraft measured its current, else "formula".
+    `flights` and `days` count those flights. `mean_w` is NaN if the power is unknown.
     """
     flight, law = made.flight, made.advised.analysis.model.power
     mean = float(np.nanmean(flight.power)) if np.isfinite(flight.power).any() else math.nan
@@ -138,7 +142,11 @@ def _power(made: PlanForecast) -> dict[str, object]:
 
 
 def csv_text(made: PlanForecast) -> str:
-    """Return the simulated rows as CSV, with units in the heads; empty cells where unknown."""
+    """Return the simulated flight as CSV, a row for each time step.
+
+    The header states the units; unknown values are empty cells. Rotors and mission items have the
+    numbers that the pilot sees, rotors from 1.
+    """
     flight, analysis = made.flight, made.advised.analysis
     track = flight.track
     use, rotor = worst_rotor(analysis.utilisation_predicted)
@@ -189,10 +197,13 @@ class FillCard:
 
 
 def fill_card(made: PlanForecast) -> FillCard:
-    """Compute the table of largest fills for the plan's aircraft, in the plan's air and at its
-    speeds.
+    """Compute the largest tank fill, kg, over air temperature and the battery's voltage at rest.
 
-    Raises DataError where the fill, or the battery's sag, is unknown.
+    It is the smaller one of hover and of flight at the plan's highest airspeed, in the plan's air
+    pressure, and at most the plan's own largest fill; rounded down to 0.1 kg, and never more in
+    hotter air or at a lower voltage. An unknown resistance of the battery is estimated from its
+    capacity. Raise DataError if the plan's largest fill, the number of cells, or both capacity and
+    resistance are unknown, or if the model predicts nothing in some of the air.
     """
     model, limit = made.advised.analysis.model, made.advised.advice.limit
     craft = identified_airframe(model)
@@ -239,10 +250,12 @@ def fill_card(made: PlanForecast) -> FillCard:
 
 
 def gate_text(made: PlanForecast, card: FillCard, *, plan: str, refuse: bool) -> str:
-    """Return the Lua script that compares the tank's content with the card before arming.
+    """Return a Lua script for the vehicle that compares the tank's content before arming with
+    `card`.
 
-    Without an outside thermometer on the vehicle, the script uses the air temperature of the
-    forecast's day. `refuse`: it refuses to arm instead of warning.
+    `card` is the table of largest fills, `plan` the plan's name for a comment. If more is in the
+    tank, the script warns, or with `refuse` refuses to arm. Without an outside thermometer on the
+    vehicle it uses the air temperature of the forecast's day.
     """
     model, warm = made.advised.analysis.model, made.day.air_temperature
     air = warm.value - ZERO_CELSIUS
@@ -272,8 +285,10 @@ def gate_text(made: PlanForecast, card: FillCard, *, plan: str, refuse: bool) ->
 
 
 def _comment(text: str) -> str:
-    """Return `text` as at most 90 ASCII characters on one line, so that a file's name cannot end
-    the comment."""
+    """Return `text` as one line of at most 90 ASCII characters, for a comment in a script.
+
+    So the name of a file cannot end the comment.
+    """
     return clean(text).encode("ascii", "replace").decode()[:90]
 
 
@@ -286,8 +301,9 @@ MOST = 500  # that are folded below it
 
 
 def html_text(made: PlanForecast, name: str) -> str:
-    """Return the page of the forecast of the plan called `name`; it loads nothing from a
-    network."""
+    """Return the forecast of the plan called `name` as an HTML page that loads nothing from a
+    network.
+    """
     return _page(made, name, {"use": packed(_chart(made).to_json())})
 
 
@@ -344,7 +360,11 @@ def hardest(legs: Sequence[LegForecast]) -> Sequence[LegForecast]:
 
 
 def _chart(made: PlanForecast) -> style.Figure:
-    """Draw thrust left over time, above tank and battery voltage."""
+    """Draw the worst rotor's thrust left, %, with its interval, over the time of the forecast
+    flight.
+
+    Below it are the tank, kg, and the battery's voltage, if known.
+    """
     track, limit = made.flight.track, made.advised.advice.limit
     time_s = track.time_s
     use, reach = (100.0 * part for part in worst_use(made.advised.analysis, slice(None)))

@@ -46,9 +46,10 @@ COLUMNS: tuple[tuple[str, str, int | None], ...] = (
 def rows_of(
     analysis: FlightAnalysis, *, fill_limit_kg: Floats, fill_one_rotor_out_kg: Floats
 ) -> Mapping[str, Floats]:
-    """Return the columns of the CSV, and "known_utilisation", by name: (T,) or (T, R), NaN unknown.
+    """Return the values of the report's CSV by name, (T,) or (T, R) for T rows and R rotors.
 
-    Names are those of COLUMNS without _{}. The fill limits are (T,) kg.
+    Names are those of COLUMNS without `_{}`, and "known_utilisation". NaN is unknown. The
+    arguments, (T,) kg, become columns of these names.
     """
     track, prediction = analysis.track, analysis.prediction
     of_track = {name: getattr(track, name) for name in ("time_s", "flying", *OF_ROTOR)}
@@ -81,9 +82,10 @@ def rows_of(
 
 
 def csv_columns(rows: Mapping[str, Floats], rotors: int) -> Iterator[tuple[str, Floats]]:
-    """Yield the heading, with its unit, and the values (T,) of each CSV column.
+    """Yield (heading with unit, values (T,)) of each CSV column; a rotor has columns of its own.
 
-    `rotors` pads with empty columns where flights of several airframes share one file.
+    `rows` is as `rows_of` returns it. `rotors` is the number of rotors in the file: for a flight
+    with fewer rotors the other columns are NaN.
     """
     for name, unit, decimals in COLUMNS:
         values = rows[name.removesuffix("_{}")]

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.logs.log_answer import LogAnswer
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.wording.actions import shown_level
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
@@ -37,10 +36,10 @@ FLIGHT_KEYS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReportedFlight:
-    """A flight's JSON object, and what page and CSV show in addition: answer, peaks and rows."""
+    """A flight's JSON object, and what page and CSV show in addition: advice, peaks and rows."""
 
     json: JsonObject  # made by `report_flight`
-    answer: LogAnswer
+    advice: Advice
     peaks: tuple[UtilisationPeak, ...]  # the worst first
     rows: Mapping[str, Floats]  # columns of the CSV, each (T,) or (T, R)
 
@@ -50,14 +49,8 @@ class ReportedFlight:
         return self.json["name"]
 
     @property
-    def advice(self) -> Advice:
-        """Return the answer of the flight."""
-        return self.answer.made.advice
-
-    @property
     def shown_level(self) -> FlightLevel:
-        """Return the level whose colour the flight has: not that of a clearance while something is
-        to be looked at."""
+        """Return the level whose colour is displayed: NEAR for a good flight with open caveats."""
         return shown_level(self.advice.level, left_open=self.advice.caveats)
 
     @property
@@ -88,8 +81,10 @@ def share(part: float, whole: float) -> float:
 
 
 def end_rows(track: FlightTrack) -> tuple[Bools, Bools]:
-    """Return flags (T,) of the first and (T,) of the last tenth of the airborne rows, one row at
-    least."""
+    """Return flags (T,) of the first tenth of the rows in flight, and flags (T,) of the last tenth.
+
+    Each has one row at least, and none only if the track has no row in flight.
+    """
     airborne = np.flatnonzero(track.flying)
     count = max(1, round(END_SHARE * airborne.size))
     first, last = np.zeros((2, track.time_s.size), dtype=np.bool_)

@@ -33,7 +33,7 @@ YAW_MEAN_S = 1.0
 
 
 def takeoff_rows(analysis: FlightAnalysis) -> tuple[JsonObject, ...]:
-    """Return the checks of each take-off's run-up, in order of time; motors count from 1."""
+    """Return the check before each take-off as a dict for JSON, by time; motors count from 1."""
     airframe = None if analysis.no_verdict else identified_airframe(analysis.model)
     places = () if analysis.no_verdict else analysis.places
     arms = None if analysis.no_verdict else analysis.model.arms
@@ -42,9 +42,11 @@ def takeoff_rows(analysis: FlightAnalysis) -> tuple[JsonObject, ...]:
 
 
 def _row(analysis: FlightAnalysis, check: TakeoffCheck, places: Sequence[str]) -> JsonObject:
-    """Return one run-up as a JSON object under the names of TakeoffCheck, with its words.
+    """Return one check before take-off as a dict for JSON, with the field names of TakeoffCheck.
 
-    Each motor has its speed in the first seconds of hover over the model's.
+    `words` is the check as a sentence. Each motor, counted from 1, also has `over_model`, its speed
+    in the first seconds of hover over the model's, with its interval. `places` are the motors'
+    places, empty where unknown.
     """
     plain = {f.name: getattr(check, f.name) for f in fields(check)}
     arms = arms_against_model(analysis, check.lift_s)
@@ -64,7 +66,10 @@ def _row(analysis: FlightAnalysis, check: TakeoffCheck, places: Sequence[str]) -
 
 
 def _finding(finding: TakeoffFinding, places: Sequence[str]) -> JsonObject:
-    """Return one finding with its words; `forbids` is True if it forbids the take-off."""
+    """Return one finding of a take-off check as a dict for JSON, with its sentence.
+
+    `places` are the motors' places, empty where unknown. `forbids`: it forbids the take-off.
+    """
     plain = {f.name: getattr(finding, f.name) for f in fields(finding)}
     return plain | {
         "motors": [motor + 1 for motor in finding.motors],
@@ -74,10 +79,11 @@ def _finding(finding: TakeoffFinding, places: Sequence[str]) -> JsonObject:
 
 
 def yaw_rows(analysis: FlightAnalysis) -> JsonObject:
-    """Return the unused share of yaw authority in flight: its least 1 s mean, when, and its median.
+    """Return the share of yaw authority left unused in flight, as a dict for JSON.
 
-    By measured speeds, or those inferred from motor outputs; NaN where a rotor has neither, and for
-    an unknown aircraft.
+    `yaw_reserve_min` is the least 1 s mean, `yaw_reserve_min_time_s` its time, `yaw_reserve_median`
+    the median. Rotor speeds are measured, or inferred from motor outputs. All are NaN if a rotor
+    has neither throughout, or the aircraft is unknown.
     """
     track, reserve = analysis.track, analysis.yaw_reserve
     mean = moving_mean(track.time_s, np.where(track.flying, reserve, np.nan), YAW_MEAN_S)
@@ -91,7 +97,13 @@ def yaw_rows(analysis: FlightAnalysis) -> JsonObject:
 
 
 def alarm_row(episode: FaultEpisode, names: Sequence[str]) -> JsonObject:
-    """Return a fault of a rotor or motor as a JSON object, with the words of its live alarm."""
+    """Return a fault of a rotor or motor as a dict for JSON, with the text of its alarm as `words`.
+
+    `names` are the places of all rotors. Rotors count from 1; if several could be the faulty one,
+    `rotor` is None and `rotors` lists them. `from_s` and `until_s` are s from the flight's start,
+    `until_s` None for a fault that lasted; `size`, `size_low` and `size_high` are shares of thrust
+    lost. A flag says if motor outputs show the fault too.
+    """
     fault = episode.fault
     return {
         "kind": fault.kind,
@@ -108,8 +120,11 @@ def alarm_row(episode: FaultEpisode, names: Sequence[str]) -> JsonObject:
 
 
 def misread_row(misread: MisreadSpeed | None) -> JsonObject | None:
-    """Return the rotor, from 1, whose ESC reads `factor` times its speed, for JSON; None without
-    one."""
+    """Return, as a dict for JSON, the `rotor` (from 1) whose ESC reports `factor` times its true
+    speed.
+
+    A flag states if the motor outputs contradict the reported speed. None without such a rotor.
+    """
     if misread is None:
         return None
     return {
@@ -124,8 +139,12 @@ VEHICLE, NOTES, PROGRAM = "vehicle", "notes", "program"
 
 
 def said_rows(statements: Sequence[VehicleStatement], advice: Advice) -> tuple[JsonObject, ...]:
-    """Return the vehicle's reports, each with what the log shows of the fault, as JSON objects;
-    motors count from 1."""
+    """Return the faults that the vehicle itself reported, one dict for JSON each.
+
+    Keys: `kind`, `subject`, `text`, `times_s`, `motors` (named by the vehicle) and `found_motors`
+    (faulty by the log), both from 1, `corroboration` (the degree of agreement), `value` (the
+    compared number) and a sentence on the agreement as `words`.
+    """
     return tuple(
         {
             "kind": one.kind,
@@ -148,9 +167,12 @@ def timeline_rows(
     notes: Sequence[EngineerNote],
     advice: Advice,
 ) -> tuple[JsonObject, ...]:
-    """Return all entries in order of time: `time_s`, `source`, `text`, and `corroboration`.
+    """Return the events of a flight by time, as dicts: `time_s`, `source`, `text`, `corroboration`.
 
-    `corroboration` is in words what the log shows of a vehicle's report.
+    The events are the findings of the take-off checks `starts`, the vehicle's reports `said` (as
+    `said_rows` returns them), the engineer's `notes`, and faults and losses of control in `advice`.
+    `corroboration` is a sentence on what the log shows of a vehicle's report, and empty for other
+    events.
     """
     made = [
         _entry(time_s, VEHICLE, _text(one), one["words"])
@@ -172,7 +194,7 @@ def timeline_rows(
 
 
 def _text(said: JsonObject) -> str:
-    """Return the title of a report with its own text, else with its subject."""
+    """Return the title of a vehicle's report, with its text, or if it has none with its subject."""
     title = kind_words(said["kind"])
     if said["text"]:
         return f"{title}: {said['text']}"

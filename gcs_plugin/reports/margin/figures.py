@@ -24,7 +24,12 @@ Rows = Mapping[str, Floats]
 
 
 def figures(report: ReportedFlight) -> Mapping[str, style.Figure]:
-    """Return the figures of a flight by name; those whose channels it lacks are left out."""
+    """Return the figures of a flight by name: "use", "rotors", "residual", "redundancy", "map_use",
+    "map_redundancy", and for a flight without a verdict "map_speed".
+
+    A figure is missing if the flight lacks its data; all are missing if it has no row in flight. A
+    map needs positions.
+    """
     rows, limit, worst = airborne(report.rows), report.advice.limit, report.worst
     if not rows["time_s"].size:
         return {}
@@ -70,9 +75,10 @@ def figures(report: ReportedFlight) -> Mapping[str, style.Figure]:
 def use_figure(
     rows: Rows, use: Floats, limit: float, worst: UtilisationPeak | None
 ) -> style.Figure:
-    """Draw thrust left of the worst rotor and of the mean rotor over time, above the tank level.
+    """Draw thrust left, %, of the worst rotor and on average over time, above the tank level, kg.
 
-    `use` (T, R) is the known utilisation and `limit` the largest that may last, both shares.
+    `use` (T, R) is the known utilisation, and `limit` the largest that may be used for long, both
+    shares. `worst` is the peak to mark; None marks none.
     """
     time_s, tank, least = rows["time_s"], rows["tank_kg"], 1.0 - limit
     worst_left = 100.0 * (1.0 - worst_rotor(use)[0])
@@ -112,7 +118,12 @@ def use_figure(
 
 
 def rotors_figure(rows: Rows, limit: float, names: Sequence[str]) -> style.Figure:
-    """Draw thrust left of each rotor over time, measured and predicted, one panel a rotor."""
+    """Draw thrust left, %, of each rotor over time, by its speed and as predicted, one panel a
+    rotor.
+
+    `limit` is the largest share of thrust that may be used for long; `names` are the rotors'
+    places.
+    """
     time_s = rows["time_s"]
     use = rows["utilisation"], rows["utilisation_from_outputs"], rows["utilisation_predicted"]
     measured, inferred, predicted = (100.0 * (1.0 - shares) for shares in use)
@@ -135,7 +146,11 @@ def rotors_figure(rows: Rows, limit: float, names: Sequence[str]) -> style.Figur
 
 
 def residual_figure(rows: Rows, names: Sequence[str]) -> style.Figure:
-    """Draw measured minus predicted rotor speed over time, with the model's interval as a band."""
+    """Draw measured minus predicted rotor speed, rpm, over time, one panel for each of the rotors
+    `names`.
+
+    The band is the prediction's interval. At least one residual must be finite.
+    """
     time_s, predicted = rows["time_s"], rows["rotor_speed_predicted_rpm"]
     residual, lower, upper = (
         rows[f"rotor_speed_{name}rpm"] - predicted for name in ("", "lower_", "upper_")
@@ -155,8 +170,11 @@ def residual_figure(rows: Rows, names: Sequence[str]) -> style.Figure:
 
 
 def redundancy_figure(rows: Rows, limit: float) -> style.Figure:
-    """Draw redundancy over time, yaw uncontrolled and controlled, above the tank and fill
-    limits."""
+    """Draw redundancy with one rotor lost over time, yaw uncontrolled and controlled.
+
+    Below it are the tank level and the largest fills, kg: for redundancy 1, and for the utilisation
+    `limit`, a share. At least one redundancy must be finite.
+    """
     time_s, tank = rows["time_s"], rows["tank_kg"]
     free, kept = rows["redundancy_yaw_uncontrolled"], rows["redundancy_yaw_kept"]
     one_out, of_limit = rows["fill_one_rotor_out_kg"], rows["fill_limit_kg"]
@@ -185,9 +203,10 @@ def redundancy_figure(rows: Rows, limit: float) -> style.Figure:
 
 
 def use_map(rows: Rows, use: Floats, limit: float, worst: UtilisationPeak | None) -> style.Figure:
-    """Draw the route coloured by the worst rotor's thrust left, with a ring round the worst row.
+    """Draw the route coloured by the worst rotor's thrust left, with a ring at the peak `worst`.
 
-    `use` (T,) is that rotor's utilisation, a share.
+    `use` (T,) is that rotor's utilisation and `limit` the largest that may be used for long, both
+    shares. No ring for None or an unknown position.
     """
     made = _map(rows, {"left": (1.0 - use, use)}, palette.thrust_left(1.0 - limit))
     if worst is not None and np.isfinite(worst.north) and np.isfinite(worst.east):
@@ -207,7 +226,10 @@ def use_map(rows: Rows, use: Floats, limit: float, worst: UtilisationPeak | None
 
 
 def redundancy_map(rows: Rows) -> style.Figure:
-    """Draw the route coloured by redundancy, with buttons for yaw uncontrolled and controlled."""
+    """Draw the route coloured by redundancy with yaw uncontrolled.
+
+    If that with yaw controlled is known, buttons switch between the two.
+    """
     free, kept = rows["redundancy_yaw_uncontrolled"], rows["redundancy_yaw_kept"]
     coloured = {SPINS: (free, -free)}
     if not np.any(np.isfinite(kept)):
@@ -233,8 +255,10 @@ def _map(
 
 
 def airborne(rows: Rows) -> Rows:
-    """Return the rows from first take-off to last landing; per-rotor values on the ground become
-    NaN."""
+    """Return the rows from first take-off to last landing; empty arrays if it never flew.
+
+    Values of rotors, (T, R), become NaN where the aircraft is on the ground between flights.
+    """
     flown = np.flatnonzero(rows["flying"])
     span = slice(int(flown[0]), int(flown[-1]) + 1) if flown.size else slice(0, 0)
     cut = {key: values[span] for key, values in rows.items()}

@@ -35,12 +35,12 @@ def _paper() -> Matching:
 
 
 def load_rows(analysis: FlightAnalysis, limits: Ceiling) -> tuple[JsonObject, ...]:
-    """Return rows of a table: tank, load a rotor, its increase (Eq. 6-8) and thrust utilisation.
+    """Return table rows as dicts: tank, load per rotor, its increase (Eq. 6-8), thrust utilisation.
 
-    `unit` is "kg", "kgf", "1", or "more" for a share beyond 1; `approximate` marks a figure of the
-    paper that is printed as "about". Columns: the paper's F16, this airframe, and the first and
-    last tenth of this flight (medians). The airframe's utilisation in hover is under the ceiling
-    `limits` of this flight's own air and battery: full as at its start, empty as at its end.
+    Columns: the paper's F16 and this airframe, each full and empty, and the medians of the first
+    and last tenth of this flight. `limits` is the thrust ceiling at each time of this flight; it
+    applies to the airframe's hover, full at the flight's start and empty at its end. `unit` is
+    "kg", "kgf", "1", or "more" for an increase as a share. `approximate`: print with "about".
     """
     airframe, track = analysis.model.airframe, analysis.track
     rotors = max(airframe.rotor_count, 1)  # of an aircraft that is not known none may be
@@ -107,11 +107,14 @@ def load_rows(analysis: FlightAnalysis, limits: Ceiling) -> tuple[JsonObject, ..
 def redundancy_rows(
     analysis: FlightAnalysis, rows: Mapping[str, Floats], seconds: Floats
 ) -> JsonObject:
-    """Return the redundancy after losing one rotor in flight, and the largest fills, as a JSON
-    object.
+    """Return the redundancy with one rotor lost, and the largest fills, as a dict for JSON.
 
-    The fills are those at which thrust in use in hover meets the limit, and at which redundancy
-    with yaw uncontrolled is 1: at the start of the flight, and the least over it.
+    Redundancy is the largest thrust then possible in level flight, divided by the weight: its least
+    value and median in flight, `yaw_free_...` with yaw uncontrolled and `yaw_kept_...` with yaw
+    controlled. Medians are NaN with a bad rotor. `below_one_share` is the share of the time with
+    less than 1. The fills, kg, are from `rows`: the fill at which hover meets the utilisation
+    limit, and the fill at which redundancy with yaw uncontrolled is 1; each at the flight's start
+    and its least value. `seconds` (T,) is the duration of each row.
     """
     track = analysis.track
     flying, (first, _) = track.flying, end_rows(track)

@@ -33,10 +33,12 @@ def plan_comparison(
     plan: MissionPlan,
     assumed: PlanConditions | None = None,
 ) -> JsonObject:
-    """Compare the stretches of `plan` as forecast with the flight, and list the wrong assumptions.
+    """Return, as a dict for JSON, how the flight differed from the forecast of `plan`, leg by leg.
 
-    The forecast is under `assumed`, else under the conditions before take-off, and uses the power
-    that this flight measured. Raises PlanError when the plan flies nowhere.
+    The forecast is under `assumed`; if None, under the conditions before take-off. It uses the
+    power that this flight measured, if it did. Keys: `words`, `left_at` (the mission item at which
+    the plan was left, or None), `off` (the wrong assumptions), `assumed` (fill, kg, density, wind,
+    limits) and `stretches`. Raise PlanError if the plan flies nowhere.
     """
     measured = flight_power(analysis, log.name)
     model = analysis.model

@@ -46,10 +46,10 @@ class Written:
 
 
 def write_report(report: Report, out: Path) -> Written:
-    """Write `out` (.html), and JSON and CSV files with the same stem next to it.
+    """Write the report to `out` (.html), and JSON and CSV files with the same stem next to it.
 
-    All three are made before any is replaced: after a failure or Ctrl-C the old files are
-    unchanged. Raises OSError when the folder is missing or cannot be written.
+    Return the three paths. All three are complete before any is replaced: after a failure or Ctrl-C
+    the old files are unchanged. Raises OSError when the folder is missing or cannot be written.
     """
     files_of = Written(html=out, json=out.with_suffix(".json"), csv=out.with_suffix(".csv"))
     with ExitStack() as files:
@@ -64,8 +64,11 @@ def write_report(report: Report, out: Path) -> Written:
 
 
 def json_text(report: Report, csv_name: str) -> str:
-    """Return the report's numbers as JSON, schema "thrustmargin.report/3"; unknown numbers are
-    null."""
+    """Return the report's numbers as JSON, schema "thrustmargin.report/3".
+
+    Unknown numbers are null. `csv_name` is the name of the report's CSV file, which the JSON states
+    with its columns.
+    """
     whole = {
         "schema": SCHEMA,
         "made_utc": report.made_utc,
@@ -83,11 +86,11 @@ def json_text(report: Report, csv_name: str) -> str:
 
 
 def csv_bytes(report: Report) -> bytes:
-    """Return a CSV row for each time of every flight, units in the header, empty cells where
-    unknown.
+    """Return all flights as one CSV in UTF-8: a header with units, then a row for each time step.
 
-    The first column is the number of the flight in the JSON's list, from 1. The file contains no
-    text of a log, so that no spreadsheet can take it for a formula.
+    Unknown values are empty cells. The first column is the flight's number in the JSON's list, from
+    1. Texts of a log are excluded, so that no spreadsheet runs one as a formula. Empty without a
+    flight.
     """
     rotors = max((len(f.json["rotors"]) for f in report.flights), default=0)
     heading, lines = "", []
@@ -104,10 +107,11 @@ def csv_bytes(report: Report) -> bytes:
 
 
 def pdf_bytes(report: Report, written: Written | None) -> bytes:
-    """Return the page on A4, with the same words and figures.
+    """Return the report's HTML page, with its words and figures, as a PDF on A4.
 
-    One flight takes three to four pages; of several, each has its verdict and a figure, two to a
-    page.
+    `written` are the paths of the report's files, to be named on the page; None if none are
+    written. One flight takes three to four pages; of several, each has its verdict and one figure,
+    two flights to a page.
     """
     from thrustmargin.gcs_plugin.reports.paper import pdf_page
 
@@ -118,7 +122,10 @@ def pdf_bytes(report: Report, written: Written | None) -> bytes:
 
 
 def html_text(report: Report, written: Written) -> str:
-    """Return the page; the figures of every flight are drawn when they scroll into view."""
+    """Return the report as an HTML page; the browser draws a figure when it scrolls into view.
+
+    `written` are the paths of the report's files, which the page names.
+    """
     drawn = {name: packed(made.to_json()) for name, made in _drawn(report).items()}
     return _page(report, written, drawn)
 
@@ -146,11 +153,12 @@ class Strip:
 
 
 def strip_of(flight: ReportedFlight) -> Strip | None:
-    """Return a flight's strip: thrust left over its time in the air, in the colours of the replay.
+    """Return a coloured bar of thrust left from take-off to landing; None if it is unknown
+    throughout.
 
-    Each of BINS equal time bins has the colour of its least thrust left, or that of no data;
-    neighbours of equal colour are joined. The worst moment is marked, in % of the time. None if
-    thrust left is unknown in the whole flight.
+    The flight is divided into BINS equal time bins. Each has the colour of its least thrust left of
+    any rotor, or the colour of no data. Neighbours of equal colour are one part, its length in % of
+    the time. The worst peak is marked at its time, in % too.
     """
     rows = airborne(flight.rows)
     time_s, use = rows["time_s"], worst_rotor(rows["known_utilisation"])[0]
@@ -172,7 +180,7 @@ def strip_of(flight: ReportedFlight) -> Strip | None:
 
 
 def left_of_use(use: float) -> str:
-    """Return in words the thrust left where the share `use` is in use, `45 %`."""
+    """Return the thrust left as text, `45 %`, of the utilisation `use`, a share (0.55)."""
     return left_words(1.0 - use)
 
 

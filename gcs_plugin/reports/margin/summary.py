@@ -56,7 +56,7 @@ from thrustmargin.models.effects.compose import EffectRecord
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.json_values import to_json_values
-from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advice, Advised, FlightLevel
+from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advice, FlightLevel
 from thrustmargin.models.model.aircraft_change import AircraftChange
 from thrustmargin.models.model.analysis import Basis, FlightAnalysis, SpeedBasis
 from thrustmargin.models.model.inferred.load_inference import LOAD_FROM_SPEEDS
@@ -87,24 +87,27 @@ def report_flight(
     assumed: PlanConditions | None = None,
     answer: LogAnswer | None = None,
 ) -> data.ReportedFlight:
-    """Return the report of one flight, compared with the forecast of its `plan` with what
-    was `assumed`. `answer` is that of the flight; without it, it is made here.
+    """Return the report of one flight.
 
-    `max_utilisation` is the largest share of a rotor's maximum thrust that may be in use. Raises
-    PlanError when the plan flies nowhere.
+    `max_utilisation` is the largest share of a rotor's maximum thrust that may be in use. The
+    flight is compared with the forecast of `plan`, if given, under the conditions `assumed`.
+    `answer` is the flight's assessment; None makes it here. Raises PlanError if the plan flies
+    nowhere.
     """
-    said = answer or answer_log(log, analysis, max_utilisation)
-    found, made, contact = said.findings, said.made, said.contact
-    advice, whole, analysis = made.advice, made.whole, made.analysis
+    answer = answer or answer_log(log, analysis, max_utilisation)
+    findings, contact = answer.findings, answer.contact
+    advice, whole, analysis = answer.advice, answer.whole, answer.analysis
     track = analysis.track
     limits = ceiling(identified_airframe(analysis.model), analysis.density, track.voltage)
     rows = rows_of(
-        analysis, fill_limit_kg=made.fill_limit_kg, fill_one_rotor_out_kg=made.fill_one_rotor_out_kg
+        analysis,
+        fill_limit_kg=answer.fill_limit_kg,
+        fill_one_rotor_out_kg=answer.fill_one_rotor_out_kg,
     )
     seconds = track.row_seconds
     peaks = utilisation_peaks(analysis)
     worst = peaks[0] if peaks else None
-    basis, measured_share = _basis(made)
+    basis, measured_share = _basis(answer)
     flown_s = whole.track.flying_s
     no_flight = not_flown(whole.track) or (too_short(flown_s) if flown_s < LEAST_FLIGHT_S else "")
     shown = margin_verdict.verdict_facts(worst, advice, analysis.airframe_match, basis, no_flight)
@@ -118,7 +121,7 @@ def report_flight(
     lines = (
         *((("control", loss_words(advice.losses)),) if advice.losses else ()),
         *((("changed", change_words(advice.change)),) if advice.change else ()),
-        *look_facts(found),
+        *look_facts(findings),
         *(shown if contact is None or advice.level is not FlightLevel.UNKNOWN else ()),
         *(() if contact is None else contact_facts(contact)),
         *margin_verdict.voltage_facts(analysis),
@@ -127,7 +130,7 @@ def report_flight(
         *((("plan", against["words"]),) if against else ()),
     )
     starts = takeoff_rows(whole)
-    reported = said_rows(said.statements, advice)
+    reported = said_rows(answer.statements, advice)
     json = {
         "name": track.name,
         "verdict": {
@@ -149,7 +152,7 @@ def report_flight(
         "moments": [peak_row(one, track.start_unix_s) for one in peaks],
         "losses": advice.losses,  # of control, in order of time; no row after counts
         "first_contact": contact,  # what a log of an aircraft that is not known shows
-        "findings": found,  # those of `inspect`, the gravest first
+        "findings": findings,  # those of `inspect`, the gravest first
         "alarms": [alarm_row(one, advice.rotor_names) for one in advice.faults],
         "misread_speed": misread_row(advice.misread),
         "takeoff": starts,  # the run-ups before it lifted
@@ -165,11 +168,17 @@ def report_flight(
         "no_verdict": no_verdict_words(analysis.airframe_match),
         "plan_comparison": against,  # with the forecast of its plan; None without a plan
     }
-    return data.ReportedFlight(json=json, answer=said, peaks=peaks, rows=rows)
+    return data.ReportedFlight(json=json, advice=advice, peaks=peaks, rows=rows)
 
 
 def peak_row(peak: UtilisationPeak, start_unix_s: float | None) -> data.JsonObject:
-    """Return a peak of thrust utilisation; `start_unix_s` is the time of the flight's first row."""
+    """Return a peak of thrust utilisation as a dict for JSON; rotors count from 1.
+
+    `capacity_use` is the utilisation, `capacity_use_low` and `_high` its interval, `margin` 1 less
+    it: shares. It has the time, s and UTC text, the rotor, what the aircraft was doing, its place,
+    speeds and load, and the redundancy with yaw uncontrolled. `start_unix_s` is the Unix time of
+    the flight's first row; if None, `clock_utc` is None.
+    """
     row = {
         "time_s": peak.time_s,
         "clock_utc": None if start_unix_s is None else unix_text(start_unix_s + peak.time_s),
@@ -200,13 +209,16 @@ def look_facts(findings: Iterable[Finding]) -> Iterator[tuple[str, str]]:
             yield one.check, one.words
 
 
-def _basis(made: Advised) -> tuple[str, float]:
-    """Return the source of the thrust utilisation, in words, and the share of time it is
-    measured."""
-    analysis, seconds = made.analysis, made.analysis.track.row_seconds
+def _basis(answer: LogAnswer) -> tuple[str, float]:
+    """Return the source of the thrust utilisation in words, and the share of time with rotor
+    speeds.
+
+    That share is of the time in the air; speeds are measured or inferred from motor outputs.
+    """
+    analysis, seconds = answer.analysis, answer.analysis.track.row_seconds
     known = np.any(np.isfinite(airborne_use(analysis)), axis=1)
     measured_s = float(seconds[known & analysis.any_measured].sum())
-    airborne_s = made.advice.airborne_s
+    airborne_s = answer.advice.airborne_s
     words = margin_verdict.basis_words(
         analysis, measured_s, float(seconds[known].sum()), airborne_s
     )
@@ -218,10 +230,10 @@ _AS_ROWS = ("faults", "repaired", "losses", "misread", "no_verdict", "rotor_name
 
 
 def advice_values(advice: Advice) -> dict[str, Any]:
-    """Return the figures of a flight's advice by their names in `Advice`.
+    """Return the figures of a flight's assessment as a dict for JSON, by their names in `Advice`.
 
-    Arrays over the flight are left out (the CSV has them), and so are fields that the report has as
-    rows of its own. Rotors count from 1, and `fill.kg` is rounded down, as the action states it.
+    Arrays over the flight are left out, since the CSV has them, and so are fields that the report
+    lists as rows. Rotors count from 1; `fill.kg` is rounded down, as pilots read it.
     """
     values = {f.name: getattr(advice, f.name) for f in fields(advice) if f.name not in _AS_ROWS}
     for part in ("use", "rotor_lost", "battery", "fill", "misfit"):
@@ -238,8 +250,11 @@ def advice_values(advice: Advice) -> dict[str, Any]:
 
 
 def change_row(change: AircraftChange) -> data.JsonObject:
-    """Return, for JSON, how a flight differs from earlier ones of its aircraft, with rotors from
-    1."""
+    """Return how a flight differs from earlier ones of its aircraft as a dict for JSON, with the
+    fields of `AircraftChange` as keys.
+
+    Rotors count from 1 (0-based in `change`).
+    """
     row = to_json_values(change)
     for mode in row["modes"]:
         mode["faster"] = [rotor + 1 for rotor in mode["faster"]]
@@ -252,8 +267,11 @@ def change_row(change: AircraftChange) -> data.JsonObject:
 
 
 def _flight(analysis: FlightAnalysis, speed: Floats, seconds: Floats) -> data.JsonObject:
-    """Return the figures of the flight, from its airborne rows; `speed` (T,) is over ground,
-    m/s."""
+    """Return time, distance, liquid, area, speeds, wind, air and voltage of a flight, for JSON.
+
+    They are of the rows in flight, in SI unless the key has a unit; NaN where unknown. `speed` (T,)
+    is over ground, m/s, `seconds` (T,) the duration of each row.
+    """
     track = analysis.track
     flying = track.flying
     first, last = data.end_rows(track)
@@ -321,10 +339,12 @@ def _lost_s(speed: Floats, seconds: Floats, rows: Bools) -> float:
 
 
 def _rotors(analysis: FlightAnalysis, seconds: Floats, limit: float) -> tuple[data.JsonObject, ...]:
-    """Return an object for each rotor: largest and median thrust utilisation in flight, measured
-    and predicted, and the share of the known time above `limit`.
+    """Return a dict for each rotor: `rotor` (from 1), `name`, and its thrust utilisation in flight,
+    a share.
 
-    `seconds` (T,) is the duration of each row.
+    `measured_max`, `measured_median`, `predicted_max` and `predicted_median` are over the rows in
+    flight. `over_limit_share` is the share of the time with known utilisation in which that is
+    above `limit`, also a share. `seconds` (T,) is the duration of each row. Unknown values are NaN.
     """
     flying, use = analysis.track.flying, airborne_use(analysis)
     measured, predicted = analysis.utilisation[flying], analysis.utilisation_predicted[flying]
@@ -345,9 +365,12 @@ def _rotors(analysis: FlightAnalysis, seconds: Floats, limit: float) -> tuple[da
 
 
 def model_use(analysis: FlightAnalysis) -> data.JsonObject:
-    """Return airframe and model, and the shares of the airborne rows that each basis predicted.
+    """Return airframe, model and its effects as a dict for JSON.
 
-    `inside_envelope` is None when the model has no network.
+    `network_share`, `physics_share` and `none_share` are the shares of rows in flight predicted by
+    network, by physics, and not at all; NaN without such rows. `inside_envelope` is True if the
+    network predicted all; None without a network. `model` is "none" without a verdict. `empty_mass`
+    is kg.
     """
     model, airframe = analysis.model, analysis.model.airframe
     basis = analysis.prediction.basis[analysis.track.flying]
@@ -382,7 +405,7 @@ def _kinds_of_speed(analysis: FlightAnalysis) -> tuple[str, ...]:
 
 
 def model_words(model: RotorModel) -> list[str]:
-    """Describe training domain and interval of a model in words."""
+    """Return sentences on a model's training domain and interval; a missing one is left out."""
     text = []
     if model.training_domain is not None:
         covers = model.training_domain
@@ -399,8 +422,12 @@ def _effect(effect: EffectRecord) -> str:
 
 
 def error_row(analysis: FlightAnalysis) -> data.JsonObject:
-    """Return the prediction error of a flight, with the sentence about its intervals or why there
-    is none."""
+    """Return the error of predicted rotor speeds in a flight as a dict for JSON: the fields of
+    `PredictionError` (`overall`, `rotors`, ...) and `words`.
+
+    `words` explains the intervals, or says why there are none, or why there is no error (`overall`
+    None); it begins with a note if the model was trained on the flight.
+    """
     found = prediction_error(analysis, analysis.places)
     if found.overall is None:
         text = _without_error(analysis)
@@ -414,7 +441,11 @@ def error_row(analysis: FlightAnalysis) -> data.JsonObject:
 
 
 def _without_error(analysis: FlightAnalysis) -> str:
-    """Return why the prediction is not checked."""
+    """Return why the predicted rotor speeds of a flight cannot be compared with measured ones.
+
+    The first of: speeds by motor outputs only, no speeds, no prediction, a load inferred from the
+    speeds; else that no row has both.
+    """
     known = np.isfinite(analysis.track.rotor_speed_rpm)
     measured = known & ~analysis.from_outputs
     predicted = np.isfinite(analysis.prediction.rotor_speed_rpm)
@@ -430,8 +461,12 @@ def _without_error(analysis: FlightAnalysis) -> str:
 
 
 def _quality(log: FlightLog) -> data.JsonObject:
-    """Return defects of the log and assumptions made in reading it; a silence is longer than 1
-    s."""
+    """Return format, damage, gaps, channels and messages of a log as a dict for JSON.
+
+    Damage is counted in frames or places, but `bytes` and `bytes_skipped`. A silence is a gap of
+    all messages longer than 1 s; `longest_silence_s` is 0 without one. `missing` are texts on
+    missing channels, `notes` are assumptions made in reading.
+    """
     track, whole = log.track, log.quality
     counted = ("bytes", "frames", "bytes_skipped", "damaged_places", "bad_checksum")
     return {
@@ -457,13 +492,12 @@ def build_report(
     plan: MissionPlan | None = None,
     assumed: PlanConditions | None = None,
 ) -> data.Report:
-    """Build the report on flights, in their order, checked against `max_utilisation`.
+    """Build the report on flights, in their order.
 
-    That is the largest share of a rotor's maximum thrust that may be in use. Each flight is
-    compared with the forecast of `plan`, if given, under `assumed`; see `plan_comparison`.
-
-    `unread` are logs that could not be read, to be listed. Raises DataError when the share is not
-    between 0 and 1, or there is no flight.
+    `max_utilisation` is the largest share of a rotor's maximum thrust that may be in use. Each
+    flight is compared with the forecast of `plan`, if given, under the conditions `assumed`, or if
+    None under the conditions before take-off. `unread` are logs that could not be read, to be
+    listed. Raises DataError if the share is not between 0 and 1, or there is no flight.
     """
     if not 0.0 < max_utilisation < 1.0:
         raise DataError(f"max_utilisation {max_utilisation:g} is no share; give one such as 0.5")
@@ -484,8 +518,10 @@ def build_report(
 
 
 def overview_of(reports: Sequence[data.ReportedFlight], limit: float) -> data.JsonObject:
-    """Return level and headline of all flights, number of the worst, from 1, and flights per
-    level."""
+    """Return level and headline of all flights together, and the number of flights of each level.
+
+    `worst_flight` is the number, from 1, of the worst one; None if its utilisation is unknown.
+    """
     levels = [report.advice.level for report in reports]
     first, report = worst_first(reports)[0]
     level, words = report.advice.level, report.json["verdict"]["headline"]
@@ -500,10 +536,10 @@ def overview_of(reports: Sequence[data.ReportedFlight], limit: float) -> data.Js
 
 
 def worst_first(reports: Sequence[data.ReportedFlight]) -> list[tuple[int, data.ReportedFlight]]:
-    """Return (index in the list, report), the worst verdict first.
+    """Return (index in `reports`, report), the flight with the gravest level first.
 
-    Of equal verdicts the one with the most thrust in use comes first; flights without a verdict
-    come last.
+    Of equal levels the flight with the largest utilisation comes first, one without a known
+    utilisation last.
     """
 
     def rank(item: tuple[int, data.ReportedFlight]) -> tuple[int, float]:

@@ -37,7 +37,7 @@ class Axis:
     end: float
 
     def at(self, values: Any) -> Floats:
-        """Return the pixels of values of any shape."""
+        """Return the pixels at which `values`, of any shape and in the axis's unit, are drawn."""
         values = np.asarray(values, dtype=np.float64)
         if self.kind == "log":
             values = np.log10(values)
@@ -55,7 +55,11 @@ class Axis:
         return Axis(self.kind, middle - half, middle + half, self.begin, self.end)
 
     def marks(self, most: int) -> list[tuple[float, str]]:
-        """Return about `most` round values on the axis, each with its label."""
+        """Return (value, label) of the ticks of an axis, at about `most` round values.
+
+        On a logarithmic axis they are powers of ten, or 1, 2 and 5 times these, however many; on a
+        time axis (values in ms) the label is a clock time.
+        """
         if self.kind == "log":
             decades = range(int(np.floor(self.low)), int(np.ceil(self.high)) + 1)
             inner = (1, 2, 5) if len(decades) < 4 else (1,)
@@ -75,9 +79,11 @@ class Axis:
 def axis_over(
     properties: Mapping[str, Any], values: Sequence[Any], begin: float, end: float
 ) -> Axis:
-    """Return an axis with plotly's `properties`, from pixel `begin` to `end`, that covers `values`.
+    """Return the axis from pixel `begin` to pixel `end` on which all `values` have room.
 
-    `values` are arrays of any shape; a `range` in `properties` replaces theirs.
+    `values` are arrays of any shape; NaN is ignored. `properties` are those of plotly: `type`, and
+    `range`, which replaces the limits by `values`. On a "log" axis limits are log10 and values not
+    above 0 are ignored. Without values and range it spans 0 to 1 with room at the ends.
     """
     kind = properties.get("type", "linear")
     known = np.concatenate([np.ravel(np.asarray(v, dtype=np.float64)) for v in (*values, [])])
@@ -141,8 +147,10 @@ class PdfCanvas:
         return [(x, y) for x, y in (np.asarray(points) * self._pixel + self._corner).tolist()]
 
     def line(self, points: Floats, colour: Colour, width: float, dash: Sequence[float]) -> None:
-        """Draw a line through points (N, 2), pixels; `dash` is the length of stroke and gap, or
-        empty."""
+        """Draw a line through `points` (N, 2), pixels; `width` is in pixels too.
+
+        `dash` is (length of a stroke, length of a gap), pixels; empty for a solid line.
+        """
         pixel, pdf = self._pixel, self._pdf
         strokes = {"dash": dash[0] * pixel, "gap": dash[1] * pixel, "phase": 0.0} if dash else None
         with pdf.local_context(
@@ -167,7 +175,10 @@ class PdfCanvas:
                 pdf.circle(x, y, radius, style="F")
 
     def text(self, at: tuple[float, float], words: str, look: Lettering) -> None:
-        """Draw one line of words at a place, in pixels, aligned as in `look`."""
+        """Draw one line of text at the point `at`, (x, y) in pixels.
+
+        `look` is its size, colour and alignment to that point.
+        """
         pdf = self._pdf
         ((x, y),) = self._mm(np.array([at]))
         with pdf.local_context(text_color=_bytes(look.colour)):
@@ -202,7 +213,7 @@ class SvgCanvas:
         self._size, self._parts, self._clips = (width, height), list[str](), 0
 
     def document(self) -> str:
-        """Return the whole SVG file; equal drawings make equal files."""
+        """Return the drawing as the text of an SVG file; equal drawings give equal text."""
         wide, high = self._size
         return (
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {wide:g} {high:g}" '

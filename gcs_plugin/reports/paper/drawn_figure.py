@@ -57,10 +57,9 @@ class PlotArea:
 
 
 def size(made: Figure) -> tuple[float, float]:
-    """Return width and height of a figure on paper, in pixels.
+    """Return width and height, in pixels, of a figure on paper.
 
-    A map is half as wide as the page. Room for buttons below the figure is left out, as paper has
-    none.
+    A map is half as wide as the page. Space for buttons below the figure is cut, as paper has none.
     """
     layout = made.layout
     on_map = "scaleanchor" in layout["yaxis"]
@@ -70,7 +69,7 @@ def size(made: Figure) -> tuple[float, float]:
 
 
 def draw(made: Figure, canvas: Canvas) -> None:
-    """Draw the whole figure from the canvas's left top corner, in its `size`."""
+    """Draw the whole figure on the canvas, from its top left corner to the figure's `size`."""
     panels = _panels(made)
     for panel in panels.values():
         _axes(panel, canvas)
@@ -97,7 +96,10 @@ def draw(made: Figure, canvas: Canvas) -> None:
 
 
 def file_bytes(made: Figure, ending: str) -> bytes:
-    """Return the figure as an .svg or .pdf file; equal figures make equal bytes."""
+    """Return the figure as the content of a file: SVG for the `ending` .svg, else PDF.
+
+    Equal figures give equal bytes.
+    """
     wide, high = size(made)
     if ending == ".svg":
         drawing = SvgCanvas(wide, high)
@@ -119,7 +121,7 @@ def _whole(made: Figure) -> Box:
 
 
 def _panels(made: Figure) -> dict[str, PlotArea]:
-    """Return the plot areas by the name of their vertical axis in traces: y, y2 and so on."""
+    """Return the figure's plot areas by the name of their vertical axis in traces: y, y2, ..."""
     layout, (left, top, wide, high) = made.layout, _whole(made)
     found = {}
     for name in [n for n in layout if re.fullmatch(r"yaxis\d*", n)]:
@@ -147,7 +149,7 @@ def _panels(made: Figure) -> dict[str, PlotArea]:
 
 
 def _axes(panel: PlotArea, canvas: Canvas) -> None:
-    """Draw grid, axis lines, tick labels and titles."""
+    """Draw the grid, axis lines, tick labels and titles of one plot area."""
     left, top, wide, high = panel.box
     right, low = left + wide, top + high
     second_axis = panel.upright.get("side") == "right"  # a second axis of the same panel
@@ -241,7 +243,11 @@ def _colour_bar(marker: Mapping[str, Any], panel: PlotArea, canvas: Canvas) -> N
 def _note(
     note: Mapping[str, Any], panels: Mapping[str, PlotArea], whole: Box, canvas: Canvas
 ) -> None:
-    """Draw a text, and an arrow from it to its place if it has one."""
+    """Draw an annotation of plotly's layout, with an arrow from the text to its point if it has
+    one.
+
+    `whole` is the box of all plot areas, which positions relative to the paper refer to.
+    """
     x = _place(note["x"], note.get("xref", "x"), panels, whole, upright=False)
     y = _place(note["y"], note.get("yref", "y"), panels, whole, upright=True)
     x, y = x + note.get("xshift", 0.0), y - note.get("yshift", 0.0)
@@ -268,7 +274,11 @@ def _note(
 def _place(
     value: float, reference: str, panels: Mapping[str, PlotArea], whole: Box, *, upright: bool
 ) -> float:
-    """Return a note's place in pixels, from a value on an axis, or a share of a panel or figure."""
+    """Return the pixel of an annotation's coordinate `value`, vertical if `upright`.
+
+    By `reference`, as in plotly, it is a value on an axis ("x2"), a share of that axis's plot area
+    ("x2 domain"), or a share of the box `whole` ("paper").
+    """
     name, _, domain = reference.partition(" ")
     box = whole
     if name != "paper":
@@ -281,7 +291,10 @@ def _place(
 
 
 def _key(shown: Mapping[str, Trace], made: Figure, canvas: Canvas) -> None:
-    """Draw the legend, names and samples of the traces: at the top, or where the layout says."""
+    """Draw the legend, with name and sample of each trace in `shown`.
+
+    It is at the top, or where the figure's layout has it.
+    """
     left, top, wide, high = _whole(made)
     own = made.layout.get("legend", {})
     x, y, line = left, 12.0, 22.0
@@ -305,7 +318,7 @@ def _key(shown: Mapping[str, Trace], made: Figure, canvas: Canvas) -> None:
 
 
 def _sample(trace: Trace, at: tuple[float, float], canvas: Canvas) -> None:
-    """Draw the sample of a trace in front of its name."""
+    """Draw the sample of a trace for the legend, with its left end at `at` (x, y), pixels."""
     x, y = at
     span = Axis("linear", 0.0, 1.0, x, x + 34.0), Axis("linear", 0.0, 1.0, y + 6.0, y - 6.0)
     panel = PlotArea(*span, {}, {})
@@ -328,9 +341,10 @@ def _shades(stops: Sequence[Sequence[Any]], shares: Floats) -> list[Colour]:
 
 
 def colour_of(css: str) -> Colour:
-    """Return red, green and blue, 0 to 255, and the opacity, 0 to 1, if there is one.
+    """Parse a CSS colour: #rrggbb, rgb(...) or rgba(...).
 
-    Raises ValueError for a text that is neither #rrggbb nor rgb or rgba with numbers.
+    Return red, green and blue, 0 to 255, and the opacity, 0 to 1, if the text has one. Raises
+    ValueError for another text.
     """
     if re.fullmatch(r"#[0-9a-fA-F]{6}", css):
         return tuple(float(int(css[k : k + 2], 16)) for k in (1, 3, 5))

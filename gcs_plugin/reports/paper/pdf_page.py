@@ -53,7 +53,7 @@ def text_of(node: HtmlElement) -> str:
 
 
 def pdf_bytes(html: str, figures: Mapping[str, Figure], *, brief: bool = False) -> bytes:
-    """Return the page `html` as PDF; `figures`, by name, are drawn at their places in it.
+    """Return the page `html` as a PDF; `figures`, by name, are drawn at their places in it.
 
     `brief` leaves out elements of class "more", and puts several flights on a page.
     """
@@ -63,9 +63,9 @@ def pdf_bytes(html: str, figures: Mapping[str, Figure], *, brief: bool = False) 
 
 
 def _printable(html: str, pdf: FPDF) -> str:
-    """Replace letters that the fonts lack by a box, and append a list of them to the page.
+    """Replace characters that the PDF's fonts lack by a box, and append a list of them to the page.
 
-    A name that lacks letters must not look whole.
+    The list prevents that a name with a missing character is taken for another name.
     """
     cmaps = [getattr(font, "cmap", {}) for font in pdf.fonts.values()]
     lacking = {c for c in set(html) if not c.isspace() and any(ord(c) not in m for m in cmaps)}
@@ -90,7 +90,11 @@ class _Paper:
         )
 
     def block(self, node: HtmlElement) -> None:
-        """Lay out one element with its content."""
+        """Write one HTML element, with its children, to the PDF.
+
+        Elements that are for screens only are skipped, in the brief form also details. A further
+        flight begins on a new page; in the brief form only if it does not fit.
+        """
         classes = node.classes
         hidden = {"aside", "bar", "strip", "screen", *(("more",) if self._brief else ())}
         if node.tag in SILENT or hidden & set(classes):

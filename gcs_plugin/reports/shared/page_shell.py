@@ -39,12 +39,11 @@ _SHELL = "thrustmargin.gcs_plugin.reports.shared"
 
 
 def page_text(package: str, context: Mapping[str, Any], *, draws: bool = True) -> str:
-    """Return the HTML page made of `package`'s page.html in the frame common to all pages; figures
-    are drawn when they scroll into view.
+    """Return an HTML page made of the template page.html in `package`, within the common frame.
 
-    `context` holds the names that the template may use, besides the functions of `wording.numbers`
-    and the version of the software. The package's page.css, if it has one, follows that of all
-    pages. With `draws` False the page contains no script.
+    `context` holds the names that the template uses; the functions of `wording.numbers` and the
+    software's version are added. A page.css in the package follows the common one. With `draws`,
+    scripts draw a figure when it scrolls into view; without, the page has no script.
     """
     library, draw = b"", ""
     if draws:
@@ -63,7 +62,10 @@ def page_text(package: str, context: Mapping[str, Any], *, draws: bool = True) -
 
 @cache  # jinja2 takes 0.1 s to compile a page
 def _template(package: str, _language: str) -> jinja2.Template:
-    """Compile the page's template for a language; its own words are translated at that time."""
+    """Compile the template page.html of `package`; its fixed words are translated while compiling.
+
+    `_language` only separates the cached templates of different languages.
+    """
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(
             lambda name: _text(package if name == "page.html" else _SHELL, name)
@@ -88,10 +90,10 @@ def _template(package: str, _language: str) -> jinja2.Template:
 
 
 def with_heads(rows: Markup, heads: Sequence[str]) -> Markup:
-    """Return rows of a table whose cells have the heading of their column as `data-head`.
+    """Return the HTML table rows with their column's heading as attribute `data-head` of each cell.
 
-    On a phone a row becomes a card, and each cell displays its heading. `heads` are those of the
-    macro `table`.
+    On a phone, where a row is displayed as a card, each cell shows its heading. `heads` are in
+    English, as for the macro `table`.
     """
     spoken_heads = [escape(say(head.removeprefix("words:"))) for head in heads]
 
@@ -113,8 +115,10 @@ def _in_base64(data: bytes) -> Markup:
 
 
 def content_policy(*scripts: str) -> str:
-    """Return the Content-Security-Policy: no external content, and only `scripts`, by their
-    hashes."""
+    """Return a Content-Security-Policy that allows no external content and only these scripts.
+
+    `scripts` are the texts of the scripts, which are allowed by their hashes.
+    """
     hashes = " ".join(
         f"'sha256-{base64.b64encode(hashlib.sha256(s.encode()).digest()).decode()}'"
         for s in scripts
@@ -164,7 +168,10 @@ FORMULA = tuple("=+-@\t\r\uff1d\uff0b\uff0d\uff20")
 
 
 def csv_text(heads: Iterable[Any], rows: Iterable[Iterable[Any]]) -> str:
-    """Return rows under their heads as CSV; no text begins like a formula of a spreadsheet."""
+    """Return `heads` and `rows` as CSV.
+
+    A text that a spreadsheet would take for a formula gets an apostrophe in front.
+    """
     out = io.StringIO()
     writer = csv.writer(out)
     writer.writerow(heads)
@@ -199,10 +206,10 @@ def grid(
     caption: str = "",
     left: Sequence[int] = (0,),
 ) -> Table:
-    """Return a table for a terminal of 80 columns; columns `left` contain words, the others
-    numbers.
+    """Return a table for a terminal of 80 columns.
 
-    Texts of files are displayed as they are, without interpreting markup.
+    The columns with indices in `left` contain words, are left-aligned and wrap; the other columns
+    contain numbers. Texts are displayed without interpreting markup.
     """
     from rich.box import SIMPLE_HEAD
     from rich.table import Table

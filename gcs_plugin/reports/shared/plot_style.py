@@ -122,9 +122,10 @@ class Panel:
 def rotor_panels(
     names: Sequence[str], traces: Callable[[int, bool], Sequence[Trace | None]], **panel: Any
 ) -> list[Panel]:
-    """Return a panel for each rotor; `traces(rotor, legend)` makes those of a 0-based rotor.
+    """Return a panel for each rotor, titled with its number and its place in `names`.
 
-    `panel` are the properties that all share.
+    `traces(rotor, legend)` returns the lines of a rotor, counted from 0; `legend` is True for the
+    first rotor only. `panel` are properties that all panels share.
     """
     titles = [f"{say('rotor')} {k + 1}, {place_words(name)}" for k, name in enumerate(names)]
     return [
@@ -134,11 +135,10 @@ def rotor_panels(
 
 
 def single(values: Floats) -> NDArray[np.float32]:
-    """Round numbers for plotly.js to one part in 16 000: finer than a pixel, and packs to half the
-    size.
+    """Round numbers to one part in 16 000, so that they compress to half the size in the page.
 
-    The result is in single precision with the last ten bits zero; NaN stays NaN, which breaks a
-    line.
+    That is finer than a pixel. The result is in single precision with the last ten bits zero; NaN,
+    which breaks a line, stays NaN.
     """
     exact = np.array(values, dtype=np.float32)
     bits = exact.view(np.uint32)
@@ -154,10 +154,11 @@ def milliseconds(time_s: Floats) -> NDArray[np.float32]:
 
 
 def keep_extremes(values: Floats, buckets: int) -> NDArray[np.intp]:
-    """Return the indices of the rows of `values` (T,) to draw: first, least, greatest and last of
-    each of `buckets` runs of rows; all rows up to four a bucket.
+    """Return the indices of the rows of `values` (T,) to draw, so that peaks and gaps survive
+    thinning.
 
-    Peaks are preserved; a bucket with a NaN keeps one, so that the line breaks there.
+    The rows are divided into `buckets` equal runs, of which the first, least, greatest and last row
+    and one with NaN, if any, are kept. Return all indices if T is at most 4 * `buckets`.
     """
     rows = values.size
     if rows <= 4 * buckets:
@@ -175,8 +176,11 @@ def keep_extremes(values: Floats, buckets: int) -> NDArray[np.intp]:
 
 
 def keep_worst(score: Floats, buckets: int) -> NDArray[np.intp]:
-    """Return the index of the largest of (T,) `score` in each of `buckets` runs of rows of
-    nearly equal length; none for a run of NaN alone."""
+    """Return the index of the largest `score` (T,) in each of `buckets` runs of nearly equal
+    length.
+
+    A run that is NaN throughout has none.
+    """
     rows = score.size
     edges = np.linspace(0, rows, min(buckets, rows) + 1).astype(np.intp)
     which = np.repeat(np.arange(edges.size - 1), np.diff(edges))
@@ -194,8 +198,11 @@ def line(
     dash: str = "solid",
     legend: bool = True,
 ) -> Trace | None:
-    """Return a line of `values` (T,), thinned with its extremes kept; None without a finite
-    value."""
+    """Return a plotly line of `values` (T,) over `time_s` (T,), s, thinned with its extremes kept.
+
+    `name` is translated and labels the line; `legend`: list it in the legend. None without a finite
+    value.
+    """
     name = say(name)
     if not np.any(np.isfinite(values)):
         return None
@@ -220,10 +227,10 @@ def band(
     name: str = "",
     legend: bool = False,
 ) -> Trace | None:
-    """Return the filled area between two arrays (T,) over `time_s`, s, thinned to its extremes.
+    """Return the filled area between `lower` and `upper` (T,) over `time_s` (T,), s, thinned.
 
-    Rows where either is NaN are left out, so the area bridges them; None if no row has both.
-    `legend` shows `name` in the legend.
+    Extremes are kept. Rows where either is NaN are left out, so the area bridges them; None if no
+    row has both. `legend`: list `name` in the legend.
     """
     known = np.flatnonzero(np.isfinite(lower) & np.isfinite(upper))
     if not known.size:
@@ -237,9 +244,9 @@ def band(
 
 
 def filled(x: NDArray[Any], lower: Floats, upper: Floats, *, color: str, **shown: Any) -> Trace:
-    """Return the filled area between two finite arrays (N,) over `x` (N,), which is not rounded.
+    """Return the filled area between `lower` and `upper` (N,), both finite, over `x` (N,).
 
-    `shown` are plotly's properties.
+    `x` is used without rounding. `shown` are further properties of plotly's trace.
     """
     return scatter(
         np.concatenate([x, x[::-1]]),
@@ -250,9 +257,10 @@ def filled(x: NDArray[Any], lower: Floats, upper: Floats, *, color: str, **shown
 
 
 def below_limit(time_s: Floats, left: Floats, least: float) -> Trace | None:
-    """Return the filled band where less than the share `least` of thrust is left.
+    """Return the filled band between `left` (T,), % of thrust left, and the limit, where it is
+    below.
 
-    `left` (T,) is in %. None if it is NaN throughout.
+    `least` is the limit, a share. None if `left` is NaN throughout.
     """
     return band(
         time_s, np.fmin(left, 100 * least), np.full(left.size, 100 * least), color=OVER_FILL
@@ -275,7 +283,9 @@ def left_axis(title: str, left: Floats, least: float) -> dict[str, Any]:
 
 
 def in_tank(time_s: Floats, tank_kg: Floats, spraying: Floats, name: str) -> list[Trace | None]:
-    """Return the lines of the load on board over time, and of it while it is sprayed."""
+    """Return the lines of the tank level, kg, over time, s: one of all rows, one of rows while
+    spraying.
+    """
     sprayed = np.where(spraying > 0.5, tank_kg, np.nan)
     return [
         line(time_s, tank_kg, color=INK, name=name, width=2),
@@ -284,7 +294,11 @@ def in_tank(time_s: Floats, tank_kg: Floats, spraying: Floats, name: str) -> lis
 
 
 def over_time(panels: Sequence[Panel], *, end_s: float) -> Figure:
-    """Draw panels from top to bottom over one axis of log time; from an hour on it has hours."""
+    """Draw panels from top to bottom over one time axis, minutes and seconds since the log's start.
+
+    If `end_s`, the last time, s, is an hour or more, the axis shows hours too. A panel's limit is a
+    line across it, with its text at the right.
+    """
     whole = sum(panel.height_px for panel in panels) + GAP_PX * (len(panels) - 1)
     # Above a title of the first panel there is room for two lines of legend, as on a phone.
     margin = {"l": 80, "r": 84, "t": 92 if panels[0].title else 60, "b": 50}

@@ -34,11 +34,11 @@ def route_map(
     height: int,
     margin: Mapping[str, int],
 ) -> style.Figure:
-    """Draw the route through `place` (north and east (T,), m), coloured by values (T,).
+    """Draw the route through `place`, (north (T,), east (T,)), m, with points coloured by values.
 
-    `coloured`: name -> values and their badness, both (T,). Of each stretch the row of the most
-    badness is drawn. The first entry is visible; several have a button each. `form` is the format
-    of the number under the mouse, `height` and `margin` are in pixels.
+    `coloured` maps a name to (values, badness), both (T,). Each stretch of the route has a point at
+    its row of largest badness. The first entry is visible; with several, each has a button. `scale`
+    gives colours, `form` the number format of the hover text; `height` and `margin` are in pixels.
     """
     north, east = place
     placed = np.isfinite(north) & np.isfinite(east)
@@ -77,10 +77,11 @@ def add_surroundings(
     wind_speed: float,
     wind_from_deg: float,
 ) -> None:
-    """Draw the sprayed field's outline, the take-off, a scale bar and the wind (m/s), with a
-    legend.
+    """Add the outline of `field`, the take-off, a scale bar, the wind and a legend to the map
+    `made`.
 
-    `place` is north and east (T,), m, of the route; no background is fetched from a network.
+    `place` is the route, (north (T,), east (T,)), m, with at least one finite point. The wind, m/s
+    and the degrees it comes from, is left out if NaN. No background is fetched from a network.
     """
     placed = np.flatnonzero(np.isfinite(place[0]) & np.isfinite(place[1]))
     north, east = place[0][placed], place[1][placed]
@@ -113,7 +114,10 @@ def add_surroundings(
 
 
 def _buttons(names: list[str]) -> dict[str, Any]:
-    """Return a button for each trace of markers; they come after the one trace of the route."""
+    """Return plotly's buttons, one per name, each showing one of the traces after the first.
+
+    The first trace, the route's line, is always visible.
+    """
     return {
         "type": "buttons",
         "direction": "right",

@@ -32,11 +32,11 @@ INT32 = 6  # MAV_PARAM_TYPE
 
 
 def sent_values(values: NDArray[Any], kinds: NDArray[Any]) -> Floats:
-    """Return the true values (N,) of N messages PARAM_VALUE by `param_value` and `param_type` (N,).
+    """Return the true values (N,) of N PARAM_VALUE messages, from their float fields `param_value`.
 
-    ArduPilot sends an integer as a float; PX4 sends its 32 bits in the float's place (MAVLink's
-    parameter protocol, "bytewise"). Read as a float these bits are below 1 or not finite, so each
-    message shows its encoding, also before the first HEARTBEAT.
+    `kinds` (N,) is their `param_type`. ArduPilot sends an integer as a float; PX4 sends its 32 bits
+    in the float's place (MAVLink's parameter protocol, "bytewise"). Read as a float these bits are
+    below 1 or not finite, so each message shows its encoding, also before the first HEARTBEAT.
     """
     values = np.ascontiguousarray(values, dtype=np.float32)
     bits = (kinds == INT32) & (values != 0.0) & ~(np.abs(values) >= 1.0)
@@ -58,7 +58,11 @@ def motor_outputs(parameters: Mapping[str, float]) -> dict[int, int]:
 
 
 def moved_motors(parameters: Mapping[str, float], count: int) -> list[int]:
-    """List the motors, from 0, of the first `count` that are not on the output of equal number."""
+    """List the motors, from 0, of the first `count` that are not on the output of their own number.
+
+    SERVOn_FUNCTION states a motor's output. A motor on no output is listed only if the function of
+    the output of its number is set.
+    """
     on = motor_outputs(parameters)
     functions = [whole_number(parameters, f"SERVO{k + 1}_FUNCTION") for k in range(count)]
     return [k for k in range(count) if on.get(k, -1 if functions[k] is not None else k) != k]
@@ -104,13 +108,16 @@ class PulseRange:
     unit: str = "µs"  # of another protocol than pulses: "counts"
 
     def share(self, pulses: Floats) -> Floats:
-        """Return the output from 0 to 1, in the shape of `pulses`, µs; NaN for a pulse of 0."""
+        """Return the output, 0 to 1, of `pulses` in the range's unit; NaN for 0 or less."""
         share = np.clip((pulses - self.low_us) / (self.high_us - self.low_us), 0.0, 1.0)
         return np.where(pulses > 0, share, np.nan)
 
 
 def ranges_remark(ranges: Iterable[PulseRange]) -> Statement:
-    """Return the distinct ranges as a remark: "1000 to 2000 µs, assumed"."""
+    """Return the distinct ranges as a remark: "1000 to 2000 µs, assumed".
+
+    "assumed" stands for an empty `set_by`.
+    """
     distinct = (
         state(
             "pulse range", low=r.low_us, high=r.high_us, unit=r.unit, set_by=r.set_by or "assumed"
@@ -123,12 +130,16 @@ def ranges_remark(ranges: Iterable[PulseRange]) -> Statement:
 def pulse_ranges(
     parameters: Mapping[str, float], outputs: Sequence[int], *, bank: str = "MAIN"
 ) -> tuple[PulseRange, ...]:
-    """Return the range of each output in `outputs`, from 0; `bank` is PX4's "MAIN" or "AUX"."""
+    """Return the pulse range that parameters set for each servo output in `outputs`, from 0.
+
+    Where none is set it is 1000 to 2000 µs, with an empty `set_by`. `bank` is PX4's "MAIN" or
+    "AUX".
+    """
     return tuple(_stated(parameters, output + 1, bank) for output in outputs)
 
 
 def span_of(values: Iterable[Floats], before: Span = NOTHING_SENT) -> Span:
-    """Return the smallest and largest value above 0 in `values`, `before` included."""
+    """Return the least and the largest value above 0 of all arrays and `before`, else (inf, 0)."""
     low, high = before
     for sent in values:
         there = sent[sent > 0]
@@ -139,10 +150,11 @@ def span_of(values: Iterable[Floats], before: Span = NOTHING_SENT) -> Span:
 def ranges_of_span(
     span: Span, outputs: Sequence[int], parameters: Mapping[str, float], *, bank: str = "MAIN"
 ) -> tuple[PulseRange, ...]:
-    """Return the range of each motor output, by the protocol that a span of values fits.
+    """Return the range of each motor output, by the ESC protocol that fits the values sent.
 
-    Empty if it fits none. DShot values in flight may lie in the range of pulses, so timers set to
-    DShot are checked first.
+    `span` is the smallest and largest value sent to motors in the log, `outputs` are counted from
+    0, `bank` is PX4's "MAIN" or "AUX". Empty if no protocol fits. DShot values in flight may lie in
+    the range of pulses, so timers set to DShot are checked first.
     """
     low, high = span
     timers = (whole_number(parameters, f"PWM_{bank}_TIM{k}") for k in range(_TIMERS))
@@ -161,9 +173,10 @@ def ranges_of_span(
 
 
 def _stated(parameters: Mapping[str, float], number: int, bank: str) -> PulseRange:
-    """Return the first valid pulse range that parameters state for output `number`, from 1.
+    """Return the first valid pulse range that parameters set for output `number`, from 1.
 
-    An empty range without one. Its source is written with the common part once: MOT_PWM_MIN/MAX.
+    Without one it is 1000 to 2000 µs with an empty `set_by`. `set_by` contains the common part of
+    both names once: MOT_PWM_MIN/MAX.
     """
     for least, most in _pairs(parameters, number, bank):
         low, high = parameters.get(least, 0.0), parameters.get(most, 0.0)
@@ -175,7 +188,8 @@ def _stated(parameters: Mapping[str, float], number: int, bank: str) -> PulseRan
 def _pairs(parameters: Mapping[str, float], number: int, bank: str) -> Iterator[tuple[str, str]]:
     """Yield pairs of parameter names, of the lowest and highest pulse of output `number`, from 1.
 
-    The pair with the highest priority comes first; a parameter need not exist.
+    The pair with the highest priority comes first; a parameter need not exist. `bank` is PX4's
+    "MAIN" or "AUX".
     """
     hover = "Q_M_PWM_MIN" in parameters
     prefix = "Q_M_PWM_" if hover else "MOT_PWM_"

@@ -83,11 +83,14 @@ def reported_airframe(
     texts: Iterable[str] = (),
     layout: str | None = None,
 ) -> ReportedAirframe:
-    """Return the airframe that `parameters` describe.
+    """Return the airframe that a vehicle's `parameters` describe: layout (None if unreported),
+    quantities, rotor count, notes.
 
-    `highest_voltage`, V, is the battery's in a flight, NaN if unknown; `facts` are the log's kind
-    of vehicle, `texts` its status texts; a stated `layout` replaces the vehicle's own. Raise
-    AirframeError if the vehicle is no multirotor, or its frame is unknown.
+    `highest_voltage`, V, is the battery's in a flight, NaN if unknown; `facts` is what is known of
+    the vehicle (None: derived from parameters and `texts`, its status texts); a stated `layout`
+    replaces the vehicle's own. PX4's geometry, if it is set, replaces a layout by name. Another
+    number of motors than the layout's is only noted. Raise AirframeError if the vehicle is no
+    multirotor, or its frame is unknown.
     """
     facts = vehicle_facts(parameters, texts=texts) if facts is None else facts
     if refusal := facts.refusal("the vehicle"):
@@ -182,10 +185,10 @@ MOST_CELLS = 100
 def _battery(
     parameters: Mapping[str, float], highest_voltage: float, battery: StatedBattery
 ) -> dict[str, Quantity]:
-    """Return the nominal voltage by the stated number of cells, if `highest_voltage` allows that
-    number.
+    """Return {"nominal_voltage": V} by the first stated cell count that `highest_voltage` allows.
 
-    Otherwise use the cells that other settings and the voltage agree on.
+    Cells are stated by `battery` or BAT1_N_CELLS. Otherwise use the cells that other settings and
+    the voltage agree on; empty if nothing is known.
     """
     stated = [(battery.cells, in_english(battery.source))]
     stated += [
@@ -201,11 +204,11 @@ def _battery(
 def _cells_by_settings(
     parameters: Mapping[str, float], highest_voltage: float
 ) -> dict[str, Quantity]:
-    """Return the nominal voltage by the cell count that fits settings and the log's voltage best.
+    """Return {"nominal_voltage": V} by the cell count that best fits settings and voltage.
 
-    The count is marked as guessed if a single figure supports it, or if lithium polymer,
-    high-voltage and ion cells give different counts. Empty if no count of cells allows the voltage,
-    or nothing is known.
+    The count is marked as guessed if a single voltage supports it, or if lithium polymer,
+    high-voltage and lithium ion cells give different counts. Empty if no cell count allows the
+    voltages, or none is known. `highest_voltage`, V, is the log's, NaN if unknown.
     """
     volts = {
         f"{name} {parameters[name]:g}": (kind, parameters[name])
@@ -248,7 +251,10 @@ def _cells_by_settings(
 
 
 def _agreeing(volts: Iterable[tuple[str, float]], cells: int, chemistry: str) -> int:
-    """Count the voltages that are usual for `cells` cells of a chemistry."""
+    """Count the `volts`, (kind of setting, V), that are usual for a battery of `cells` cells.
+
+    `chemistry` is a key of _CHEMISTRIES.
+    """
     usual = _CHEMISTRIES[chemistry]
     return sum(
         abs(setting / cells - usual[kind]) < _MOST_SPREADS * _SPREAD[kind]
@@ -259,10 +265,12 @@ def _agreeing(volts: Iterable[tuple[str, float]], cells: int, chemistry: str) ->
 def _best_cells(
     volts: Sequence[tuple[str, float]], usual: Mapping[str, float]
 ) -> tuple[float, int] | None:
-    """Return (misfit in spreads, cell count) of the number of cells that fits `volts` best.
+    """Return (misfit, cell count) of the number of cells that fits the `volts`, (kind of setting,
+    V), best.
 
-    `usual` are the usual voltages of one chemistry by kind of setting, V a cell. None without
-    voltages, or if no count of cells allows them.
+    `usual` are the usual voltages of one chemistry by kind of setting, V a cell. The misfit is a
+    sum of deviations, each over its _SPREAD. None without voltages, or if no count of cells allows
+    them.
     """
     extra = 0.0 if usual is _CHEMISTRIES["LiPo"] else _LESS_USUAL
     fits = [
@@ -281,10 +289,10 @@ def _best_cells(
 
 
 def _possible(kind: str, setting: float, cells: int) -> bool:
-    """Return True if `cells` cells can have the voltage of a setting or the log; `kind` says of
-    which.
+    """Return True if `cells` cells in series can have the voltage `setting`, V.
 
-    Settings for an empty battery are often left at another battery's, and exclude nothing.
+    `kind` is "log" (at take-off), "MAX", "MIN" or "LOW". The last two, settings for an empty
+    battery, are often left at another battery's and exclude nothing.
     """
     volts = setting / cells
     if kind == "log":

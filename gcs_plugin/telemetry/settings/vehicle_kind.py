@@ -92,7 +92,8 @@ def vehicle_facts(
 ) -> VehicleFacts:
     """Return kind and rotors of a vehicle by its parameters, its MAV_TYPE and its status texts.
 
-    If not `whole`, more parameters may come, and motors are not counted from a part of them.
+    If not `whole`, more parameters may follow, and motors are not counted by SERVOn_FUNCTION until
+    1 to 16 are all known. Rotors are counted only of vehicles that rotors lift; else 0.
     """
     if not whole and any(f"SERVO{n}_FUNCTION" not in parameters for n in OUTPUTS):
         functions = {f"SERVO{n}_FUNCTION" for n in range(1, 33)}
@@ -109,10 +110,11 @@ def vehicle_facts(
 def _kind(
     parameters: Mapping[str, float], mav_type: int | None, texts: tuple[str, ...]
 ) -> tuple[VehicleKind, Evidence]:
-    """Return the kind of vehicle and the evidence for it, from parameters, MAV_TYPE and status
-    texts.
+    """Return the kind of vehicle and its evidence, from parameters, MAV_TYPE and status texts.
 
-    "unknown" and no evidence if these do not show it.
+    By `_program`; a multirotor with a helicopter's type or frame is "helicopter", a rover with a
+    boat's frame "boat", a plane with Q_ENABLE or three motor outputs or more "quadplane". "unknown"
+    and no evidence if these do not show it.
     """
     kind, evidence = _program(parameters, mav_type, texts)
     frame = whole_number(parameters, "FRAME_CLASS")
@@ -133,8 +135,13 @@ def _kind(
 def _program(
     parameters: Mapping[str, float], mav_type: int | None, texts: tuple[str, ...]
 ) -> tuple[VehicleKind, Evidence]:
-    """Return the kind and its evidence, by the first of boot text, vehicle type, airframe,
-    parameters."""
+    """Return the kind of a vehicle, and its evidence in words; "unknown" and "" if nothing shows
+    it.
+
+    The first of these decides: boot text, MAV_TYPE, CA_AIRFRAME (only with CA_ROTOR_COUNT),
+    SYS_AUTOSTART, parameters that only one kind of vehicle has. `mav_type` None is unreported;
+    `texts` are the vehicle's messages.
+    """
     for text in texts:
         boot = _BOOT.match(text)
         if boot:
@@ -156,9 +163,11 @@ def _program(
 def _rotors(
     parameters: Mapping[str, float], mav_type: int | None, texts: tuple[str, ...], *, winged: bool
 ) -> tuple[int, Evidence, Evidence]:
-    """Return the number of lifting rotors, its evidence, and contrary evidence; 0 if unknown.
+    """Return the number of lifting rotors, its evidence, and contrary evidence ("" without any).
 
-    `winged`: a quadplane. `mav_type` is the MAV_TYPE of its heartbeat, `texts` its status texts.
+    By ArduPilot's frame, unless fewer motor outputs are set than it has; else by these outputs, by
+    PX4's CA_ROTOR_COUNT (upward rotors only), by MAV_TYPE; 0 if unknown. `winged`: a quadplane.
+    `mav_type` is the MAV_TYPE of its heartbeat, `texts` its status texts.
     """
     on_output = motor_outputs(parameters)
     by_function = len(on_output) if set(on_output) == set(range(len(on_output))) else 0
@@ -191,7 +200,11 @@ def _counted(count: int, evidence: Evidence) -> Statement:
 def _by_frame(
     parameters: Mapping[str, float], texts: tuple[str, ...], *, winged: bool
 ) -> tuple[int, Evidence]:
-    """Return the number of motors of ArduPilot's frame and the evidence for it; 0 if unknown."""
+    """Return the number of motors of ArduPilot's frame and its evidence; 0 and "" if unknown.
+
+    The frame is FRAME_CLASS, of a quadplane (`winged`) Q_FRAME_CLASS, else a status text "Frame:
+    ...".
+    """
     name = "Q_FRAME_CLASS" if winged else "FRAME_CLASS"
     frame = whole_number(parameters, name)
     if count := FRAME_ROTORS.get(-1 if frame is None else frame, 0):

@@ -35,11 +35,14 @@ def aircraft_figures(
     seconds_to_empty: float,
     faulty: Collection[int] = (),
 ) -> dict[str, Any]:
-    """Return the figures of one row for the page, as JSON values.
+    """Return the figures of one row for the page, as JSON: the aircraft's, and in `rotors` a list
+    of each rotor's; None for an unknown number.
 
-    `faulty` are the numbers, from 1, of the rotors that have an alarm. A rotor is `unsure` if its
-    colour is that of too little thrust left but its number is not: by the lower end of its
-    interval, or by the hysteresis.
+    Margins (`left`) and outputs are shares, `empty_s` is s, places and `radius` are m. `faulty` are
+    the numbers, from 1, of the rotors that have an alarm; `seconds_to_empty` is NaN if unknown.
+    `worst` is the index, from 0, of the worst rotor, on the ground by the predicted margin. A rotor
+    is `unsure` if its colour is that of too little thrust left but its number is not: by the lower
+    end of its interval, or by the hysteresis.
     """
     airframe, airframe_match = row.analysis.model.airframe, row.analysis.airframe_match
     worst = row.worst[1]
@@ -47,7 +50,12 @@ def aircraft_figures(
         worst = int(np.nanargmin(row.margin_predicted))
     placed = row.analysis.placed
     places, radius = rotor_places(airframe) if placed else by_number(airframe.rotor_count)
-    track, margin, coloured, low_rotors = row.track, row.margin, row.coloured, row.too_little
+    track, margin, coloured, low_rotors = (
+        row.analysis.track,
+        row.margin,
+        row.coloured,
+        row.too_little,
+    )
     low, high = row.ends if row.flying else (row.margin, row.margin)
     rotors = [
         {
@@ -89,10 +97,10 @@ def aircraft_figures(
 
 
 def shown_margin(left: float, low: float, high: float) -> dict[str, int | None]:
-    """Return a margin and the ends of its interval, shares, in whole per cent; None for NaN.
+    """Return a margin and the ends of its interval, shares of 1, in whole per cent; None for NaN.
 
-    It is rounded down, as in the text of an alarm, so that a margin below the limit reads below it,
-    and number, colour and alarm agree. The upper end is rounded up.
+    Margin and lower end are rounded down, as in the text of an alarm, so that a margin below the
+    limit reads below it, and number, colour and alarm agree. The upper end is rounded up.
     """
     return {
         "percent": None if math.isnan(left) else percent_down(left),
@@ -102,11 +110,10 @@ def shown_margin(left: float, low: float, high: float) -> dict[str, int | None]:
 
 
 def rotor_places(airframe: Airframe) -> tuple[Floats, float]:
-    """Return the places of the rotors (R, 2), right and back in arm lengths, and their discs'
-    radius.
+    """Return the drawn places of the rotors (R, 2), right and back, and the radius of their discs.
 
-    Rotors at one place (coaxial pairs) are drawn side by side or one behind the other, whichever
-    leaves more room.
+    Both are in arm lengths; the radius is at most LARGEST. Rotors at one place (coaxial pairs) are
+    drawn side by side or one behind the other, whichever leaves more room.
     """
     if not airframe.rotor_count:
         return np.empty((0, 2)), LARGEST
@@ -124,8 +131,10 @@ def rotor_places(airframe: Airframe) -> tuple[Floats, float]:
 
 
 def by_number(rotors: int) -> tuple[Floats, float]:
-    """Return places and radius, as `rotor_places`, of rotors with unknown places: in rows by
-    number."""
+    """Return places (R, 2), right and back, and radius of rotors with unknown places.
+
+    They are in rows by number; the unit is the distance between two.
+    """
     number = np.arange(rotors, dtype=np.float64)
     return np.column_stack([number % IN_A_ROW, number // IN_A_ROW]) - [1.5, 0.0], 0.48
 
@@ -138,15 +147,16 @@ def _room(places: Floats) -> float:
 
 
 def _tank(row: ShownRow, airframe: Airframe) -> dict[str, Any]:
-    """Return the tank level in kg, and in litres by the airframe's density, 1 kg/L without one.
+    """Return the tank level in kg, litres and as a share, and the tank's capacity, as JSON.
 
-    A `capacity_l` of 0 means an aircraft without a tank.
+    Litres are by the airframe's density, 1 kg/L without one. A `capacity_l` of 0 means an aircraft
+    without a tank. `within_kg` is half the 90 % interval of an inferred level.
     """
-    kg, density = float(row.track.tank_kg[row.row]), airframe.liquid_density
+    kg, density = float(row.analysis.track.tank_kg[row.row]), airframe.liquid_density
     density = density if math.isfinite(density) and density > 0.0 else 1.0
     capacity = airframe.tank_volume_l
-    error = row.track.standard_errors.get("tank_kg")
-    kind = row.track.source("tank_kg").kind
+    error = row.analysis.track.standard_errors.get("tank_kg")
+    kind = row.analysis.track.source("tank_kg").kind
     return {
         "kg": known(kg),
         "litres": known(kg / density),
@@ -159,9 +169,12 @@ def _tank(row: ShownRow, airframe: Airframe) -> dict[str, Any]:
 
 
 def _lost(row: ShownRow) -> dict[str, Any]:
-    """Return the code of the effect of losing one rotor.
+    """Return as a JSON object what happens if a rotor is lost: `code`, redundancy `ratio`, `low`
+    and `high` end of its interval, and colour by the low end.
 
-    "cannot_tell" where the aircraft would stay up, but not by more than the error of redundancy.
+    `code`, in this order: "bad_part" or "no_data" if the redundancy is unknown; "sinks" below 1;
+    "cannot_tell" if only the low end is below 1; "holds" if the low end with yaw kept is 1 or more;
+    else "spins". Unknown numbers are None.
     """
     free, low, high = row.redundancy
     kept = float(row.analysis.redundancy_yaw_kept[row.row])
@@ -178,7 +191,7 @@ def _lost(row: ShownRow) -> dict[str, Any]:
 
 
 def _battery(row: ShownRow, airframe: Airframe) -> dict[str, Any]:
-    volts, count = float(row.track.voltage[row.row]), cell_count(airframe)
+    volts, count = float(row.analysis.track.voltage[row.row]), cell_count(airframe)
     return {"volts": known(volts), "cell": known(volts / count, 2) if count else None}
 
 

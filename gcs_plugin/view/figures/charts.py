@@ -52,10 +52,11 @@ class Speeds(NamedTuple):
 def chart_images(
     places: Sequence[str], speeds: Speeds, now_s: float, *, window_s: float, future_share: float
 ) -> list[dict[str, Any]]:
-    """Return one chart per rotor, R in all: number (1-based), place, and an SVG without text.
+    """Return a chart for each rotor of `places`, their names, as a dict of `number` (from 1),
+    `place` and `svg`.
 
-    The window is `window_s` s long; the share `future_share` of it lies after `now_s`, s of the
-    flight. The page sets the line colours.
+    The window is `window_s` s long; the share `future_share` of it is after `now_s`, on the clock
+    of `speeds`. The page sets the line colours.
     """
     start_s = now_s - (1 - future_share) * window_s
     rows = shown_rows(speeds.time_s, start_s, start_s + window_s)
@@ -73,7 +74,7 @@ def chart_images(
 
 
 def shown_rows(time_s: Floats, start_s: float, end_s: float) -> NDArray[np.intp]:
-    """Return the indices of the rows of (T,) times within a window, thinned to about POINTS.
+    """Return the rows at `time_s` (T,) from `start_s` to `end_s`, thinned to about POINTS.
 
     The stride is counted from the flight's first row, so that points do not change while the window
     moves.
@@ -94,9 +95,10 @@ def _svg(
     *,
     limits: tuple[float, float],
 ) -> str:
-    """Draw one rotor's interval, prediction and measurement (K,) at x places `across` (K,), as SVG.
+    """Draw one rotor's interval, prediction and measurement (K,), rpm, as SVG; NaN makes gaps.
 
-    `now` is the x place of the vertical line at the present time.
+    `across` (K,) are their x positions, `now` that of the vertical line at the present time;
+    `limits` are the lowest and highest rpm drawn.
     """
     low, high = limits
 
@@ -126,8 +128,9 @@ def _svg(
 
 
 def speed_range(given: Speeds) -> tuple[float, float]:
-    """Return the limits of the charts in rpm, whole hundreds that contain the rotor speeds in
-    flight.
+    """Return the lowest and highest rpm of the charts: whole hundreds around all speeds in flight.
+
+    0 to 3000 if none is known.
     """
     both = (given.measured, given.predicted)
     speeds = np.concatenate([speeds[given.flying].ravel() for speeds in both])
@@ -139,11 +142,11 @@ def speed_range(given: Speeds) -> tuple[float, float]:
 
 
 def timeline_colours(analysis: FlightAnalysis, least: float = 0.5) -> list[str]:
-    """Return the CSS colours of equally long parts of the flight, by the least thrust margin in
-    each.
+    """Return CSS colours of equally long parts of the flight, by the least margin in each.
 
-    They change at `least`, the share of thrust that must be left. Grey is a part on the ground, or
-    one without a known margin.
+    The colour scale turns at `least`, the share of thrust that must be left. Grey is a part on the
+    ground, or one without a known margin. There are at most STRETCHES parts; one grey for fewer
+    than two rows.
     """
     time_s = analysis.track.time_s
     use, _ = worst_rotor(analysis.known_utilisation)

@@ -64,10 +64,11 @@ class FillAdvice:
         self._loaded_v = math.nan  # V under load
 
     def fill(self, analysis: FlightAnalysis) -> NextFill | None:
-        """Return the largest fill for the next flight, in the air on the ground or a stated day.
+        """Return the largest fill for the next flight, in the air on the ground or on a stated day.
 
         After a flight with a bad part it has the reason "unsound" and no amount. None in flight,
-        without an air density, or where the airframe is not recognised."""
+        without an air density, or where the airframe is not recognised.
+        """
         model = analysis.model
         if analysis.track.flying[-1] or analysis.no_verdict:
             return None
@@ -98,8 +99,7 @@ class FillAdvice:
         return self._fill
 
     def text(self, fill: NextFill) -> str:
-        """Return the sentence on a fill, the day for which it holds, and a problem in reading that
-        day."""
+        """Return the sentence on `fill`, then the day it is for, then a problem in reading it."""
         if fill.reason == "unsound":
             return f"{say(UNSOUND)}."
         of_day = f"{day_line(self._day, self._loaded_v)}{self._problem}"
@@ -186,11 +186,10 @@ class PageState:
         return made
 
     def acknowledge(self, vehicle: int | None = None) -> None:
-        """Mark every active alarm as known to the pilot, and the answer of one vehicle's last
-        flight as seen.
+        """Mark all alarms as known to the pilot, and the answer of a last flight as seen.
 
-        It is the vehicle of number `vehicle`; for None the only one. Of several vehicles, answers
-        that are not first on the page were not seen.
+        That is vehicle `vehicle`; for None the only one, and none of several: answers that are not
+        first on the page were not seen.
         """
         fleet = self._summaries("")
         for one in fleet:
@@ -209,8 +208,12 @@ class PageState:
                         self._acknowledged(one.number, alarm)
 
     def answer(self, target: str) -> tuple[int, bytes] | None:
-        """Return status and JSON for the `target` of a request; None for a request of viser's
-        page.
+        """Return HTTP status and JSON for the `target` (path and query) of a request: the page's
+        state, a chart, or an action.
+
+        A state that names a client connects it to the tab. An action that is done gets 200 and an
+        empty object, without the page's token 403, a malformed or refused one 400. None for any
+        other path, which is viser's.
         """
         parts = urlsplit(target)
         asked = {name: given[0] for name, given in parse_qs(parts.query).items()}
@@ -243,8 +246,10 @@ class PageState:
     def state(self, tab: str = "") -> dict[str, Any]:
         """Return the whole state of a tab as JSON values.
 
-        It has vehicles, alarms (gravest first) and history (newest first). A vehicle that has left
-        stays until the answer of its last flight was seen.
+        Keys: `first` (the vehicle with the gravest first line, or None), `vehicles`, `alarms`
+        (gravest first), `history` (newest first), `left`, and further keys of the live or the
+        replayed page. A vehicle that has left stays in `vehicles` until the answer of its last
+        flight was seen; then it is in `left`.
         """
         heard = self._summaries(tab)
         fleet = [one for one in heard if not one.gone or one.finding]
@@ -295,7 +300,8 @@ class PageState:
         return {"number": one.number, "at": _at(self._clock() - round(one.silent * 1e6))}
 
     def _landed(self, one: VehicleSummary) -> dict[str, Any] | None:
-        """Return when the last flight ended, the s since then, and whether its answer is unseen.
+        """Return for the last flight `at` (its end, time of day), `ago_s` (s since then) and
+        `unseen` (its answer is not yet confirmed).
 
         None in the air, and without an answer.
         """
@@ -305,9 +311,12 @@ class PageState:
         return {"at": _at(one.landed_us), "ago_s": round(ago_s), "unseen": one.finding}
 
     def _vehicle(self, one: VehicleSummary) -> dict[str, Any]:
-        """Return the state of an aircraft, with its figures and their age where any are known.
+        """Return the state of an aircraft as JSON: number, age, s, texts for the page, `level`, the
+        last flight's answer as `flight`, and `figures`.
 
-        The age is None for a recorded flight.
+        `figures` is None before the first row; with an outlook it also has the least margin on the
+        remaining route and the margin with a full tank, shares. The age is None, and `flight` too,
+        for a recorded flight. `fill` is empty if the first line says it already.
         """
         answer = None if one.whole is not None else one.answer
         entry = {
@@ -351,8 +360,11 @@ class PageState:
 
 
 def field_state(names: Sequence[str], shown: Overlay, camera: Camera) -> dict[str, Any]:
-    """Return the state of the 3D view's controls as JSON: names of the route's colourings, the
-    shown one with its legend, and the cameras."""
+    """Return the state of the 3D view's controls as JSON.
+
+    Keys: `colours` (the `names` of the route's overlays), `colour` (name of the overlay `shown`),
+    `legend` (of that), `cameras` (all) and `camera` (the chosen one).
+    """
     return {
         "colours": list(names),
         "colour": shown.name,

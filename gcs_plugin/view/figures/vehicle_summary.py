@@ -104,15 +104,16 @@ class VehicleSummary:
 
     @property
     def first_line(self) -> tuple[str, str, Level]:
-        """Return headline, reason and level of the gravest alarm, else of the flight.
+        """Return headline, reason and level of the most important statement on the aircraft.
 
-        In the air the gravest alarm comes first, with the action for now. After landing it is what
-        was found in the flight, with the action before the next one: an alarm of the link or of the
-        past flight does not replace it. For an unknown aircraft it is the result that needs no
-        airframe; a notice does not replace it. Before the flight it is the fill on board against
-        the largest, in grey or red. Without any the headline is empty: the page then says that
-        there is no alarm, in green only in the air, where the thrust left of all rotors is known to
-        be enough, and where nothing says that the loss of one would bring it down.
+        For a recorded flight it is as `_recorded` says. In the air it is the gravest alarm, with
+        the action for now; with a red or amber finding of the flight, or the result of an unknown
+        aircraft, only an alarm of WARNING or graver, else the finding or the result (grey). On the
+        ground it is the finding, with the action before the next flight. There an alarm of WARNING
+        or graver leads, unless it is of a bad rotor or motor (OF_PARTS), or the aircraft was
+        damaged or lost. Before a flight it is the fill on board against the largest. With no
+        statement the headline is empty and the level grey, but green in the air with enough thrust
+        left on all rotors and no known risk from the loss of one.
         """
         if self.whole is not None:
             return self._recorded(self.whole)
@@ -139,14 +140,19 @@ class VehicleSummary:
         return "", self.pending, "green" if calm else "grey"
 
     def _leads(self, answer: FlightAnswer) -> bool:
-        """Return True if a flight's answer comes before the alarms that are listed on the
-        ground."""
+        """Return True if a flight's answer is displayed before the alarms on the ground.
+
+        It is if the aircraft was damaged or lost, or if no other alarm is a warning or graver.
+        """
         others = (a for a in self.alarms if a.severity <= WARNING and a.name not in OF_PARTS)
         return answer.level in (FlightLevel.DAMAGED, FlightLevel.LOST) or not any(others)
 
     def _alarmed(self, answer: FlightAnswer | None, level: Level) -> tuple[str, str, Level]:
-        """Return the first line for the gravest alarm: its action, then every grave alarm in
-        full."""
+        """Return headline, reason and level for the gravest alarm: its action, then every grave
+        alarm in full.
+
+        `answer` is that of the flight, if any, of `level`; if that is red, the level is red.
+        """
         first, *rest = self.alarms
         rotors = first.rotors or tuple(filter(None, (first.rotor,)))
         places = () if self.row is None else self.row.analysis.places
@@ -162,10 +168,10 @@ class VehicleSummary:
         return headline, " · ".join(reasons), worse
 
     def _recorded(self, whole: FlightAnswer) -> tuple[str, str, Level]:
-        """Return the first line for a recorded flight: the action before the next one.
+        """Return headline, reason and level for a recorded flight: the action before the next one.
 
-        It is equal at every time of the replay. The action that an alarm asked for then is of no
-        use now, so the alarm follows with the other reasons.
+        It is equal at every time of the replay, unless there is an alarm and the answer `whole` is
+        not red. The action for an alarm is of no use any more, so only the alarm itself is named.
         """
         level = verdict_level(whole)
         # Not green before it is known whether there were alarms.
@@ -180,16 +186,16 @@ class VehicleSummary:
         return headline, because or self.pending, "grey" if unsure else level
 
     def _before_take_off(self, row: ShownRow) -> tuple[str, str, Level]:
-        """Return the first line on the ground: the fill on board against the largest, red if it is
-        more.
+        """Return headline, reason and level on the ground: the fill on board against the largest.
 
-        While the motors run, the check of the run-up follows.
+        Red if it is more, else grey; no headline where the largest is unknown. While the motors
+        run, the check of the run-up follows.
         """
         check = None if self.update is None else self.update.takeoff
         run_up = "" if check is None or check.ended else check_line(check)
         if self.largest is None:
             return "", _joined(run_up, self.pending), "grey"
-        headline, over = before_take_off(self.largest, float(row.track.tank_kg[row.row]))
+        headline, over = before_take_off(self.largest, float(row.analysis.track.tank_kg[row.row]))
         return headline, _joined(run_up, self.fill), "red" if over else "grey"
 
     @property
@@ -205,8 +211,12 @@ def verdict_level(answer: FlightAnswer) -> Level:
 
 
 def _found(answer: FlightAnswer, level: Level, rest: Sequence[str]) -> tuple[str, str, Level]:
-    """Return the first line for a flight's finding: short action; then finding, full action and
-    `rest`."""
+    """Return headline, reason and level for a flight's finding.
+
+    The headline is the short action, or the finding if there is none; the reason has the finding
+    (unless it is the headline), the full action or else why, and `rest`. `level` is returned
+    unchanged.
+    """
     headline = answer.glance or answer.headline
     finding = _sentence(sentence(answer.headline)) if answer.glance else ""
     do = _sentence(answer.action or answer.why)

@@ -78,7 +78,7 @@ def asked_for(connection: ServerConnection, request: Request, token: str) -> Res
     """Return the response that ends a request, or None if its cookie holds the valid `token`.
 
     A request for the page with the token in its address is redirected to the page and given the
-    cookie; any other one is answered 401, with a page that asks for the token.
+    cookie; any other one is answered 401, with a page where the user can type the token.
     """
     name = f"thrustmargin_{connection.local_address[1]}"  # cookies do not distinguish ports
     cookies = SimpleCookie()
@@ -123,9 +123,9 @@ def refusal(headers: Any, *, loopback_only: bool) -> str | None:
 
 
 def names_this_machine(host: str, *, loopback_only: bool) -> bool:
-    """Return True if a Host header is `localhost` or an IP address.
+    """Return True if a Host header, with or without a port, is `localhost` or an IP address.
 
-    No foreign name server can forge these. With `loopback_only` it must be a loopback address.
+    No foreign name server can forge these. With `loopback_only` an address must be a loopback one.
     """
     name, _, port = host.rpartition(":") if not host.endswith("]") else (host, "", "")
     if not name:
@@ -142,9 +142,9 @@ def names_this_machine(host: str, *, loopback_only: bool) -> bool:
 
 
 def page_headers(host: str) -> dict[str, str]:
-    """Return the headers of every page: no content from elsewhere, no frame around it.
+    """Return the security headers of every page: no content from elsewhere, no frame around it.
 
-    `host` must have been checked.
+    `host` is the request's Host header, which `names_this_machine` must have accepted.
     """
     return {
         "Content-Security-Policy": (
@@ -159,7 +159,11 @@ def page_headers(host: str) -> dict[str, str]:
 
 
 def open_port(host: str, port: int) -> socket.socket:
-    """Open a listening socket on exactly this host and port (0: any free one). Raises LinkError."""
+    """Open a listening TCP socket on exactly this host and port (0: any free one).
+
+    Raise LinkError, with the remedy, for an unknown host, an address of another computer, a port
+    that is in use, not allowed or out of range.
+    """
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         return socket.create_server((host, port), family=family, backlog=64)
@@ -203,9 +207,11 @@ def guarded_server(
     addition: PageAddition | None = None,
     door: Door | None = None,
 ) -> viser.ViserServer:
-    """Start a viser server behind the checks of this file.
+    """Start a viser server on `host` and `port` behind the checks of this file.
 
-    Raises LinkError when the port cannot be opened, or when others could reach it without a token.
+    `addition` adds text and answers to the page; `door` may end a request with its own response,
+    such as one that requires a token. Raise LinkError if the port cannot be opened, if others could
+    reach it and there is no `door`, or if the server does not refuse a foreign page.
     """
     import viser
     import viser._messages as messages
@@ -263,7 +269,12 @@ def stop_server(server: viser.ViserServer) -> None:
 def _handed_to_viser(
     listening: socket.socket, loopback_only: bool, addition: PageAddition | None, door: Door | None
 ) -> Iterator[None]:
-    """Make viser, while it starts, use the guarded WebSocket server on the socket `listening`."""
+    """Make viser, while the block runs, start its WebSocket server on the socket `listening`; then
+    restore the library's own server.
+
+    Its requests pass the checks of this file; with `loopback_only` they must name a loopback
+    address. `addition` answers some of them; `door` may end them with its own response.
+    """
     import websockets.asyncio.server as server_module
 
     plain = server_module.serve
@@ -330,7 +341,10 @@ def _added(
 
 
 def _check_the_door(server: viser.ViserServer, port: int) -> None:
-    """Send a request as a foreign page would. Raises LinkError unless the server refuses it."""
+    """Send a request as a foreign page would to the server's `port`, which must refuse it (403).
+
+    Raise LinkError if it accepts the request or does not answer.
+    """
     request = urllib.request.Request(
         f"http://{address_of(server.get_host())}:{port}/", headers={"Host": "elsewhere.invalid"}
     )

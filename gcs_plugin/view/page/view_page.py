@@ -94,9 +94,9 @@ class ViewPage(ABC):
         return f"http://{address_of(self._host)}:{self._server.get_port()}{ends}"
 
     def phone_page(self) -> dict[str, str] | None:
-        """Return keys `url` and `code`: the page's address with token for a phone, and its QR code.
+        """Return `url`, the page's address with token for a phone, and `code`, its QR code (SVG).
 
-        None where no phone in the network can reach the page.
+        None where no phone in the network can reach the page, or it is not open.
         """
         own = network_address(self._host)
         if own is None or self._server is None:
@@ -133,8 +133,10 @@ class ViewPage(ABC):
             stop_server(server)
 
     def announce(self, *, browser: bool) -> None:
-        """Print where the page is, warn when others can reach it, and open the browser if asked
-        to."""
+        """Print the page's address, and a warning if other computers can reach it.
+
+        `browser`: open it in the browser too, where there is a screen.
+        """
         print(f"{self._what} at {self.url} - Ctrl-C ends it", flush=True)
         if not is_loopback(self._host):
             print(
@@ -231,8 +233,10 @@ class Tabs(Generic[Of]):
         self.shared = new("")
 
     def of(self, name: str) -> Of:
-        """Return the tab of this name, a new one at its first request; safe to call from any
-        thread."""
+        """Return the tab of this name, at first a new one; the shared one for "".
+
+        Of more than MOST_TABS the one unused longest is forgotten. Safe to call from any thread.
+        """
         if not name:
             return self.shared
         with self._lock:
@@ -253,10 +257,11 @@ class Tabs(Generic[Of]):
             return list(self._tabs.values())
 
     def drawn(self, server: viser.ViserServer, shared: Scene) -> tuple[list[Of], list[Of]]:
-        """Return the tabs to draw (the connected ones, else the shared one), and the new ones of
-        them.
+        """Return the tabs to draw, and the tabs that got a scene in this call.
 
-        A tab with a new connection gets a new scene; a tab that lost its connection gets None.
+        Drawn are the tabs that viser has connected, else the shared one, whose scene is `shared`
+        (given to it in the first call, whether it is drawn or not). A tab whose wanted connection
+        exists gets a new scene over it; a tab that lost its connection loses its scene.
         """
         clients, new = server.get_clients(), []
         shared.keep_clients(clients)

@@ -105,7 +105,7 @@ class VehicleNode:
         return discs
 
     def _add_rings(self, scene: SceneApi) -> list[Any]:
-        """Add a red ring about each rotor, visible while the rotor has an alarm."""
+        """Add a hidden red ring about each rotor, for alarms; return the R rings."""
         ring = 1.05 * disc_radius(self._airframe) * unit_disc()[0][1:] + [0.0, 0.0, 0.03]
         sides = np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)
         names = [f"{self._root}/fault_{i + 1}" for i in range(len(self._rotors))]
@@ -141,11 +141,8 @@ class VehicleNode:
     def show(
         self, row: ShownRow, faulty: frozenset[int] = frozenset(), *, old: bool = False
     ) -> None:
-        """Place the aircraft as in `row`, with its colours. It is hidden without a position.
-
-        `faulty` are the numbers, from 1, of the rotors with an alarm. Rotors of an `old` row have
-        the colour of no data, and so have those with unknown places, without number and ring.
-        """
+        """Place the aircraft where `row` has it, with its attitude and colours. It is hidden
+        without a position."""
         known = row.analysis.placed
         faulty = faulty if known else frozenset()
         if faulty != self._faulty:
@@ -173,7 +170,7 @@ class VehicleNode:
                 label.visible = shown
             text = rotor_label(i, margin[i]) if self._detailed else str(i + 1)
             label.text = f"! {text}" if i + 1 in faulty else text
-        self._show_tank(row.track.tank_kg[row.row])
+        self._show_tank(row.analysis.track.tank_kg[row.row])
 
     def _show_tank(self, tank_kg: float) -> None:
         level = tank_level(tank_kg, self._airframe.tank_capacity_kg)
@@ -218,10 +215,10 @@ def unit_disc() -> tuple[Floats, np.ndarray]:
 
 
 def spin_segments(rotors_flu: Floats, radius: float, spin: Floats) -> Floats:
-    """Return lines (N, 2, 3), m, of an arc with an arrow head over each disc, in the spin's
-    direction.
+    """Return lines (N, 2, 3), m, of an arc with an arrow head over each disc, by its spin.
 
-    `spin` is +1 counter-clockwise; `rotors_flu` (R, 3) is forward, left, up.
+    `rotors_flu` (R, 3) are positions forward, left, up, m; `radius` is the discs', m; `spin` (R,)
+    is +1 for counter-clockwise, else -1.
     """
     lines = []
     for centre, turn in zip(rotors_flu, spin, strict=True):

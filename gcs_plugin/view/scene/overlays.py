@@ -40,8 +40,12 @@ class Overlay:
     extreme: str = "worst"  # what its worst value is called
 
     def at(self, row: int, time_s: float, rotor_names: Sequence[str]) -> dict[str, Any]:
-        """Return the value of a row, with rotor and time, as JSON for the page: 53 %, rotor 1,
-        2:31."""
+        """Return the value of row `row` as a JSON object for the page, with its rotor and time.
+
+        Keys: `extreme` (what the worst value is called), `value` (text with unit, "no data" if
+        unknown), `number` (of the rotor, from 1), `place` (the rotor's name) and `time` (`time_s`,
+        s, as clock text). `number` is None and `place` "" where the value is not a rotor's.
+        """
         whose = np.nan if self.rotor is None else self.rotor[row]
         rotor = int(whose) if np.isfinite(whose) else None
         return {
@@ -61,10 +65,11 @@ class Overlay:
 
 
 def overlays_of(analysis: FlightAnalysis, least: float = 0.5) -> tuple[Overlay, ...]:
-    """Return thrust left, redundancy and residual of an analysis, in the order of the switch.
+    """Return the overlays thrust left, redundancy and residual of an analysis, in this order.
 
     `least` is the share of thrust that must be left, at which the colours of thrust left change.
-    Where no rotor was measured the predicted value is used, and the note states its share.
+    Where no rotor was measured the predicted value is used; a note states the measured share of the
+    rows.
     """
     use = analysis.known_utilisation
     load, rotor = worst_rotor(use)
@@ -90,7 +95,7 @@ def overlays_of(analysis: FlightAnalysis, least: float = 0.5) -> tuple[Overlay, 
 
 
 def planned_overlays(analysis: FlightAnalysis, limit: float) -> tuple[Overlay, ...]:
-    """Return thrust left, redundancy and tank of a plan that is not flown yet.
+    """Return the overlays thrust left, redundancy and tank, kg, of a plan that is not flown yet.
 
     `limit` is the largest share of a rotor's maximum thrust that may be in use.
     """
@@ -118,10 +123,10 @@ def speed_overlay(track: FlightTrack) -> Overlay:
 
 
 def before_and_after(before: FlightAnalysis, after: FlightAnalysis) -> tuple[Overlay, Overlay]:
-    """Return the residual, rpm, of one flight under two models, with one colour scale.
+    """Return overlays of the residual, rpm, of one flight under two models, on one colour scale.
 
-    The scale ends at the value that 98 % of the rows under the first model do not exceed. Raises
-    DataError when the two are of different flights.
+    The scale ends at the value that 98 % of the rows in flight under the first model do not exceed.
+    Raise DataError if the two are of different flights.
     """
     if before.track is not after.track:
         raise DataError(
@@ -141,10 +146,9 @@ def _residual(name: str, analysis: FlightAnalysis, note: str = "") -> Overlay:
 
 
 def residual_limit(residual_rpm: Floats, flying: Bools) -> float:
-    """Return the 98 % quantile, rpm, of absolute residuals (T,) in flight, the end of the colour
-    scale.
+    """Return the end of the residual's colour scale: the 98 % quantile, rpm, of its size (T,).
 
-    At least 1; 1 where no residual is known.
+    Only rows that `flying` (T,) flags count. At least 1; 1 where no residual is known.
     """
     size = np.abs(residual_rpm)[flying & np.isfinite(residual_rpm)]
     return max(1.0, float(np.quantile(size, 1.0 - BEYOND_SCALE))) if size.size else 1.0
@@ -156,8 +160,10 @@ def _model_note(analysis: FlightAnalysis) -> str:
 
 
 def _basis_note(analysis: FlightAnalysis, known: Bools) -> str:
-    """Return a note on the share of rows in flight, of those `known` (T,), in which a rotor was
-    measured."""
+    """Return a note on the share of rows in which a rotor's speed was measured.
+
+    Only rows in flight that `known` (T,) flags count; empty without any.
+    """
     flying, basis = analysis.track.flying, analysis.speed_basis
     rows = known[flying]
     if not rows.any():

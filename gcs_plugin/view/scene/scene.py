@@ -114,7 +114,11 @@ class Scene:
             self._look()
 
     def set_ground(self, positions_enu: Floats, ground: float) -> None:
-        """Fit grid, camera and the aircraft's drawn size to (T, 3) positions and `ground`, m."""
+        """Fit grid, camera and the aircraft's drawn size to positions (T, 3), m east, north, up.
+
+        The grid lies at height `ground`, m. Positions with NaN are ignored; without any other the
+        extent stays.
+        """
         known = positions_enu[np.all(np.isfinite(positions_enu), axis=1)]
         if known.size:
             self._low, self._high = known.min(axis=0), known.max(axis=0)
@@ -149,9 +153,10 @@ class Scene:
             one._fit_like(self)
 
     def hold(self, points_enu: Floats) -> None:
-        """Enlarge ground and overview where points (N, 3), m, are outside of them.
+        """Enlarge ground and overview where points (N, 3), m east, north, up, are outside of them.
 
-        They grow by more than needed, so that the picture does not move all the time.
+        The first call fits them to its points. Later they grow by 5 m more than needed, so that the
+        picture does not move all the time. N must not be 0.
         """
         low, high = points_enu.min(axis=0), points_enu.max(axis=0)
         if self._held is None:
@@ -170,7 +175,8 @@ class Scene:
         return max(float(np.max(self._high - self._low)) / 2, 5.0)
 
     def set_field(self, field: Field | None) -> None:
-        """Draw the sprayed ground, its outline and the swath lines; None draws nothing."""
+        """Draw the sprayed ground, its outline and the swath lines; None, or a field without
+        swaths, draws nothing."""
         if field is None or not field.swaths_ned:
             return
         if not field.ground.is_empty:
@@ -197,10 +203,10 @@ class Scene:
         self._lines("/world/swaths", flat, FIELD_GREEN, 2.0)
 
     def set_plan(self, key: str, points_enu: Floats, ground: float) -> None:
-        """Draw an aircraft's planned path through (W, 3) places in m, flat on the `ground`, m.
+        """Draw the planned path of aircraft `key`, flat at the height `ground`, m.
 
-        With fewer than two places a path drawn before is removed. Legs of a large plan that no
-        picture of it can distinguish are drawn once.
+        `points_enu` (W, 3) are its places, m; with W below 2 a path drawn before is removed. Legs
+        of a large plan that no picture of it can distinguish are drawn once.
         """
         name = f"/world/plan_{key}"
         legs = distinct_legs(points_enu[:, :2])
@@ -213,8 +219,10 @@ class Scene:
             self._planned.remove(name)
 
     def set_route(self, key: str, points_enu: Floats, values: Floats, scale: ColourScale) -> None:
-        """Draw an aircraft's flown segments (S, 2, 3), m, in the colours of values (S,) on
-        `scale`."""
+        """Draw aircraft `key`'s flown segments (S, 2, 3), m east, north, up, replacing others.
+
+        Segment k has the colour of `values[k]`, of S values, on `scale`.
+        """
         ends = np.repeat(sent_for(scale.screen(values))[:, None], 2, axis=1)
         line = self._routes.get(key)
         if line is not None and len(line.points) == len(points_enu):
@@ -244,8 +252,10 @@ class Scene:
         self._pin.visible = self._pinned and self.camera is Camera.FIELD and not self._covered
 
     def in_world(self, origin: Sequence[float], ray: Sequence[float]) -> tuple[Floats, Floats]:
-        """Convert a ray of the page, its origin (3,), m, and direction (3,), to coordinates of the
-        moving world."""
+        """Convert a ray of the page to coordinates of the world, which a camera moves.
+
+        `origin` (3,) is in m, `ray` (3,) a direction; return both as arrays (3,).
+        """
         turn = SO3(self._world.wxyz).inverse()
         both = np.array([np.asarray(origin) - self._world.position, ray], dtype=np.float64)
         start, way = both @ turn.as_matrix().T
@@ -257,7 +267,7 @@ class Scene:
         self._rescale()
 
     def add_name(self, key: str) -> LabelHandle:
-        """Add the name of an aircraft, hidden until it is placed."""
+        """Add and return a label with an aircraft's name `key`, hidden until it is placed."""
         return self._api.add_label(
             f"/world/name_{key}",
             key,
@@ -275,7 +285,7 @@ class Scene:
         faulty: frozenset[int] = frozenset(),
         old: bool = False,
     ) -> None:
-        """Move one aircraft to `row`; with `focus` a following camera moves with it.
+        """Move the aircraft `key` to `row`; with `focus` a following camera moves with it.
 
         `faulty` are the numbers, from 1, of the rotors with an alarm. Rotors of an `old` row have
         no colour.
@@ -314,7 +324,11 @@ class Scene:
         self._look()
 
     def _centre_on(self, position_enu: Floats, wxyz: Floats) -> None:
-        """Move the world so that the aircraft is in the origin (nose to the north)."""
+        """Move the world so that the position (3,), m east, north, up, is at the page's origin.
+
+        `wxyz` (4,) is the aircraft's attitude; the chase camera also turns its nose north. Nothing
+        moves where the position is unknown.
+        """
         if not np.all(np.isfinite(position_enu)):
             return
         forward = self.camera is Camera.CHASE and bool(np.all(np.isfinite(wxyz)))
@@ -332,8 +346,7 @@ class Scene:
         self._note.text = ", ".join(dict.fromkeys(note))
 
     def _look(self) -> None:
-        """Aim this scene's browser as the chosen camera; without a browser, all pages that open
-        later."""
+        """Aim the camera of this scene's browser; without one, of all pages that open later."""
         if self._client is not None:
             self._aim(self._client)
             return
@@ -342,7 +355,10 @@ class Scene:
         self._server.initial_camera.look_at = tuple(look_at)
 
     def _keep_fitted(self, client: ClientHandle) -> None:
-        """Aim now, and again when the picture's shape changes: panels dock, windows are resized."""
+        """Aim the browser's camera now, and again when its picture's shape changes.
+
+        It does when panels dock or the window is resized.
+        """
         fitted = [client.camera.aspect]
 
         def refit(camera: CameraHandle) -> None:
@@ -361,8 +377,9 @@ class Scene:
             client.camera.look_at = look_at
 
     def _view(self, aspect: float) -> tuple[Floats, Floats]:
-        """Return camera position and look-at point; `aspect` is the picture's width over its
-        height.
+        """Return camera position and look-at point, (3,) m, for the chosen camera.
+
+        `aspect` is the picture's width over its height.
         """
         if self.camera is Camera.FIELD:
             return overview(self._low, self._high, aspect)
@@ -375,10 +392,10 @@ class Scene:
 
 
 def row_hit(points_enu: Floats, among: Bools, origin: Floats, ray: Floats) -> int | None:
-    """Return the index of the (T, 3) point, m, flagged by `among` (T,), nearest to a ray from
-    `origin`.
+    """Return the index of the point nearest to a ray by angle, among those that `among` (T,) flags.
 
-    None where no point is within two degrees of the ray, a finger's width on a phone.
+    `points_enu` (T, 3), `origin` (3,) in m; `ray` (3,) is a direction of any length. None where no
+    such point is in front and within two degrees of the ray, a finger's width on a phone.
     """
     away = points_enu - origin
     ray = ray / np.linalg.norm(ray)
@@ -391,16 +408,17 @@ def row_hit(points_enu: Floats, among: Bools, origin: Floats, ray: Floats) -> in
 
 
 def grid_cell(extent: float) -> float:
-    """Return the side of a grid cell, m: 1, 2 or 5 times a power of ten, about 20 across 2 x
-    `extent`.
-    """
+    """Return the side of a grid's cell, m: the 1, 2, 5 or 10 x power of ten nearest extent / 10."""
     raw = extent / 10
     power = 10.0 ** np.floor(np.log10(raw))
     return float(power * min((1, 2, 5, 10), key=lambda m: abs(m * power - raw)))
 
 
 def fill(ground: shapely.MultiPolygon) -> tuple[Floats, np.ndarray]:
-    """Return (V, 2) east, north vertices and (F, 3) faces that fill the ground (north, east)."""
+    """Triangulate the ground, whose coordinates are north, east, m, without its holes.
+
+    Return vertices (V, 2), m east, north, and triangles (F, 3), indices of vertices.
+    """
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(ground))
     corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3, ::-1].reshape(-1, 2)
     return corners, np.arange(len(corners)).reshape(-1, 3)

@@ -45,23 +45,19 @@ class ShownRow:
     low: Bools | None = None
 
     @property
-    def track(self) -> FlightTrack:
-        return self.analysis.track
-
-    @property
     def position_enu(self) -> Floats:
         """Return the position (3,) in the scene, m east, north and up."""
-        return enu(self.track.position_ned[self.row] + self.offset_ned)
+        return enu(self.analysis.track.position_ned[self.row] + self.offset_ned)
 
     @property
     def wxyz(self) -> Floats:
         """Return the quaternion (4,), w first, that turns the vehicle frame into the scene
         frame."""
-        return wxyz_from_attitude(self.track.attitude[self.row])
+        return wxyz_from_attitude(self.analysis.track.attitude[self.row])
 
     @property
     def flying(self) -> bool:
-        return bool(self.track.flying[self.row])
+        return bool(self.analysis.track.flying[self.row])
 
     @property
     def measured(self) -> Bools:
@@ -79,8 +75,9 @@ class ShownRow:
 
     @property
     def margin_predicted(self) -> Floats:
-        """Return the thrust margin (R,), a share of 1, from the predicted rotor speeds."""
-        return 1.0 - self.analysis.utilisation_predicted[self.row]
+        """Return the thrust margin (R,), a share of 1, from the predicted rotor speeds; NaN where
+        a rotor or motor is known to be bad."""
+        return self.analysis.margin_predicted[self.row]
 
     @property
     def ends(self) -> tuple[Floats, Floats]:
@@ -159,8 +156,10 @@ class ShownRow:
 
     @property
     def redundancy(self) -> tuple[float, float, float]:
-        """Return the redundancy, thrust with one rotor lost over weight with yaw uncontrolled,
-        and the low and high ends of its 90 % interval; NaN where unknown."""
+        """Return the redundancy and the low and high ends of its 90 % interval; NaN where unknown.
+
+        It is the thrust with one rotor lost, yaw uncontrolled, over the weight.
+        """
         free = float(self.analysis.redundancy_yaw_uncontrolled[self.row])
         error = float(np.nan_to_num(self.analysis.redundancy_error[self.row]))
         low, high = np.exp(INTERVAL * np.array([-error, error - self.analysis.redundancy_beyond]))
@@ -180,10 +179,10 @@ class ShownRow:
 
 
 def lower_ends(analysis: FlightAnalysis) -> Floats:
-    """Return the margin (T, R) that decides a colour.
+    """Return the margin (T, R), a share of 1, that decides the colour of each rotor in each row.
 
     In flight it is the lower end of its 90 % interval, or the margin itself without an interval; on
-    the ground it is the predicted margin.
+    the ground it is the predicted margin. NaN where unknown.
     """
     predicted, high = analysis.utilisation_predicted, analysis.use_ends[1]
     known = np.where(np.isfinite(analysis.utilisation), analysis.utilisation, predicted)
@@ -229,11 +228,10 @@ SEA_LEVEL_FRAMES = (0, 5)
 
 
 def plan_enu(waypoints: Sequence[PlanItem], origin: Origin | None, ground: float) -> Floats:
-    """Return the places (W, 3) of the mission, m east, north, up; `ground` is the scene's ground
-    height.
+    """Return the places of the mission's items (W, 3), m east, north, up from `origin`.
 
-    Item 0 (home in ArduPilot) and items without a place are left out. The result is empty without
-    an origin.
+    `ground` is the height of the scene's ground, m, to which altitudes above home are added. Item 0
+    (home in ArduPilot) and items without a place are left out. Empty (0, 3) without an origin.
     """
     placed = [(w.frame, *w.place) for w in waypoints if w.number > 0 and w.place is not None]
     frames, *places = np.array(placed or np.empty((0, 4))).T
@@ -249,9 +247,10 @@ def plan_enu(waypoints: Sequence[PlanItem], origin: Origin | None, ground: float
 
 
 def distinct_legs(points: Floats) -> Floats:
-    """Return the legs (S, 2, 2) between (W, 2) places that a picture of all of them can show.
+    """Return the legs (S, 2, 2) between successive `points` (W, 2), m, that a picture can show.
 
-    Of legs with both ends on the same two pixels the first is returned, and none within one pixel.
+    A pixel is 1/PIXELS of the longer side. Of legs with both ends on the same two pixels the first
+    is returned, and none within one pixel.
     """
     if len(points) < 2:
         return np.empty((0, 2, 2))

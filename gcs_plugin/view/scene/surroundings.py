@@ -66,7 +66,8 @@ def behind(arm: float) -> tuple[Floats, Floats]:
 def nose_north(wxyz: Floats) -> tuple[Floats, Floats]:
     """Return the rotation about the vertical that points an aircraft's nose north.
 
-    The result is a matrix and a quaternion; `wxyz` (4,) is the aircraft's attitude.
+    The result is a matrix (3, 3) and a quaternion (4,), w first; `wxyz` (4,) is the aircraft's
+    attitude in axes east, north, up.
     """
     w, x, y, z = wxyz
     back = np.pi / 2 - np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
@@ -84,9 +85,7 @@ INK, SPRAYED = (17, 17, 17), (0, 119, 187)
 def screen_lines(
     api: SceneApi, name: str, points: Floats, colour: Rgb, pixels: float, *, visible: bool = True
 ) -> LineSegmentsHandle:
-    """Add lines (S, 2, 3), m, in one colour, whose width on the screen does not depend on
-    distance.
-    """
+    """Add lines (S, 2, 3), m, as node `name`, `pixels` wide on the screen at any distance."""
     return api.add_line_segments(
         name,
         points.astype(np.float32),
@@ -106,11 +105,12 @@ class SprayedGround:
         self.changed = False
 
     def add(self, positions_enu: Floats, spraying: Floats, ground: float) -> None:
-        """Add rows in order of time: positions (T, 3), m, and `spraying` (T,), 1 pump on, 0 off,
-        NaN unknown.
+        """Add rows in order of time: positions (T, 3), m east, north and up, and `spraying` (T,), 1
+        pump on, 0 off, NaN unknown.
 
-        Stretches are drawn at height `ground`, m, between rows with the pump on at least STEP
-        apart.
+        A stretch joins two rows at least STEP m apart, between which the pump was on, with a known
+        position, in every row. It is drawn at the height `ground`, m. Only the newest MOST
+        stretches are kept.
         """
         for position, on in zip(positions_enu, spraying, strict=True):
             if on != 1.0 or not np.all(np.isfinite(position[:2])):
@@ -143,8 +143,7 @@ class Surroundings:
         self._homes: dict[str, Floats] = {}
 
     def home(self, key: str, position_enu: Floats) -> None:
-        """Draw a square of 2 m and a label at the origin of an aircraft's positions, (3,) m in
-        the scene."""
+        """Draw a square and a label at the origin of aircraft `key`'s positions, (3,) m."""
         if key in self._homes and np.allclose(self._homes[key], position_enu):
             return
         self._homes[key] = position_enu
@@ -162,8 +161,11 @@ class Surroundings:
             self.lines(f"/world/sprayed_{key}", points_enu, SPRAYED, 14.0)
 
     def wind(self, wind_ned: Floats, place_enu: Floats, length: float) -> None:
-        """Draw an arrow of `length` m in the direction in which the air moves, (3,) m/s; none
-        for NaN."""
+        """Draw the wind's speed and an arrow of `length` m centred at `place_enu` (3,), m.
+
+        `wind_ned` (3,), m/s, is the velocity of the air, in whose direction the arrow points. No
+        arrow below LEAST_WIND; neither for NaN.
+        """
         speed = float(np.hypot(*wind_ned[:2]))
         way = enu(wind_ned)[:2] / max(speed, 1e-9)
         drawn = None

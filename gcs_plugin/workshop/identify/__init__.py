@@ -18,9 +18,10 @@ COMMANDS = {
 
 
 def explain_change(model: RotorModel, flights: Sequence[FlightTrack]) -> ChangeCause | None:
-    """Return the cause, by the search over effects, of a change of the aircraft since `flights`.
+    """Return the cause of a change of the aircraft, by the search over effects.
 
-    None where the search's library is not installed. See `explain.explain`.
+    `model` has the state before the change, `flights` are those since. None if scipy is not
+    installed; a cause of kind NOT_SEARCHED if no flight has enough rows.
     """
     if find_spec("scipy") is None:
         return None

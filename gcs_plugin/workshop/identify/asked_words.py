@@ -35,11 +35,11 @@ class RequestedAction:
 
 
 def requested_actions(found: Identification) -> tuple[RequestedAction, ...]:
-    """Return the requested actions: those of effects, rotors first, then those of rotors not
-    cleared.
+    """Return the actions that the result asks for, with probabilities.
 
-    Effects that only stay in the model request no action. A rotor with an unexplained loss comes
-    last.
+    Actions of reported effects come first, rotors before others, then inspections of rotors that
+    could not be excluded, then of one with an unexplained loss. Effects that need only be kept in
+    the model ask for none.
     """
     out = [
         _request(action, f.term.degraded_rotor, f.probability)
@@ -54,8 +54,10 @@ def requested_actions(found: Identification) -> tuple[RequestedAction, ...]:
 
 
 def _request(action: Action, rotor: int | None, probability: float) -> RequestedAction:
-    """Return `action` as a request for `rotor` (0-based), with its probability and expected
-    cost."""
+    """Return the request to do `action`, with the probability of the cause and the expected cost.
+
+    `rotor` counts from 0; None if it is of no rotor.
+    """
     kind = KIND_OF_PART.get(action.part, "aircraft")
     hands_on = action.when is When.BATTERY_OFF
     return RequestedAction(
@@ -67,7 +69,12 @@ def _request(action: Action, rotor: int | None, probability: float) -> Requested
 
 
 def unexplained_words(found: Identification) -> str:
-    """Return the sentence about the unexplained residual; empty if there is none or it is minor."""
+    """Return the sentence on the residual that no effect explains: RMS, rpm, mode or rotor,
+    channels, and what to do.
+
+    One that comes and goes within flights has no channel. The effects that resemble it are named,
+    if there are some. Empty if there is no such residual, or a minor one.
+    """
     left = found.unexplained()
     if left["mode"] is None or left["minor"]:
         return ""
@@ -115,8 +122,9 @@ def unexplained_words(found: Identification) -> str:
 
 
 def minor_words(found: Identification) -> str:
-    """Return the clause about a minor unexplained residual: RMS, mode and channels; empty if there
-    is none."""
+    """Return a clause on a minor unexplained residual: RMS, mode, channels, share; empty without
+    one.
+    """
     left = found.unexplained()
     if not left["minor"]:
         return ""
@@ -134,9 +142,11 @@ def minor_words(found: Identification) -> str:
 
 
 def unnamed_causes_words(found: Identification) -> str:
-    """Return the sentence on the unnamed causes in the new model: place, channel, range and size.
+    """Return the sentence on the unnamed causes added to the model: mode or rotor, channel, its
+    range, RMS, rpm.
 
-    Needs at least one unnamed cause.
+    An effect of the catalogue among them is stated with its amount and probability. A cause on a
+    rotor is an alarm until repaired. Needs at least one unnamed cause.
     """
     each, names, curves = [], found.model.airframe.rotor_names, False
     for one in found.open_causes:

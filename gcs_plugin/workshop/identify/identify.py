@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import pickle
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, overload
 
 import tyro
+from rich.console import Console
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.inputs import (
@@ -20,7 +22,7 @@ from thrustmargin.gcs_plugin.commands.shared.inputs import (
     Known,
     Reading,
 )
-from thrustmargin.gcs_plugin.commands.shared.known import with_recognised
+from thrustmargin.gcs_plugin.commands.shared.log_flights import with_recognised
 from thrustmargin.gcs_plugin.commands.shared.options import (
     STDOUT,
     OutputFile,
@@ -30,11 +32,9 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
 from thrustmargin.models.errors import DataError, ModelError, require
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
-    from thrustmargin.gcs_plugin.commands.shared.analysed import TracksOnDisk
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.gcs_plugin.workshop.identify.identify_result import Result
+    from thrustmargin.models.flight import FlightTrack
     from thrustmargin.models.model.rotor_model import RotorModel
 
 
@@ -150,14 +150,13 @@ def logs_to_fit(
     *,
     option: str,
 ) -> TracksOnDisk:
-    """Read and check logs in their order; store the usable flights in files of `folder`.
+    """Read the logs in `inputs` in order, and store the usable flights in files of `folder`.
 
-    Unusable logs, also those of another airframe, are added to `not_used`. Print the sensors'
-    offsets. Raise DataError, naming each log, if rotor speeds are those of other rotors or times,
-    or if no log of `option` is usable.
+    Unusable logs, also those of another airframe, are appended to `not_used`. Print offsets of the
+    logs' instruments. `option` is put into errors to name the kind of logs. Raise DataError if
+    rotor speeds belong to other rotors or times, or if no log is usable.
     """
-    from thrustmargin.gcs_plugin.commands.shared.analysed import TracksOnDisk
-    from thrustmargin.gcs_plugin.commands.shared.inputs import claimed, listed, read_logs
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import listed, matching_logs, read_logs
     from thrustmargin.gcs_plugin.logs.inspection import instrument_offsets
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.gcs_plugin.wording.check_words import statement_words
@@ -168,7 +167,7 @@ def logs_to_fit(
     misordered: list[UnusedLog] = []
     read = read_logs(inputs, unusable, console, model=model)
     offsets: dict[str, list[str]] = {}
-    for log in claimed(read, unusable, console):
+    for log in matching_logs(read, unusable, console):
         for words in instrument_offsets(log):
             offsets.setdefault(words, []).append(log.name)
         wrong = wrong_speeds(log.track, model.airframe)
@@ -196,10 +195,11 @@ def write_result(
     html: Path | None,
     mission: Path | None = None,
 ) -> list[Path]:
-    """Write the requested files and return their paths; each is put in place once all are complete.
+    """Write the result to the files that are not None, and return their paths.
 
-    `json` "-" is standard output. The mission is left out without a next flight. Raise ModelError
-    for a file that cannot be written.
+    They are `out` (the new model), `json`, `html` (a page) and `mission` (the next flight, if there
+    is one). `json` "-" is standard output. No file is replaced before all are complete. Raise
+    ModelError if one cannot be written.
     """
     from thrustmargin.gcs_plugin.workshop.identify.identify_result import json_text
     from thrustmargin.gcs_plugin.workshop.identify.manoeuvre_plan import manoeuvre_plan
@@ -235,8 +235,9 @@ def write_result(
 
 
 def show(result: Result, written: Sequence[Path]) -> None:
-    """Print the result: sentences, tables, unused logs, notes on the new model and files
-    written."""
+    """Print the result: sentences, tables, unused logs, notes on the new model, and the files
+    `written`.
+    """
     from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
     from thrustmargin.gcs_plugin.wording.language import Verbatim, say
     from thrustmargin.gcs_plugin.workshop.identify.identify_result import printed_tables
@@ -254,3 +255,34 @@ def show(result: Result, written: Sequence[Path]) -> None:
             console.print(say("new model: {note}", note=Verbatim(note)), soft_wrap=True)
     for path in written:
         console.print(say("wrote {file}", file=path), soft_wrap=True)
+
+
+class TracksOnDisk(Sequence["FlightTrack"]):
+    """Tracks in pickle files of a folder, each read again whenever it is indexed.
+
+    The folder must be private: reading a pickle runs code of whoever wrote it.
+    """
+
+    def __init__(self, folder: Path, files: Sequence[Path] = ()) -> None:
+        self.folder, self.files = folder, list(files)
+
+    def append(self, track: FlightTrack) -> None:
+        """Write one more track to a file, so that its memory can be freed."""
+        file = self.folder / f"{len(list(self.folder.iterdir()))}.track"
+        file.write_bytes(pickle.dumps(track, protocol=pickle.HIGHEST_PROTOCOL))
+        self.files.append(file)
+
+    def __add__(self, other: TracksOnDisk) -> TracksOnDisk:
+        return TracksOnDisk(self.folder, [*self.files, *other.files])
+
+    def __len__(self) -> int:
+        return len(self.files)
+
+    @overload
+    def __getitem__(self, which: int) -> FlightTrack: ...
+    @overload
+    def __getitem__(self, which: slice) -> TracksOnDisk: ...
+    def __getitem__(self, which: int | slice) -> FlightTrack | TracksOnDisk:
+        if isinstance(which, slice):
+            return TracksOnDisk(self.folder, self.files[which])
+        return pickle.loads(self.files[which].read_bytes())

@@ -57,7 +57,10 @@ class Rows:
         return np.flatnonzero(self.flight == flight)
 
     def rmse_rpm(self, flight: int) -> tuple[float, float]:
-        """Return the RMSE of one flight over all rotors, rpm, before and after."""
+        """Return the RMSE of one flight over all rotors, rpm, before and after adding the effects.
+
+        `flight` counts from 0.
+        """
         mine = self.flight_rows(flight)
         return _rms(self.before_rpm[mine]), _rms(self.after_rpm[mine])
 
@@ -73,8 +76,11 @@ def _rms(values: Floats) -> float:
 
 
 def residual_rows(unseen: Sequence[HeldOutResidual], tracks: Sequence[FlightTrack]) -> Rows:
-    """Concatenate the residuals of fitted and held-out flights, with positions from their
-    `tracks`."""
+    """Concatenate the residuals of fitted and held-out flights, with positions from their `tracks`.
+
+    `tracks` are in the order of the flights in `unseen`. Channels that are not finite everywhere,
+    or hardly vary, are left out.
+    """
     first = unseen[0].problem
     offsets = np.cumsum([0, *(u.problem.flights for u in unseen)])
     before = np.concatenate([u.before_rpm for u in unseen])
@@ -112,7 +118,10 @@ def residual_rows(unseen: Sequence[HeldOutResidual], tracks: Sequence[FlightTrac
 
 
 def _row_positions(problem: Problem, tracks: Sequence[FlightTrack]) -> tuple[Floats, Floats]:
-    """Return north and east (T,), m, of a problem's rows, looked up in the tracks by time."""
+    """Return north (N,) and east (N,), m, of a problem's N rows, looked up in the tracks by time.
+
+    `tracks` are the problem's flights, in its order.
+    """
     north, east = (np.full(problem.flight.size, np.nan) for _ in range(2))
     for f, track in enumerate(tracks):
         mine = np.flatnonzero(problem.flight == f)
@@ -132,7 +141,11 @@ PANEL_PX, UNDER_PX = 180, 66  # of a panel, and of its axis below
 
 
 def time_figure(rows: Rows, flight: int) -> style.Figure:
-    """Draw each rotor's residual in one flight over time, before and after the effects found."""
+    """Draw each rotor's residual, rpm, over time in one flight, before and after adding the
+    effects.
+
+    `flight` is the index of the flight; a rotor has a panel of its own.
+    """
     mine = rows.flight_rows(flight)
     time_s, before, after = _break_at_gaps(
         rows.time_s[mine], rows.before_rpm[mine], rows.after_rpm[mine]
@@ -161,8 +174,10 @@ def _break_at_gaps(time_s: Floats, *tables: Floats) -> tuple[Floats, ...]:
 
 
 def modes_figure(rows: Rows) -> style.Figure:
-    """Draw bars of each rotor speed mode's RMS residual, rpm, before and after the effects
-    found."""
+    """Draw bars of the RMS residual, rpm, of each rotor speed mode (collective, roll, pitch, yaw).
+
+    Each mode has two bars: before and after adding the reported effects to the model.
+    """
     margin = {"l": 80, "r": 20, "t": 40, "b": 40}
     y = style.titled("RMS, rpm", rangemode="tozero")
     made = style.Figure({"template": style.STYLE, "height": 340, "margin": margin, "yaxis": y})
@@ -186,10 +201,11 @@ def modes_figure(rows: Rows) -> style.Figure:
 
 
 def channels_figures(rows: Rows) -> dict[int, style.Figure]:
-    """Draw each mode's residual over the channels that explain it best; return figures by mode
-    number.
+    """Draw the residual of each rotor speed mode over the channels that explain it best.
 
-    Each is the median of bins, with the middle 80 % as a band. Modes without a channel are missing.
+    Return a figure per mode, by the mode's index; modes without a channel are missing. A channel's
+    panel has the medians of bins, with the middle 80 % as a band, before and after adding the
+    effects.
     """
     drawn = {
         mode: [
@@ -204,9 +220,10 @@ def channels_figures(rows: Rows) -> dict[int, style.Figure]:
 
 
 def _panels(made: list[tuple[str, list[tuple[str, Floats, Floats]]]], reach: float) -> style.Figure:
-    """Draw the panels of one mode, one for each channel with its bins' quantiles, rpm.
+    """Draw the panels of one mode, one for each channel in `made`.
 
-    The axes reach from -reach to reach.
+    `made` lists (channel, bins as `_bin_quantiles` returns them). The residual axes reach from
+    -reach to `reach`, rpm.
     """
     lines = -(-len(made) // ACROSS)
     height = lines * (PANEL_PX + UNDER_PX) - UNDER_PX
@@ -245,9 +262,11 @@ def _panels(made: list[tuple[str, list[tuple[str, Floats, Floats]]]], reach: flo
 
 
 def _bin_quantiles(rows: Rows, channel: str, mode: int) -> list[tuple[str, Floats, Floats]]:
-    """Return the bins of a mode's residual over a channel, before and after the effects found.
+    """Bin a mode's residual by a channel; return ("before" or "after", centres, quantiles) tuples.
 
-    They are the bin centres (B,) and the 10, 50 and 90 % quantiles (B, 3), rpm.
+    "before" and "after" are the residuals before and after adding the effects. Centres are (B,) in
+    the channel's unit, quantiles (B, 3) the 10, 50 and 90 % ones, rpm. Bins with fewer than
+    FEWEST_IN_BIN rows are left out, and a tuple without any bin.
     """
     values = rows.channels[channel]
     index, low, width = _bins(values)
@@ -263,8 +282,10 @@ def _bin_quantiles(rows: Rows, channel: str, mode: int) -> list[tuple[str, Float
 
 
 def _bins(channel: Floats) -> tuple[NDArray[np.intp], float, float]:
-    """Return the bin of each row, and the lower end and width of the BINS equal bins between both
-    tails."""
+    """Divide a channel's values (N,) into BINS equal bins between its tails.
+
+    Return the bin's index for each row, the lower end of the first bin, and the bins' width.
+    """
     low, high = np.quantile(channel, [TAIL, 1.0 - TAIL])
     width = max(float(high - low), 1e-12) / BINS
     index = np.clip(((channel - low) / width).astype(np.intp), 0, BINS - 1)
@@ -272,9 +293,10 @@ def _bins(channel: Floats) -> tuple[NDArray[np.intp], float, float]:
 
 
 def _strongest_channels(rows: Rows, mode: int) -> list[str]:
-    """Return up to MOST_CHANNELS channels whose bin means explain most of a mode's variance.
+    """Return up to MOST_CHANNELS channel names, by the variance that their bin means explain.
 
-    The variance is that before the effects found.
+    The variance is that of a mode's residual before adding the effects; the strongest channel is
+    first.
     """
     about = rows.before_modes[:, mode] - rows.before_modes[:, mode].mean()
 
@@ -288,8 +310,10 @@ def _strongest_channels(rows: Rows, mode: int) -> list[str]:
 
 
 def map_limit(rows: Rows) -> float:
-    """Return the residual, rpm, at the ends of the maps' colour scale: the 98 % quantile of its
-    absolute value before the new effects, at least 1."""
+    """Return the residual, rpm, at the ends of the maps' colour scale; at least 1.
+
+    It is the 98 % quantile of its absolute value before adding the effects.
+    """
     worst = np.abs(rows.before_rpm).max(axis=1)
     return float(max(1.0, np.quantile(worst, 0.98)))
 
@@ -297,9 +321,10 @@ def map_limit(rows: Rows) -> float:
 def map_figure(
     rows: Rows, flight: int, residual_rpm: Floats, limit_rpm: float
 ) -> style.Figure | None:
-    """Draw the route of a flight from above, coloured by the residual, rpm, of the worst rotor.
+    """Draw the route of one flight from above, coloured by the residual of the worst rotor.
 
-    `residual_rpm` (T, R); the colours reach `limit_rpm`. None without positions.
+    `residual_rpm` (N, R) is of the rows of all flights, of which those of index `flight` are drawn.
+    The colour scale is -limit_rpm to `limit_rpm`. None without positions.
     """
     mine = rows.flight_rows(flight)
     north, east, time_s = rows.north[mine], rows.east[mine], rows.time_s[mine]
@@ -319,10 +344,10 @@ def map_figure(
 
 
 def flight_figures(rows: Rows, chosen: Sequence[int]) -> dict[str, style.Figure]:
-    """Return the figures of the `chosen` flights (0-based) by name: `time_0`, `map_before_0`,
-    `map_after_0`.
+    """Return figures of the flights with the indices `chosen`, by name.
 
-    Maps without positions are missing.
+    Of flight 0 they are `time_0` (residual over time), `map_before_0` and `map_after_0` (routes,
+    before and after adding the effects). Maps are missing where positions are.
     """
     limit = map_limit(rows)
     made: dict[str, style.Figure] = {}
@@ -339,7 +364,7 @@ MOST_FLIGHTS = 6  # flights drawn over time and on the route
 
 
 def html_text(result: results.Result) -> str:
-    """Return the page as HTML; the browser draws a figure when it scrolls into view."""
+    """Return the result's page as HTML; the browser draws each figure when it scrolls into view."""
     rows = residual_rows(result.unseen, result.tracks)
     shown = rows.flights_by_error()[:MOST_FLIGHTS]
     made = {n: packed(f.to_json()) for n, f in figures(rows, shown).items()}

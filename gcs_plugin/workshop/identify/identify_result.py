@@ -18,8 +18,6 @@ from thrustmargin.gcs_plugin.workshop.identify import identify_words as answers
 from thrustmargin.gcs_plugin.workshop.identify.asked_words import requested_actions
 from thrustmargin.gcs_plugin.workshop.identify.identify_words import answer
 from thrustmargin.models.checks.arms.arm_json import answer_json
-from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer
-from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer import held_out_errors
 from thrustmargin.models.identification.answer.model_update import (
@@ -28,10 +26,13 @@ from thrustmargin.models.identification.answer.model_update import (
     margin_changes,
     update_model,
 )
-from thrustmargin.models.identification.answer.result import Identification, ReportedEffect
+from thrustmargin.models.identification.answer.result import (
+    Identification,
+    ReportedEffect,
+    weak_rotors,
+)
 from thrustmargin.models.identification.next_flight.next_flight import NextFlight, plan_next_flight
 from thrustmargin.models.json_values import to_json_values
-from thrustmargin.models.model.flight_arms import flights_arm_answer
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -49,7 +50,6 @@ class Result:
     errors: tuple[held_out_errors.RotorErrors, ...]  # all rotors, then each
     margins: tuple[MarginChange, ...]  # of each effect
     margin: MarginChange  # of all effects, worst rotor
-    arms: ArmAnswer | None  # by power, heat, leads and vibration of the fitted flights
     following: NextFlight | None
     answer: tuple[str, ...]
     model_in: str
@@ -70,17 +70,10 @@ def make_result(
 ) -> Result:
     """Return the result of an identification: new model, margins, next flight and sentences.
 
-    `tracks` are the fitted flights, then the held-out ones. `mission` is dropped if there is no
-    next flight.
+    `tracks` are the fitted flights, then the held-out ones. `model_in`, `model_out` and `mission`
+    are file names to be named in the result; `mission` is dropped if there is no next flight.
     """
     unseen = found.unseen
-    fitted = tracks[: found.problem.flights]
-    weak = {
-        one.term.rotor
-        for one in found.found
-        if one.term.rotor is not None and one.term.effect.name == ROTOR_DEGRADATION.name
-    }
-    arms = flights_arm_answer(found.model, fitted, sorted(weak))
     margins, margin = margin_changes(found)
     following = plan_next_flight(found, tracks)
     mission = "" if following is None else mission
@@ -93,9 +86,11 @@ def make_result(
         errors=held_out_errors.rotor_errors(unseen[-1]),
         margins=margins,
         margin=margin,
-        arms=arms,
         following=following,
-        answer=(*answer(found, margin, following, mission), *arm_sentences(arms, weak)),
+        answer=(
+            *arm_sentences(found.arms, weak_rotors(found.found)),
+            *answer(found, margin, following, mission),
+        ),
         model_in=model_in,
         model_out=model_out,
         mission=mission,
@@ -104,11 +99,11 @@ def make_result(
 
 
 def json_text(result: Result) -> str:
-    """Return the JSON text of the schema "thrustmargin.identify/1".
+    """Return the result as JSON, schema "thrustmargin.identify/1".
 
-    After the keys of `Identification.to_json` follow `next_flight`, `margin`, `arms`, `answer`,
-    `actions`, `notes`, `not_used` and `date`. `margin` is the predicted
-    thrust margin before and after: of all effects, and of each.
+    The keys of `Identification.to_json` are followed by `next_flight`, `margin`, `arms`, `answer`,
+    `actions`, `notes`, `not_used` and `date`. `margin` is the predicted thrust margin before and
+    after adding all effects, and each effect alone.
     """
     whole: dict[str, Any] = result.found.to_json(
         model_in=result.model_in, model_out=result.model_out
@@ -118,7 +113,7 @@ def json_text(result: Result) -> str:
         "all": _margin_json(result.margin),
         "effects": [_margin_json(m) for m in result.margins],
     }
-    whole["arms"] = answer_json(result.arms)
+    whole["arms"] = answer_json(result.found.arms)
     whole["answer"] = list(result.answer)
     whole["actions"] = requested_actions(result.found)
     whole["notes"] = list(result.update.notes)
@@ -128,8 +123,12 @@ def json_text(result: Result) -> str:
 
 
 def _next_flight_json(result: Result) -> dict[str, Any]:
-    """Return the next flight as JSON: manoeuvre, repeats, mission, and the two sets to
-    distinguish."""
+    """Return the next flight as a dict for JSON: manoeuvre, repeats, duration in minutes, mission
+    file.
+
+    `separates` are the two sets of effects that it distinguishes, `certainty` the probability that
+    it does. The result must have a next flight.
+    """
     following = result.following
     assert following is not None
     return {
@@ -152,10 +151,10 @@ MOST_SETS = 5  # sets of effects listed
 
 
 def effect_rows(found: Identification) -> list[tuple[str, str, str, str]]:
-    """Return the table rows of all reported effects: name, value, 95 % interval, probability.
+    """Return table rows (name, value, 95 % interval, probability) of all reported effects.
 
-    The row of an effect has only a name and a probability; rows of its parameters follow, without
-    probability. All amounts of one unit in the table are in the same, possibly smaller, unit.
+    An effect has a row with name and probability alone, then one for each parameter without a
+    probability. Amounts of one unit are all displayed in the same, possibly smaller, unit.
     """
     rows = []
     largest: dict[str, float] = {}
@@ -175,10 +174,11 @@ def effect_rows(found: Identification) -> list[tuple[str, str, str, str]]:
 def _parameter_rows(
     found: Identification, one: ReportedEffect, largest: Mapping[str, float]
 ) -> list[tuple[str, str, str]]:
-    """Return name, value with unit, and interval of each parameter of one effect.
+    """Return (name, value with unit, interval) as texts for each parameter of one effect.
 
-    A parameter of single flights has a row for each of the MOST_FLIGHTS flights with the largest
-    effect. `largest` is the table's largest amount in each unit.
+    A parameter with a value for each flight has a row for each of the MOST_FLIGHTS flights with the
+    largest effect. `largest` is the table's largest amount in each unit, by which a smaller unit is
+    chosen.
     """
     parameters = one.term.effect.parameters
     own = [k for k, p in enumerate(parameters) if p.per_flight]
@@ -208,9 +208,9 @@ def set_rows(found: Identification) -> list[tuple[str, float]]:
 
 
 def error_rows(result: Result) -> list[tuple[str, str, str, str]]:
-    """Return rotor, RMSE before and after with intervals, and mean residual after, rpm.
+    """Return table rows (rotor, RMSE before, RMSE after, mean residual after) as texts, rpm.
 
-    The first row is for all rotors.
+    RMSE have intervals. The first row is for all rotors together.
     """
     names = result.found.model.airframe.rotor_names
     return [
@@ -225,7 +225,11 @@ def error_rows(result: Result) -> list[tuple[str, str, str, str]]:
 
 
 def printed_tables(result: Result) -> list[Table]:
-    """Return the tables that the console prints below the sentences; each fits 80 columns."""
+    """Return the tables that the console prints below the sentences; each fits 80 columns.
+
+    They are reported effects, explanations, excluded effects and errors; without content a table is
+    left out.
+    """
     found = result.found
     flights = found.problem.flights
     by = say("by {count} flights" if flights > 1 else "by {count} flight", count=flights)

@@ -61,8 +61,9 @@ def answer(
 ) -> tuple[str, ...]:
     """Return the sentences on the result of an identification, the most urgent first.
 
-    `margin` is the change by all effects, on the worst rotor. `mission` is the file of the flight
-    `following`; empty if it is not written.
+    `margin` is the change of the worst rotor's predicted margin by all effects. `following` is the
+    flight that would distinguish explanations, `mission` its file's name; empty if it is not
+    written.
     """
     names = found.model.airframe.rotor_names
     suspects = suspect_rotors(found, following)
@@ -80,7 +81,7 @@ def answer(
     lines += [contradicted_words(found)] if found.contradicted else []
     open_mode = unexplained_words(found)
     only_open = not lines and bool(found.open_causes)
-    if not lines and not open_mode and not only_open:
+    if not lines and not open_mode and not only_open and not found.misread:
         lines.append(nothing_missing_words(found))
     lines += [open_mode] if open_mode else []
     lines += [unnamed_causes_words(found)] if found.open_causes else []
@@ -94,9 +95,11 @@ def answer(
 
 
 def suspect_rotors(found: Identification, following: NextFlight | None = None) -> tuple[int, ...]:
-    """Return the rotors (1-based) that may be bad, without repeats.
+    """Return the rotors, from 1 and sorted, that may be bad by the result or by the flight
+    `following`.
 
-    They are reported, confounded, not cleared, or to be distinguished by the flight `following`.
+    They have a reported effect, are among confounded effects, could not be excluded, or are to be
+    distinguished by that flight.
     """
     terms = [f.term for f in found.found]
     terms += [term for one in found.one_of for term in one.terms]
@@ -120,8 +123,12 @@ def inspection_words(rotors: Sequence[int]) -> str:
 def one_of_words(
     one: OneOf, names: Sequence[str], flights: int, gaining: Collection[int] = ()
 ) -> str:
-    """Return the sentence on confounded effects: at least one is present, which one is not
-    known."""
+    """Return the sentence on confounded effects, at least one of which is present, with
+    probabilities.
+
+    `names` are the places of all rotors, `flights` is the number of flights; rotors in `gaining`,
+    from 0, are called strong instead of weak.
+    """
     shares = [
         f"{effect_thing(term, names, gaining)} ({chance(share)})"
         for term, share in zip(one.terms, one.probabilities, strict=True)
@@ -133,8 +140,14 @@ def one_of_words(
 
 
 def mentioned_words(one: Mentioned, names: tuple[str, ...], flights: int) -> str:
-    """Return the sentence about a rotor that may be weak: not reported, but not excluded by the
-    flights."""
+    """Return the sentence on a rotor that may be weak: its weakness is not reported, but not
+    excluded either.
+
+    It has the rotor's place, the probability with the number of `flights` it rests on, the loss of
+    thrust, %, and an inspection as the action. A negative loss is worded as more thrust. If the 95
+    % interval includes zero, only its two ends are given, as upper limits of less and of more
+    thrust. `names` are the places of all rotors.
+    """
     sign, words = 1.0, "it may make {amount} less thrust {interval}"
     if one.loss < 0.0:
         sign, words = -1.0, "it may make {amount} more thrust {interval}"
@@ -157,10 +170,10 @@ def mentioned_words(one: Mentioned, names: tuple[str, ...], flights: int) -> str
 def standing_words(
     shares: ConstantShares, names: tuple[str, ...], flights: tuple[str, ...]
 ) -> list[str]:
-    """Return two sentences about a constant difference between motor outputs and model.
+    """Return two sentences on a constant difference between motor outputs and the model.
 
-    The first has its size and two ways to find the cause, the second lists possible causes. `names`
-    are the places of the rotors, `flights` the names of the logs.
+    The first has its size in rpm and two ways to find the cause, the second the size of each
+    possible cause. `names` are the rotors' places, `flights` the logs' names.
     """
     when = say("all along")
     if shares.flight is not None:
@@ -182,8 +195,12 @@ def standing_words(
 
 
 def _standing_cause(one: ShareCause, names: tuple[str, ...]) -> str:
-    """Return the size of one possible cause, in words: a trim, or a weak rotor together with a
-    trim."""
+    """Return a possible cause in words with its size: a shifted centre of gravity with a yaw
+    moment.
+
+    If the cause has a rotor, it is a loss of thrust of that rotor with a shifted centre of gravity.
+    `names` are the rotors' places.
+    """
     along, across = (
         say(
             "{amount} aft" if one.cg_x < 0.0 else "{amount} forward", amount=_millimetres(one.cg_x)
@@ -220,7 +237,10 @@ def _millimetres(metres: float) -> str:
 
 
 def damage_in_model_words(fault: RotorFault, names: tuple[str, ...]) -> str:
-    """Return the sentence about a weak rotor that the model already contains, repaired or not."""
+    """Return the sentence that the model already contains the loss of a rotor.
+
+    It asks to inspect the rotor unless it was repaired.
+    """
     return say(
         "The model already holds {rotor} at {amount} less thrust: unless that was repaired, "
         "{action}",
@@ -231,8 +251,12 @@ def damage_in_model_words(fault: RotorFault, names: tuple[str, ...]) -> str:
 
 
 def nothing_missing_words(found: Identification) -> str:
-    """Return the sentence for flights without a reported effect, with the rotor loss that is
-    excluded."""
+    """Return the sentence for flights without a reported effect.
+
+    It states an error larger than that of fault-free flights, if there is one; else that nothing is
+    missing, with the loss of a rotor that the flights exclude, if any. For motor outputs it says
+    only that they exclude nothing.
+    """
     if found.problem.of_outputs:
         return say("Motor outputs show nothing that is missing, but they cannot clear a rotor")
     if unusual := excess_error_words(found):
@@ -243,7 +267,10 @@ def nothing_missing_words(found: Identification) -> str:
 
 
 def contradicted_words(found: Identification) -> str:
-    """Return the sentence about effects that explain some flights and predict the others worse."""
+    """Return the sentence on effects that explain some flights but predict others worse.
+
+    Such effects were not added to the model. With one flight, it is parts of this flight.
+    """
     what = set_words(found.contradicted, found.model.airframe.rotor_names, found.gaining)
     words = (
         "No effect holds in all of these flights: with {what} some are explained and the others "
@@ -258,8 +285,11 @@ def contradicted_words(found: Identification) -> str:
 
 
 def excluded_losses(found: Identification) -> str:
-    """Return `above 1.8 % on any rotor is excluded, a smaller one is not`; empty if none is
-    excluded."""
+    """Return the smallest loss of thrust that is excluded for all rotors considered.
+
+    `above 1.8 % on any rotor is excluded, a smaller one is not`; empty if none is excluded, or by
+    motor outputs.
+    """
     of_rotors = {
         e.term.rotor: e.above
         for e in found.excluded
@@ -278,9 +308,11 @@ def excluded_losses(found: Identification) -> str:
 
 
 def _missing_words(found: Identification) -> str:
-    """Return `Nothing is found missing`, with its probability if below SURE.
+    """Return the sentence for flights whose error needs no effect to explain it, with its
+    probability.
 
-    Below CHOICE return what may be missing. An effect that cross-validation did not confirm is
+    From probability SURE on it is `Nothing is found missing`; from CHOICE on, that with the
+    probability; below, what may be missing. An effect that cross-validation did not confirm is
     named, but requests no action.
     """
     none, flights = found.nothing_probability, found.problem.flights
@@ -308,11 +340,12 @@ def _missing_words(found: Identification) -> str:
 
 
 def excess_error_words(found: Identification) -> str:
-    """Return the sentence on an error larger than that of fault-free flights, which no effect
-    explains.
+    """Return the sentence on an error larger than that of fault-free flights, explained by no
+    effect.
 
-    Empty if it is not larger. It is the error of these flights above the floor, against the model's
-    95 % limit for fault-free flights.
+    Empty if it is not larger. Compared are this RMSE less the unavoidable part (floor), in squares,
+    and the model's 95 % limit for fault-free flights. A rotor is named if its error alone exceeds
+    the error of the other rotors by the limit.
     """
     known, error = found.model.good_flights, found.after
     most = known.most_rmse_rpm() if known else math.nan
@@ -336,7 +369,11 @@ def excess_error_words(found: Identification) -> str:
 
 
 def upper_limit(size: float, unit: str, name: str = "") -> str:
-    """Return a limit with two significant digits, rounded away from zero: `2.1 %` for 0.0204."""
+    """Return an upper limit as text with two significant digits, rounded up: `2.1 %` for 0.0204.
+
+    `unit` is that of `size` in files ("1" is displayed in %), `name` the parameter's, if it has
+    one.
+    """
     factor, unit = shown_unit(unit, name)
     if not math.isfinite(size) or size <= 0.0:
         return number(size * factor, unit)
@@ -347,10 +384,10 @@ def upper_limit(size: float, unit: str, name: str = "") -> str:
 
 
 def excluded_rows(found: Identification) -> list[tuple[str, str]]:
-    """Return rows (effect, "above SIZE") of the effects that were not seen, for a table.
+    """Return rows (effect, "above SIZE") of the effects whose larger sizes the flights exclude.
 
-    A size above SIZE is ruled out. All rotors share one row, all cable lengths another (one for
-    each parameter if an effect has several); a shared row states the largest of its limits.
+    All rotors share one row. So do effects of equal wording; an effect with several parameters has
+    a row for each. A shared row states the largest of its limits.
     """
     largest: dict[str, Excluded] = {}
     spoken_of = {m.rotor for m in found.mentioned} | {f.term.rotor for f in found.found}
@@ -385,7 +422,9 @@ def next_flight_words(
 ) -> str:
     """Return the sentence on the flight that distinguishes two explanations.
 
-    `suspects` are the rotors, 1-based, to inspect before it.
+    `names` are the rotors' places, `mission` is the file with the flight's mission, empty if none
+    is written. Rotors in `suspects`, from 1, are to be inspected before it; rotors in `gaining`,
+    from 0, are called strong instead of weak.
     """
     ours, theirs = following.separates
     both = {t.key for t in ours} & {t.key for t in theirs}
@@ -423,7 +462,7 @@ _MANOEUVRES = {
 
 
 def manoeuvre_words(manoeuvre: Manoeuvre) -> str:
-    """Return the instruction to fly a manoeuvre, with the fills that it needs."""
+    """Return the instruction to fly a manoeuvre, with the tank levels, kg, that it needs."""
     words, form = _MANOEUVRES[manoeuvre.name]
     numbers = dict(zip(("low", "high"), (format(n, form) for n in manoeuvre.numbers), strict=False))
     fills = manoeuvre.fills_kg
@@ -440,8 +479,12 @@ def manoeuvre_words(manoeuvre: Manoeuvre) -> str:
 
 
 def error_words(found: Identification, margin: MarginChange) -> str:
-    """Return the sentence on the rotor speed error before and after, with its rows, floor and
-    margin."""
+    """Return the sentence on the rotor speed error, RMSE in rpm, before and after adding the
+    effects.
+
+    It names the flights that the error is of, the smallest error that the channels allow, and the
+    change of margin. Without an added effect it has one error and no margin.
+    """
     error = rmse_words(found.after)
     changed = found.found or found.open_causes
     if changed:
@@ -463,7 +506,11 @@ def rmse_words(errors: Errors, unit: str = "rpm") -> str:
 
 
 def error_rows_words(found: Identification) -> str:
-    """Return words on the flights in whose rows the errors before and after are computed."""
+    """Return a phrase on the flights in which the errors before and after are computed.
+
+    They are held-out flights, or the fitted ones, each predicted without itself; of a single
+    flight, fifths are.
+    """
     if found.held_out is not None:
         count = found.held_out.flights
         words = "{count} flights not used" if count > 1 else "{count} flight not used"
@@ -475,9 +522,10 @@ def error_rows_words(found: Identification) -> str:
 
 
 def margin_words(change: MarginChange, names: tuple[str, ...]) -> str:
-    """Return the change of predicted margin in words, in typical rows or in the worst ones.
+    """Return how the predicted margin of the worst rotor changes by the new model, in words.
 
-    The worst rows are reported if their margin changes by more than NOTICED and twice as much.
+    It is in typical rows; or in the worst rows, if their margin changes by NOTICED or more and by
+    more than twice the typical change. `names` are the rotors' places.
     """
     who = say("the worst rotor")
     if change.rotor is not None:
@@ -506,7 +554,12 @@ def _change_words(before: float, after: float) -> str:
 
 
 def open_questions(found: Identification) -> list[str]:
-    """Return the sentences on rotors not cleared, and on effects that could not be tried."""
+    """Return the sentences on what could not be tried for lack of data; empty if all was tried.
+
+    For motor outputs: that only shares of thrust were looked at, and that no rotor is named if the
+    model has no fault-free flights. Else, without an airspeed: that drag, lift and wind were not
+    tried.
+    """
     lines = []
     if found.problem.of_outputs:
         lines.append(
@@ -531,7 +584,7 @@ def open_questions(found: Identification) -> list[str]:
 
 
 def few_flights_words(found: Identification) -> tuple[str, ...]:
-    """Return the sentence about what one or two flights cannot show; empty for three or more."""
+    """Return a sentence on what one or two flights cannot show; empty for three or more."""
     if found.problem.flights == 1:
         words = (
             "One flight only: that this holds on another flight cannot be claimed, and effects "

@@ -23,10 +23,13 @@ LOWEST = 2.0
 def manoeuvre_plan(
     manoeuvre: manoeuvres.Manoeuvre, limits: manoeuvres.FlownLimits, *, repeats: int = 1
 ) -> plans.MissionPlan:
-    """Return the mission that flies `manoeuvre` `repeats` times, centred on where the flights were.
+    """Return the mission that takes off, flies `manoeuvre` `repeats` times, centred on where the
+    flights were, and returns to launch.
 
-    Altitudes are above home, on ground taken as level. Raise PlanError if the flights report no
-    position or no height.
+    Items are numbered from 1; home is the flights' origin. `limits` has the heights and the place
+    flown. Altitudes are above home, on ground taken as level, and not too low. A piece without
+    motion is a wait at the waypoint before. Raise PlanError if the flights report no position or no
+    height.
     """
     corners = manoeuvres.corners_ned(manoeuvre, limits)
     if limits.origin is None or not np.isfinite(corners).all():

@@ -36,9 +36,10 @@ NEEDED = ("fsspec", "pyarrow", "filelock", "scipy")
 def keep_flights(
     flights: Sequence[tuple[LearntFlight, FlightLog]], aircraft: KnownAircraft, hangar: Hangar
 ) -> None:
-    """Write flights of a known aircraft to the season's store too, if its libraries are installed.
+    """Write flights of a known aircraft to the season's store in the hangar's folder.
 
-    See `season_flight.keep_flights`.
+    Do nothing if the store's libraries are not installed. Raises DataError if the store cannot be
+    written.
     """
     if not flights or any(find_spec(name) is None for name in NEEDED):
         return

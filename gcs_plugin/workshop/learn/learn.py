@@ -128,7 +128,7 @@ def _learn_aircraft(
     """Learn the aircraft of all logs that `words` name. Return the exit code: 1 if one is not
     used."""
     require("train", "torch", "scipy")
-    from thrustmargin.gcs_plugin.commands.shared.known import hangar_of, learn_logs
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import hangar_of, learn_logs
     from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.gcs_plugin.store.ingest_run import DIGITS, content_of, is_address
@@ -172,8 +172,11 @@ def _learn_aircraft(
 
 
 def _flight_lines(flight: LearntFlight, log_name: str) -> tuple[str, ...]:
-    """Return lines on a flight: verdict, effect on the aircraft's state, difference from earlier
-    ones."""
+    """Return lines on a flight: headline, what its aircraft's model learnt, and how it differs.
+
+    It is compared with the aircraft's earlier flights. Without a verdict there is one line, with
+    the reason. `log_name` is the log's name.
+    """
     from thrustmargin.gcs_plugin.store.hangar import NotTaught
     from thrustmargin.gcs_plugin.wording.advice_words import headline
     from thrustmargin.gcs_plugin.wording.aircraft_words import change_words, learnt_words
@@ -197,9 +200,13 @@ def _flight_lines(flight: LearntFlight, log_name: str) -> tuple[str, ...]:
 def _groups(
     inputs: Inputs, hangar: Hangar, unread: list[UnusedLog], processes: int
 ) -> list[_Group]:
-    """Group the logs by aircraft; logs that cannot be read or assigned are added to `unread`."""
-    from thrustmargin.gcs_plugin.commands.shared.inputs import unnamed
-    from thrustmargin.gcs_plugin.commands.shared.known import marks_of_logs
+    """Group the logs by the aircraft that flew them, read in `processes` processes.
+
+    An aircraft is the one that the options name, a known one recognised by the log's marks, or a
+    new one. If the marks leave several, ask in the terminal. Logs that cannot be read or assigned
+    are appended to `unread`.
+    """
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import marks_of_logs, unnamed
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.gcs_plugin.store.aircraft_marks import Recognition, recognise
     from thrustmargin.gcs_plugin.wording.aircraft_words import open_words
@@ -240,10 +247,11 @@ def _groups(
 
 
 def _chosen(logs: Sequence[str], open_ones: Sequence[tuple[str, MarksMatch]]) -> str | None:
-    """Ask in a terminal which of the candidate aircraft flew some logs, one question for all of
-    them.
+    """Ask in the terminal for one candidate aircraft after the other if it flew the logs; return
+    the first that is answered with yes.
 
-    None without a terminal, or if it is none of them.
+    One answer is for all `logs` (names). `open_ones` are the candidates' names and how their marks
+    match. None without a terminal, at the end of the input, or if every answer is no.
     """
     if not sys.stdin.isatty():
         return None
@@ -318,10 +326,11 @@ def _keep_marks(
     flights: Sequence[tuple[LearntFlight, FlightLog]],
     hangar: Hangar,
 ) -> None:
-    """Add to an aircraft the marks of those logs of a group whose flights have a verdict.
+    """Store the marks of a group's logs in the aircraft's folder of the hangar, after its earlier
+    marks.
 
-    A log that was named as one of it, and does not fit it, is perhaps of another aircraft, whose
-    logs would be taken for it from then on.
+    Only logs whose flights have a verdict count: another log, named by the user as one of the
+    aircraft, may be of another aircraft, whose logs would then be recognised wrongly.
     """
     from thrustmargin.gcs_plugin.store.hangar import NotTaught
 
@@ -342,16 +351,24 @@ def _make_model(
     airframe: Path,
     seed: int,
 ) -> tuple[KnownAircraft, list[tuple[LearntFlight, FlightLog]]]:
-    """Train the model of an aircraft on the sound flights of a group; keep it with its airframe.
+    """Train a model on a group's fault-free flights, and store it with its airframe as aircraft
+    `name`.
 
-    Return the aircraft with the flights that its model was made from: none where they are too few,
-    and its model is then its airframe alone. What other flights taught is set aside. Raise
-    DataError, and change nothing, where they are too few for an aircraft that has a model.
+    Return the aircraft, and the flights that the model was trained on. If they are too few there
+    are none, and the model is the airframe's weight and thrust curve. Earlier flights of the
+    aircraft no longer count for its state. Raise DataError, and change nothing, if they are too few
+    and the aircraft has a trained model.
     """
     import time
 
-    from thrustmargin.gcs_plugin.commands.shared.inputs import claimed, listed, read_logs
-    from thrustmargin.gcs_plugin.commands.shared.known import flight_key, keep, with_flight
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import (
+        flight_key,
+        keep,
+        listed,
+        matching_logs,
+        read_logs,
+        with_flight,
+    )
     from thrustmargin.gcs_plugin.store.hangar import NotTaught
     from thrustmargin.gcs_plugin.store.learnt_flight import learnt_flight
     from thrustmargin.gcs_plugin.workshop.learn.train import training_run
@@ -376,7 +393,7 @@ def _make_model(
         (log, replace(airframe_match, known_from=itself))
         for log, airframe_match in read_logs(its, unfit, console, model=base)
     )
-    logs = list(claimed(read, unfit, console))
+    logs = list(matching_logs(read, unfit, console))
     sound = []
     for log in logs:
         advice = advise(analysis_for_verdict(analyse(log.track, base))).advice
@@ -386,9 +403,9 @@ def _make_model(
     lacking = listed(unfit) or say("no sound flight")
     if sound:
         try:
-            run = training_run(
-                [log.track for log in sound], craft, TrainSettings(seed=seed), console
-            )
+            # The networks of the paper's splits are for the tables of `train` alone.
+            settings = TrainSettings(splits=(), seed=seed)
+            run = training_run([log.track for log in sound], craft, settings, console)
         except DataError as error:  # too few flights, or none with steady rows
             lacking = str(error)
         else:
@@ -442,7 +459,7 @@ def _folder_name(group: _Group, hangar: Hangar) -> str:
 
 
 def _new_name(marks: Marks) -> str:
-    """Return the name of a new aircraft: asked for in a terminal, else made from its marks.
+    """Return a name for a new aircraft: asked for in a terminal, else made from its marks.
 
     Raises DataError if the input ends without an answer.
     """
@@ -456,10 +473,10 @@ def _new_name(marks: Marks) -> str:
 
 
 def card(aircraft: KnownAircraft) -> tuple[str, ...]:
-    """Describe a known aircraft in a few lines: name, folder, count of sound flights, days.
+    """Return lines on a known aircraft: name, folder, number of fault-free flights and of days.
 
-    Also say how well it is predicted: the coverage of sound flights that it was not trained on,
-    and the step from day to day (0 without flights).
+    They also say how well it is predicted: the coverage of intervals in flights that it was not
+    trained on, and by how much rotor speeds differ from day to day.
     """
     import numpy as np
 

@@ -85,8 +85,11 @@ def match(
 
 
 def load_table(matching: Matching) -> Table:
-    """Return the load matching as a table, a row for each quantity, columns for full and empty
-    tank."""
+    """Return load, rotor speed and utilisation in hover as a table for the terminal.
+
+    Columns are full and empty tank. Each thrust ceiling has rows of utilisation, and of redundancy
+    with one rotor lost.
+    """
 
     # A title given as a string would be read as markup, and it comes from a file.
     title = Text(f"Load matching of {matching.airframe.title}")
@@ -124,8 +127,10 @@ def load_table(matching: Matching) -> Table:
 
 
 def usual_fill(model: RotorModel) -> list[str]:
-    """Return the lines on how much to fill on a usual day, equal to those of `thrustmargin
-    fill`."""
+    """Return the recommended fill and its conditions as lines, for the day remembered or assumed.
+
+    They equal those of the command `thrustmargin fill` without options.
+    """
     from thrustmargin.gcs_plugin.reports.fill.fill_table import conditions, fill_table
     from thrustmargin.gcs_plugin.store.remembered_day import remembered_day
     from thrustmargin.models.physics.day import complete_day
@@ -138,8 +143,11 @@ def usual_fill(model: RotorModel) -> list[str]:
 
 
 def notes(matching: Matching) -> list[str]:
-    """Return the sentences below the table: thrust coefficient against the paper's range,
-    redundancy."""
+    """Return the two sentences below the table.
+
+    The first compares the thrust coefficient with the range of the paper's parameters (Eq. 3), the
+    second explains the values with one rotor lost.
+    """
     low, high = matching.thrust_coefficient_range
     inside = "inside" if low <= matching.thrust_coefficient <= high else "outside"
     return [
@@ -151,9 +159,9 @@ def notes(matching: Matching) -> list[str]:
 
 
 def _network_points(matching: Matching, path: Path | None) -> tuple[NetworkPoints | None, str]:
-    """Return the network's points for the figure and a sentence about them.
+    """Return a network's predicted points for the figure, and a sentence about them.
 
-    `path` is a model file; None uses the shipped model, and returns (None, reason) if it does not
+    `path` is a model file; None uses the shipped model, and returns (None, reason) if that does not
     fit the airframe. Raises ModelError if the file's model does not fit.
     """
     from thrustmargin.models.model.model_file import load_model, shipped_model

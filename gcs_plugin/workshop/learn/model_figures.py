@@ -33,8 +33,11 @@ ENDINGS = (".svg", ".pdf")
 
 
 def figure10(matching: Matching, points: NetworkPoints | None) -> Figure:
-    """Draw the paper's Figure 10: thrust curve, band of loads, ceilings, and the network's
-    points."""
+    """Draw the paper's Figure 10: thrust of one rotor, kgf, against its speed, rpm.
+
+    It shows the thrust curve, the band from empty to full load, and the ceilings. `points` are a
+    network's predictions; None draws none.
+    """
     airframe, load = matching.airframe, matching.load
     share = float(airframe.rotor_effectiveness.mean())
     top = 1.12 * max(limit.max_thrust / G0 for limit in matching.ceilings)
@@ -79,10 +82,10 @@ def figure10(matching: Matching, points: NetworkPoints | None) -> Figure:
 
 
 def _draw_ceilings(made: Figure, matching: Matching, *, top: float, right: float) -> None:
-    """Draw a horizontal line at each ceiling of thrust, kgf, and at half of the thrust curve's.
+    """Draw a horizontal line at the thrust of each ceiling, kgf, and at half of the second one.
 
-    `top`, kgf, and `right`, rpm, are the ends of the axes. Needs at least two ceilings, of which
-    the second is the thrust curve's.
+    The second ceiling is that of the thrust curve; at least two are needed. `top`, kgf, and
+    `right`, rpm, are the ends of the axes.
     """
     heights: list[float] = []
     for limit in matching.ceilings:
@@ -113,15 +116,21 @@ def _label(
     left: bool = False,
     color: str = WARN,
 ) -> None:
-    """Write `text` a few pixels off the point `at` (rpm, kgf)."""
+    """Write `text` next to the point `at`, (rpm, kgf).
+
+    It is below the point, or above if `below` is False; right of it, or left if `left`.
+    """
     anchors = {"xanchor": "right" if left else "left", "yanchor": "top" if below else "bottom"}
     shift = {"xshift": -8 if left else 8, "yshift": -4 if below else 4}
     made.note(escape(text), x=at[0], y=at[1], font={"color": color}, **anchors, **shift)
 
 
 def _network_traces(points: NetworkPoints) -> list[Trace]:
-    """Draw the network's rotor speeds against load, by airspeed: mean of the rotors, and their
-    range."""
+    """Return plotly traces of the network's rotor speeds, rpm, against load, kgf.
+
+    Each airspeed has a trace of the mean over rotors, and one of lines from the slowest to the
+    fastest rotor.
+    """
     traces = []
     for index, airspeed in enumerate(np.unique(points.airspeed)):
         chosen = points.airspeed == airspeed
@@ -145,9 +154,9 @@ def figure_paths(out: Path) -> list[Path]:
 
 
 def write_figure(figure: Figure, out: Path) -> list[Path]:
-    """Write the figure as .svg, .pdf or both, and return the paths; no file is left incomplete.
+    """Write the figure to `out`, which ends in .svg or .pdf; without an ending write both.
 
-    Raise DataError if a file cannot be written.
+    Return the paths. No file is left incomplete. Raise DataError if a file cannot be written.
     """
     from thrustmargin.gcs_plugin.reports.paper.drawn_figure import file_bytes
 
@@ -182,9 +191,10 @@ def _write_file(path: Path, content: bytes) -> None:
 
 
 def loss_table(curves: Sequence[LossCurve]) -> str:
-    """Return the loss curves as CSV, a line for each network and epoch.
+    """Return the loss curves as CSV: network, epoch (from 1), training and validation loss, kept.
 
-    Losses are mean squares of standardised rotor speed.
+    `kept` is 1 in the epoch whose weights are used. Losses are mean squares of standardised rotor
+    speed.
     """
     rows = [
         (curve.name, epoch, f"{training:.6g}", f"{validation:.6g}", int(epoch == curve.best_epoch))
@@ -197,8 +207,10 @@ def loss_table(curves: Sequence[LossCurve]) -> str:
 
 
 def loss_figure(curves: Sequence[LossCurve]) -> Figure:
-    """Draw loss against epoch, a panel for each network; the dot marks the epoch whose weights are
-    used."""
+    """Draw training and validation loss against epoch, one panel for each network.
+
+    A dot marks the epoch whose weights are used.
+    """
     high, gap = 150.0, 74.0
     whole = len(curves) * (high + gap) - gap
     margin = {"l": 80, "r": 20, "t": 70, "b": 60}

@@ -16,13 +16,12 @@ from thrustmargin.gcs_plugin.commands.shared.inputs import (
     AS_HEARD,
     ReadingOptions,
     chosen_model,
-    read_flights,
+    reading_keywords,
 )
 from thrustmargin.gcs_plugin.commands.shared.stored_answer import answer_columns, stored_answer
 from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.logs.findings import report_findings
-from thrustmargin.gcs_plugin.logs.log_answer import answer_log
-from thrustmargin.gcs_plugin.mavlink.text import clean
+from thrustmargin.gcs_plugin.logs.log_answer import answer_log, matched_flights
 from thrustmargin.gcs_plugin.reports.margin import ReportedFlight, report_flight
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
 from thrustmargin.gcs_plugin.store.aircraft_marks import marks_of
@@ -40,7 +39,7 @@ from thrustmargin.gcs_plugin.store.staging import SeasonFlight, drop_flight, sta
 from thrustmargin.gcs_plugin.store.writer_lock import writer_lock
 from thrustmargin.gcs_plugin.wording.check_words import in_english, note_words
 from thrustmargin.gcs_plugin.wording.flight_words import not_flown
-from thrustmargin.gcs_plugin.wording.language import speaking
+from thrustmargin.gcs_plugin.wording.language import clean, speaking
 from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.errors import DataError, ThrustMarginError
 from thrustmargin.models.flight import FlightTrack
@@ -58,7 +57,7 @@ from thrustmargin.models.model.analysis import (
 from thrustmargin.models.model.inferred.speed_basis import measured_only
 from thrustmargin.models.model.model_file import model_digest
 from thrustmargin.models.model.rotor_model import RotorModel, without_state
-from thrustmargin.models.physics.resistance import battery_resistance
+from thrustmargin.models.physics.known_battery import battery_resistance
 from thrustmargin.models.physics.smoothing import known_mean, known_median, known_most
 
 #: Seconds for which a landed flight waits for another writer of the season's store.
@@ -80,17 +79,20 @@ class IngestSettings:
 
 @lru_cache(maxsize=4)
 def season_model(model: str | None, airframe: str | None) -> tuple[RotorModel, str]:
-    """Return the rotor speed model of a run and its digest."""
+    """Return the rotor speed model that a store's flights are analysed with, and its digest.
+
+    `model` and `airframe` are those of the options.
+    """
     chosen = chosen_model(None if model is None else Path(model), airframe)
     return chosen, model_digest(chosen)
 
 
 def stage_log(log: LogSource, content: str, *, settings: IngestSettings) -> list[str]:
-    """Read a log whose digest is `content`, stage its flights and return their names.
+    """Read a log, write its flights to the store's staging area, and return the flights' names.
 
-    A log has a flight for each vehicle and sortie. The flight whose name is the digest alone is
-    staged last, because it marks the log as stored. Raises ThrustMarginError for a log without a
-    flight.
+    `content` is the log's digest, which begins each name: a log has a flight for each vehicle and
+    sortie. The flight named by the digest alone is staged last, because its presence marks the log
+    as stored. Raises ThrustMarginError for a log without a flight.
     """
     from threadpoolctl import threadpool_limits
 
@@ -106,10 +108,10 @@ def stage_log(log: LogSource, content: str, *, settings: IngestSettings) -> list
 def season_flights(
     path: Path, content: str, settings: IngestSettings, *, name: str
 ) -> list[SeasonFlight]:
-    """Return the flights of all sorties of all vehicles in a log that is called `name` in the
-    store.
+    """Return the flights in the log at `path`: all sorties, of all vehicles unless one is chosen.
 
-    Raises ThrustMarginError if the first vehicle has no flight.
+    `content` is the log's digest; `name` is what the store calls the log. Vehicles without a flight
+    are listed in the first flight. Raises ThrustMarginError if the first vehicle has no flight.
     """
     found, log = _sortie_flights(path, content, settings, settings.reading, name=name)
     first = found[0]
@@ -129,11 +131,12 @@ def _sortie_flights(
 ) -> tuple[list[SeasonFlight], FlightLog]:
     """Return the flights of one vehicle's sorties, and the log of the first sortie.
 
-    The first flight's name is `content` alone, by which a store recognises the log.
+    The first flight is named `content`, the other flights `content` with the sortie's number
+    appended. `name` is the log's name in the store, left out in an anonymous store.
     """
     model, _ = season_model(settings.model, settings.airframe)
     given = settings.model is not None or settings.airframe is not None
-    read = read_flights(path, model, given=given, reading=reading)
+    read = matched_flights(path, model, given=given, **reading_keywords(reading))
     found = []
     for log, airframe_match in read:
         flight = content if log.sortie == 1 else f"{content}-sortie-{log.sortie}"
@@ -147,9 +150,10 @@ def _sortie_flights(
 def flight_of_log(
     log: FlightLog, airframe_match: AirframeMatch, name: str, settings: IngestSettings
 ) -> SeasonFlight:
-    """Return the flight of one sortie for the store, called `name`.
+    """Analyse one sortie with the model of `settings` and return its flight for the store.
 
-    Raises DataError if it has no row in flight, or more rotors than the store has columns for.
+    `name` is the flight's name there. Raises DataError if the sortie has no row in flight, or more
+    rotors than the store has columns for.
     """
     model, digest = season_model(settings.model, settings.airframe)
     _check_rows(log)
@@ -158,10 +162,11 @@ def flight_of_log(
 
 
 def flight_of_known(flight: LearntFlight, log: FlightLog, aircraft: KnownAircraft) -> SeasonFlight:
-    """Return the flight of a known aircraft for the store, with its effect on the aircraft's state.
+    """Return a known aircraft's flight for the store, with its effect on the aircraft's state.
 
-    Its margins are by the state before the flight, its sums by the model as trained, so that a
-    season shows the changes that the state adapts to. Raises DataError like `flight_of_log`.
+    Margins are by the model in the state before the flight. The sums for identification are by the
+    model as trained, so that a season shows the changes that the state adapts to. Raises DataError
+    if the flight has no row in flight, or too many rotors.
     """
     _check_rows(log)
     settings = IngestSettings(store="", aircraft=aircraft.name, max_utilisation=flight.advice.limit)
@@ -182,7 +187,11 @@ def _check_rows(log: FlightLog) -> None:
 def stored_flight(
     log: FlightLog, analysis: FlightAnalysis, name: str, settings: IngestSettings, *, digest: str
 ) -> SeasonFlight:
-    """Return for the store a flight that was analysed with the model of digest `digest`."""
+    """Return an analysed flight as the store's row of `flights`, its 10 Hz rows and its sums.
+
+    `name` is the flight's name, `digest` that of the model that `analysis` used. With a key in
+    `settings`, names, serial numbers and places are replaced by pseudonyms.
+    """
     sums, reason = _sums(analysis)
     identity, program = aircraft_identity(log, settings.aircraft), firmware(log)
     marks = marks_of(log)
@@ -193,15 +202,16 @@ def stored_flight(
         hardware = pseudonym(settings.key, hardware) if hardware else None
         of_verdict = anonymous(of_verdict, log, name)[0]
         analysis, log = anonymous(analysis, log, name)
-    said = answer_log(log, of_verdict, settings.max_utilisation)
-    report = report_flight(of_verdict, log, max_utilisation=settings.max_utilisation, answer=said)
+    limit = settings.max_utilisation
+    answer = answer_log(log, of_verdict, limit)
+    report = report_flight(of_verdict, log, max_utilisation=limit, answer=answer)
     known = None if analysis.no_verdict else digest
     started = log.track.start_unix_s
-    advised, worst = said.made, report.worst
+    worst = report.worst
     kept_answer = stored_answer(
-        advised.advice,
-        advised.analysis.airframe_match,
-        advised.analysis.track,
+        answer.advice,
+        answer.analysis.airframe_match,
+        answer.analysis.track,
         worst and worst.time_s,
     )
     summary = (
@@ -231,8 +241,11 @@ def stored_flight(
 
 
 def _sums(analysis: FlightAnalysis) -> tuple[dict[str, np.ndarray] | None, str | None]:
-    """Return a flight's sums for identification over many flights; None and the reason without
-    any."""
+    """Return (sums, None): sums over a flight's rows, as named arrays, from which effects are
+    identified.
+
+    Where they cannot be computed, return (None, reason), "no_verdict" or "no_evidence".
+    """
     if analysis.no_verdict:
         return None, "no_verdict"
     try:
@@ -243,9 +256,11 @@ def _sums(analysis: FlightAnalysis) -> tuple[dict[str, np.ndarray] | None, str |
 
 
 def _summary(analysis: FlightAnalysis, log: FlightLog, report: ReportedFlight) -> dict[str, Any]:
-    """Return the columns of `schema.FLIGHTS` from the report and the log.
+    """Return the flight's values for the columns `schema.FLIGHTS`, by name.
 
-    `analysis` uses the load of the whole flight, `report` that of its verdict.
+    Units are in the names; unknown numbers are NaN, or None for texts and counts. `analysis` uses
+    the load of the whole flight, `report` the load that the verdict is based on. A good margin that
+    rests on a prediction alone is unknown; a bad one is kept.
     """
     track, verdict, flight = log.track, report.json["verdict"], report.json["flight"]
     advice = report.advice
@@ -322,9 +337,10 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: ReportedFlight) -
 def keep_flights(
     flights: Sequence[tuple[LearntFlight, FlightLog]], aircraft: KnownAircraft, hangar: Hangar
 ) -> None:
-    """Write flights of a known aircraft to the season's store, which is the folder of the hangar.
+    """Write flights of a known aircraft to the season's store in the folder of the hangar.
 
-    Raises DataError where the store cannot be written.
+    Flights without a row in flight, or with more rotors than the store has columns for, are left
+    out. Raises DataError if the store cannot be written.
     """
     made = []
     for flight, log in flights:
@@ -364,7 +380,7 @@ def _notes(track: FlightTrack) -> list[str]:
 def _findings_json(report: ReportedFlight) -> str:
     """Return the report's findings as JSON, without their words."""
     kept = ("check", "level", "time_s", "values", "spoils")
-    found = report_findings(report.answer.findings)
+    found = report_findings(report.json["findings"])
     return json.dumps([to_json_values({k: getattr(f, k) for k in kept}) for f in found])
 
 

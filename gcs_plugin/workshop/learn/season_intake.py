@@ -173,7 +173,7 @@ def follow_known(
     are stored already are not read, unless `again`. A flight without a verdict or a date is taken
     in otherwise, because it leaves no mark with the aircraft.
     """
-    from thrustmargin.gcs_plugin.commands.shared.known import hangar_of, known_flights
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import hangar_of, known_flights
     from thrustmargin.gcs_plugin.store.ingest_run import content_of, is_address, known_contents
 
     if not hangar_of(inputs).names():

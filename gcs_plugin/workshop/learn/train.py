@@ -73,13 +73,8 @@ def train(
         force: Replace the model file if it is there.
     """
     require("train", "torch", "scipy")
-    from thrustmargin.gcs_plugin.commands.shared.inputs import (
-        SHIPPED_AIRFRAME,
-        Inputs,
-        claimed,
-        listed,
-        read_logs,
-    )
+    from thrustmargin.gcs_plugin.commands.shared.inputs import SHIPPED_AIRFRAME, Inputs
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import listed, matching_logs, read_logs
     from thrustmargin.gcs_plugin.commands.shared.options import (
         OutputFile,
         check_outputs,
@@ -115,7 +110,7 @@ def train(
     )
     unread: list[UnusedLog] = []
     read = read_logs(inputs, unread, progress, model=physics_model(aircraft))
-    tracks = [log.track for log in claimed(read, unread, progress)]
+    tracks = [log.track for log in matching_logs(read, unread, progress)]
     if not tracks:
         raise LogError(f"no flight can be used; {listed(unread)}")
     run = training_run(tracks, aircraft, settings, progress)
@@ -152,20 +147,22 @@ def training_run(
 ) -> TrainingRun:
     """Train the model of an aircraft on its flights, with a progress line on the console.
 
-    Flights in which a rotor is weak by a model of the others are left out. Raises LogError
-    when no flight can be used, and DataError when fewer than FEWEST_FLIGHTS are sound.
+    A flight in which a rotor is weak compared with a model of the other flights is left out, and
+    the model trained again. Raises LogError if no flight can be used, and DataError if fewer than
+    FEWEST_FLIGHTS are left.
     """
     from datetime import UTC, datetime
     from importlib.metadata import version
 
     from rich.markup import escape
 
-    from thrustmargin.gcs_plugin.commands.shared.inputs import listed
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import listed
     from thrustmargin.gcs_plugin.commands.shared.terminal import steps
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.gcs_plugin.wording.actions import Phase
     from thrustmargin.gcs_plugin.wording.alarm_words import fault_words
     from thrustmargin.gcs_plugin.wording.language import Verbatim, say
+    from thrustmargin.models.checks.instruments import learnt_thermometer, with_air_temperature
     from thrustmargin.models.identification.good_flights.commissioning import (
         FEWEST_FLIGHTS,
         commission,
@@ -175,11 +172,10 @@ def training_run(
     from thrustmargin.models.identification.good_flights.weak_flights import weak_flights
     from thrustmargin.models.model.flight_arms import learnt_arms
     from thrustmargin.models.model.rotor_model import physics_model
-    from thrustmargin.models.model.thermometer import learnt_thermometer, with_air_temperature
     from thrustmargin.models.model.training import train as fit
     from thrustmargin.models.physics.flight_phases import NETWORK_INPUTS
 
-    kept, unfit = _usable_flights(tracks, physics_model(aircraft))
+    kept, unfit = select_flights(tracks, physics_model(aircraft))
     thermometer = learnt_thermometer(kept, aircraft)
     kept = [with_air_temperature(track, thermometer) for track in kept]
     names, date = settings.names(), datetime.now(UTC).date().isoformat()
@@ -209,7 +205,11 @@ def training_run(
     def run(
         good: Sequence[FlightTrack], curve_folds: Sequence[Fold] | None
     ) -> tuple[Trained | None, Commissioned]:
-        """Return network and model of some flights."""
+        """Return the trained network, and the model made with it, of the flights `good`.
+
+        The network is None if neither airspeed nor tank level varies in them. `curve_folds`: folds
+        of the thrust curve that are fitted already, of the same flights; None to fit them.
+        """
         trained = None
         with steps(console, total=len(names) + 1, lines=True) as step:
 
@@ -253,9 +253,11 @@ def training_run(
 
 
 def network_can_learn(tracks: Sequence[FlightTrack]) -> bool:
-    """Return True if tank level or measured airspeed, the network's inputs, vary in `tracks`.
+    """Return True if tank level or measured airspeed, the network's inputs, vary enough in
+    `tracks`.
 
-    Ground speed in place of an airspeed does not count, because the air it moves in is unknown.
+    Only rows for training count. An airspeed that is really ground speed does not count, because
+    the wind in it is unknown.
     """
     import numpy as np
 
@@ -276,16 +278,16 @@ def network_can_learn(tracks: Sequence[FlightTrack]) -> bool:
     return False
 
 
-def _usable_flights(
+def select_flights(
     tracks: Sequence[FlightTrack], model: RotorModel
 ) -> tuple[list[FlightTrack], list[UnusedLog]]:
-    """Return the usable flights, and the unusable ones with the reason.
+    """Return the flights to train on, and the others with the reason.
 
-    Unusable are flights with too few rows for training, or with speeds of other rotors or times.
-    Flights without any such row are returned: `_logs_without_rows` reports them. Raise LogError if
-    no flight is usable.
+    A flight is unusable if it has too few rows for training, or if its rotor speeds belong to other
+    rotors or times. Flights without any row for training are returned as usable:
+    `_logs_without_rows` reports them. Raise LogError if no flight is usable.
     """
-    from thrustmargin.gcs_plugin.commands.shared.inputs import listed
+    from thrustmargin.gcs_plugin.commands.shared.log_flights import listed
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.gcs_plugin.wording.check_words import statement_words
     from thrustmargin.models.identification.rows.usable_flights import too_little, wrong_speeds
@@ -308,7 +310,7 @@ def _usable_flights(
 
 
 def _logs_without_rows(tracks: Sequence[FlightTrack]) -> list[UnusedLog]:
-    """Return the flights without a row for training, with the reason."""
+    """Return the flights that have no row for training, each with the reason."""
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.model.inferred.load_inference import LOAD_FROM_SPEEDS
     from thrustmargin.models.physics.flight_phases import training_rows

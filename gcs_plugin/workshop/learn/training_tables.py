@@ -31,9 +31,10 @@ SPLIT_WORDS = {"samples": "samples, as the paper", "flights": "flights"}
 
 
 def training_tables(model: RotorModel) -> list[RenderableType]:
-    """Return tables and sentences about a trained model, in the order to print them.
+    """Return the tables and sentences to print about a trained model, in order.
 
-    A model without an interval or training domain has only its description.
+    They are fitness, training domain, effects, interval and errors on held-out flights. Of a model
+    without an interval or a training domain only the description is returned.
     """
     record, interval, domain = model.training, model.interval, model.training_domain
     if interval is None or domain is None:
@@ -63,9 +64,10 @@ def training_tables(model: RotorModel) -> list[RenderableType]:
 
 
 def effect_lines(model: RotorModel) -> list[str]:
-    """Return a line for each effect of the model: its main parameters with 95 % intervals.
+    """Return a line for each effect in the model, with its main parameters and 95 % intervals.
 
-    A curve without a name has only its place, because its knots mean nothing by themselves.
+    A learnt curve has only the mode and channel it acts on, because its parameters mean nothing by
+    themselves.
     """
     lines = []
     for record, placed in zip(model.effects, model.placed, strict=True):
@@ -87,7 +89,10 @@ def effect_lines(model: RotorModel) -> list[str]:
 
 
 def thermometer_lines(model: RotorModel) -> list[str]:
-    """Return the line about the correction of the logs' thermometer; empty without one."""
+    """Return one line on the correction of the air temperature in logs, K, and its error.
+
+    Empty if the model has no correction.
+    """
     one = model.thermometer
     if one is None:
         return []
@@ -110,7 +115,10 @@ _SPLIT_CAPTION = (
 
 
 def _split_table(record: records.TrainingRecord) -> Table:
-    """Return the table of R² and loss for each split, with the paper's values in the first row."""
+    """Return the table of R², lowest loss and its epoch for each split of the data, and each rotor.
+
+    The first row has the paper's values.
+    """
     table = grid(
         ("", *map(say, ("training", "validation", "test", "loss", "epoch"))),
         title=say("R² of rotor speed, one network a split (0.70 : 0.15 : 0.15)"),
@@ -136,8 +144,9 @@ def _split_table(record: records.TrainingRecord) -> Table:
 
 
 def _held_out_table(conditions: tuple[records.ConditionScore, ...], title: str) -> Table:
-    """Return a table, headed `title`, of R² and RMSE on held-out flights, a row for each
-    condition."""
+    """Return a table, headed `title`, of R² and RMSE, rpm, on held-out flights, a row for each
+    condition.
+    """
     rows = [
         (
             say(one.condition),
@@ -161,14 +170,21 @@ def _held_out_table(conditions: tuple[records.ConditionScore, ...], title: str) 
 
 
 def _pair_text(low: float, high: float) -> str:
-    """Return two numbers for a narrow column; below 0 with two decimals, because it is a failure
-    anyway."""
+    """Return `low, high` for a narrow column of the table, with three decimals.
+
+    Below 0 two decimals suffice, because such a score is a failure anyway.
+    """
     ends = (f"{value:.{2 if value < 0.0 else 3}f}" for value in (low, high))
     return say("{low}, {high}", **dict(zip(("low", "high"), ends, strict=True)))
 
 
 def interval_sentence(interval: Interval) -> str:
-    """Return the sentence on the interval's nominal and measured coverage, or why there is none."""
+    """Return the sentence on the interval: its nominal coverage, and that measured on held-out
+    flights.
+
+    With too few flights it says that there is no interval, or that its coverage could not be
+    measured.
+    """
     if interval.flights < FEWEST_FLIGHTS:
         return say("No interval: it needs at least {count} flights.", count=FEWEST_FLIGHTS)
     few = interval.flights < flights_needed(interval.coverage)
@@ -213,7 +229,10 @@ OTHER_CAUSE = "leave out flights of an aircraft that was not in order"
 
 
 def fitness_sentence(shown: records.GoodFlights, model: RotorModel) -> str:
-    """Return the sentence that the model is usable, with its error, or why not and the remedy."""
+    """Return the sentence that the model is usable, with its relative error on held-out flights.
+
+    If it is not, or outside of turns only, the sentence says why and what to do.
+    """
     whole, straight, turning = (
         _relative_error(shown, condition)
         for condition in ("all rows", "outside yaw turns", "in yaw turns")
@@ -237,7 +256,10 @@ def fitness_sentence(shown: records.GoodFlights, model: RotorModel) -> str:
 
 
 def main_error_words(shown: records.GoodFlights, model: RotorModel) -> str:
-    """Return words on the largest part of the error, with what to do about it."""
+    """Return the largest part of the error on held-out flights in words, and what to do about it.
+
+    It is one flight, a difference between flights, missing turn rates, or an unknown cause.
+    """
     squares = {name: rmse**2 for name, rmse in shown.flight_rmse_rpm.items()}
     worst = max(squares, key=lambda name: squares[name])
     if squares[worst] > 0.5 * sum(squares.values()):
@@ -258,8 +280,9 @@ def main_error_words(shown: records.GoodFlights, model: RotorModel) -> str:
 def outlier_sentences(shown: records.GoodFlights) -> list[str]:
     """Return a sentence for each flight with an unusually large RMSE, whose aircraft may be faulty.
 
-    Its logarithm is above Student's prediction interval of the other flights, with a probability of
-    a false one of ODD over all flights. Empty with fewer than FEWEST_OTHERS other flights.
+    The logarithm of its RMSE is above Student's prediction interval of the other flights; the
+    probability of a false sentence is ODD over all flights. Empty with fewer than FEWEST_OTHERS
+    other flights.
     """
     logs = np.log(list(shown.flight_rmse_rpm.values()))
     sentences = []

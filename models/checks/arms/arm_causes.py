@@ -3,7 +3,7 @@
 A cause has a size s, a share: of thrust lost, of power needed, of voltage lost at the load of the
 flight, of g shaken, of a reading. It moves each figure of its own arm by a ratio of s, with a
 standard deviation where parts differ; a figure that is not listed does not move. No cause moves a
-figure of another arm. One cause is of the whole aircraft.
+figure of another arm.
 
 Sources. A propeller: thrust and power coefficients go with the fourth and fifth power of the
 diameter (Leishman, Principles of Helicopter Aerodynamics, 2.3), so a cut one loses 5/4 as much
@@ -39,7 +39,6 @@ class Cause(StrEnum):
     SHORT = "short"  # of winding or ESC, or a rotor that cannot turn: current without speed
     LEAD = "lead"  # lead, lug or connector
     IMBALANCE = "imbalance"  # unbalanced propeller or loose mount
-    SHAKEN = "shaken"  # the whole aircraft: a propeller out of balance, or a loose mount
     TELEMETRY = "telemetry"  # signal or telemetry plug of the ESC
     SPEED_READING = "speed_reading"
     CURRENT_READING = "current_reading"
@@ -52,11 +51,6 @@ class Cause(StrEnum):
     def of_sensor(self) -> bool:
         """Return True if the cause is a wrong reading, not a part that flies."""
         return self.value.endswith("_reading") or self is Cause.TELEMETRY
-
-    @property
-    def of_aircraft(self) -> bool:
-        """Return whether the cause is of the whole aircraft, not of one arm."""
-        return self is Cause.SHAKEN
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,13 +72,13 @@ class Pattern:
 
     moved: Mapping[ArmQuantity, Moved]
     both_ways: bool = False  # its size may be negative: a larger propeller, a reading that is low
-    largest: float = 0.6  # of the sizes that are tried
 
     def of(self, quantity: ArmQuantity, *, own_voltage: bool) -> Moved:
-        """Return the cause's effect on a figure; UNMOVED where it is not listed.
+        """Return how the cause changes a quantity of its arm; UNMOVED where it does not.
 
-        If power is computed with the battery's voltage (not `own_voltage`, that of the ESC), it
-        includes a lead's loss, and a wrong reading of the ESC's voltage does not change it.
+        `own_voltage`: power is computed with the voltage that the ESC reports, not the battery's.
+        With the battery's, power includes the loss in a lead, and a wrong reading of the ESC's
+        voltage does not change it.
         """
         if quantity is Q.POWER and not own_voltage:
             if Q.RESISTANCE in self.moved:
@@ -169,8 +163,6 @@ PATTERNS: Mapping[Cause, Pattern] = MappingProxyType(
                 Q.CLIPPING: Moved(0.5, 1.0, MAY),
             }
         ),
-        # Its size is the ln of the ratio, of which 2 is more than seven times as much.
-        Cause.SHAKEN: Pattern({Q.SHAKING: _AS_MUCH, Q.CLIPPING: Moved(0.2, 0.4, MAY)}, largest=2.0),
         Cause.TELEMETRY: Pattern({Q.LOST: Moved(1.0, 0.1, MAY), Q.GLITCHES: Moved(1.0, 0.5, MAY)}),
         Cause.SPEED_READING: Pattern(
             {
@@ -207,3 +199,5 @@ PATTERNS: Mapping[Cause, Pattern] = MappingProxyType(
         Cause.MOTOR_TEMPERATURE_READING: Pattern({Q.MOTOR_HEAT: Moved(1.0)}, both_ways=True),
     }
 )
+#: Causes that move the rotor's speed at its thrust for sure.
+THRUST_CAUSES = (Cause.PROPELLER, Cause.SPEED_READING)

@@ -210,10 +210,12 @@ class _Blocks:
         return means
 
     def jitter(self, speed: Floats) -> Floats:
-        """Return the scatter (B, R) of speeds (T, R) between samples, as a share of the speed.
+        """Return the scatter (B, R) between samples of speeds (T, R), in each of the B blocks, as a
+        share of the block's mean speed.
 
-        Computed from second differences, which a steady change does not affect; those of white
-        noise of standard deviation s have sqrt(6) s.
+        Computed from second differences, which a steady change does not affect; second differences
+        of white noise of standard deviation s have sqrt(6) s. NaN for a block with an unknown speed
+        of the rotor.
         """
         scatter = np.full((len(self._rows), speed.shape[1]), np.nan)
         for share, rows in zip(scatter, self._rows, strict=True):
@@ -224,8 +226,11 @@ class _Blocks:
 
 
 def _middle(quantity: ArmQuantity, blocks: Floats, *, unit: float = 1.0) -> ArmFigure | None:
-    """Return the medians of blocks (B, R) over B, with standard errors; None if all arms are
-    unknown."""
+    """Return the median of `blocks` (B, R) for each arm, with its standard error.
+
+    `unit` is the size of the quantity that counts as a share of 1. NaN for an arm with fewer than
+    FEWEST_BLOCKS known blocks; None if all arms are.
+    """
     known = np.isfinite(blocks)
     enough = known.sum(axis=0) >= FEWEST_BLOCKS
     if not enough.any():
@@ -240,9 +245,10 @@ def _middle(quantity: ArmQuantity, blocks: Floats, *, unit: float = 1.0) -> ArmF
 
 
 def _mean_of(quantity: ArmQuantity, blocks: Floats) -> ArmFigure | None:
-    """Return the means of blocks (B, R) with their errors; None without a known arm.
+    """Return the mean of `blocks` (B, R) for each arm, with its standard error.
 
-    It is for shares that are 0 in most blocks, which a median would hide.
+    For shares that are 0 in most blocks, which a median would hide. NaN for an arm with fewer than
+    FEWEST_BLOCKS known blocks; None if all arms are.
     """
     known = np.isfinite(blocks)
     count = known.sum(axis=0)
@@ -257,9 +263,12 @@ def _mean_of(quantity: ArmQuantity, blocks: Floats) -> ArmFigure | None:
 
 
 def _falls(one: ArmReadings, blocks: int) -> list[ArmFigure | None]:
-    """Return the falls of each arm's speed per block: answered ones, and the others.
+    """Return two figures, each a number (R,) per block: falls of each arm's speed that the
+    controller answered, and falls that it did not.
 
-    They have no error of their own, because a sound arm has next to none.
+    `blocks` is the number of blocks. NaN for an arm whose output is unknown. Their errors are 0,
+    because a sound arm has next to no falls. Empty with fewer than FEWEST_BLOCKS or without motor
+    outputs.
     """
     if blocks < FEWEST_BLOCKS or not one.outputs_known.any():
         return []
@@ -272,10 +281,10 @@ def _falls(one: ArmReadings, blocks: int) -> list[ArmFigure | None]:
 
 
 def _standing(one: ArmReadings) -> ArmFigure | None:
-    """Return the current of each arm while its rotor stands, over that in flight.
+    """Return the current of each arm while its rotor stands, divided by that in flight.
 
     A reading of 0 A is NaN in a flight table: it counts as 0 where the ESC reports a speed at the
-    time and a current in flight.
+    time and a current in flight. NaN for an arm with too few rows; None if all are.
     """
     with np.errstate(invalid="ignore"):
         stands = (one.speed_rpm < TURNING) & ~one.flying[:, None]
@@ -291,7 +300,11 @@ def _standing(one: ArmReadings) -> ArmFigure | None:
 
 
 def _shaking(one: ArmReadings, blocks: _Blocks) -> list[ArmFigure | None]:
-    """Return the level of vibration against rotor speed, and the share of blocks with clipping."""
+    """Return two figures of the aircraft: its vibration level, and how often accelerometers clip.
+
+    The level is ln of vibration over squared mean rotor speed (in 1000 rpm); clipping is the share
+    of blocks with it. Each is None where unknown.
+    """
     level = blocks.mean(one.shaking[:, None])
     with np.errstate(divide="ignore", invalid="ignore"):
         turning = blocks.mean(np.mean(one.speed_rpm, axis=1)[:, None]) / 1000.0

@@ -86,7 +86,9 @@ class ArmLaw:
             raise ModelError(f"its arms' figures are of {sorted(counts)} arms")
 
     def without(self, flights: Sequence[ArmFigures]) -> tuple[ArmFigures, ...]:
-        """Return the flights of the law that are none of `flights`: no flight proves itself."""
+        """Return the earlier flights that are none of `flights`, so that no flight is compared with
+        itself.
+        """
         named = {one.flight for one in flights}
         return tuple(one for one in self.flights if one.flight not in named)
 
@@ -109,11 +111,12 @@ class Departure:
 def departures(
     flights: Sequence[ArmFigures], law: ArmLaw | None, modes: Floats | None = None
 ) -> tuple[Departure, ...]:
-    """Return the departures of the arms in `flights`, as their mean, from the flights of `law`.
+    """Compare the arms in `flights` (as their mean) with the earlier flights of `law`, by quantity.
 
     `modes` (R, R) has the modes of the layout as columns of unit length: thrust is shared by modes,
-    as the centre of gravity moves arms together. Quantities with fewer than LEAST_FLIGHTS earlier
-    flights are left out, but for those that are zero on a sound aircraft, which need none.
+    as the centre of gravity moves arms together; None: by arms. Quantities that no flight has, or
+    fewer than LEAST_FLIGHTS earlier ones, are left out, but for those that are zero on a sound
+    aircraft, which need no earlier flight.
     """
     earlier = () if law is None else law.without(flights)
     found = []
@@ -166,7 +169,10 @@ class _Group:
 
 
 def _absolute(new: _Group) -> Departure:
-    """Return an instrument offset's difference from zero, by arm; no earlier flights are needed."""
+    """Return the departure from zero of a quantity that is zero on a sound aircraft.
+
+    Earlier flights are not needed; the covariance is the usual scatter.
+    """
     usual = USUAL_SCATTER[new.quantity]
     return Departure(
         quantity=new.quantity,
@@ -181,9 +187,10 @@ def _departure(new: _Group, old: _Group, modes: Floats | None) -> Departure:
     """Return the difference of one quantity of R arms from its mean over the days of earlier
     flights.
 
-    The variance between days is divided by the number of days on either side, that within a day by
-    the number of flights. Both are in the unit of the new flights. `modes` (R, R) are the
-    directions that scatter independently; None: each arm.
+    `new` are the flights to test, `old` the earlier ones. The variance between days is divided by
+    the number of days on either side, that within a day by the number of new flights. All are in
+    the unit of the new flights. `modes` (R, R) has as columns the directions that scatter
+    independently; None: each arm.
     """
     values, by_day = old.values / new.unit, old.by_day / new.unit
     days, rotors = by_day.shape

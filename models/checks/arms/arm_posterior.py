@@ -10,6 +10,12 @@ A second arm or cause is sought after the first with the figures left out that t
 its arm. What the thrust search has reported of an arm is given: one of the causes that it leaves.
 A single one explains what it moves, and is no finding of this search; of several, the figures of
 the arm decide, if they depart at all.
+
+What shakes the whole aircraft is of no arm: a level of vibration that no cause of an arm explains
+is tested alone, against its own history (Student's t).
+
+`loss_evidence` is for a search by rotor speeds, which has the thrust itself: what the other figures
+say for and against a loss of thrust of each arm.
 """
 
 from __future__ import annotations
@@ -22,7 +28,7 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.models.checks.arms.arm_causes import PATTERNS, Cause, Moved
+from thrustmargin.models.checks.arms.arm_causes import PATTERNS, THRUST_CAUSES, Cause, Moved
 from thrustmargin.models.checks.arms.arm_figures import ArmFigures, ArmQuantity
 from thrustmargin.models.checks.arms.arm_law import TOGETHER, ArmLaw, Departure, departures
 from thrustmargin.models.flight import Floats
@@ -35,7 +41,11 @@ POSSIBLE = 0.05  # probability from which another cause is listed
 #: Sizes that are tried, as shares: from half a per cent, below which no figure repeats, up.
 SIZES = np.geomspace(0.005, 0.6, 40)
 MOST_FINDINGS = 4
-AIRCRAFT = -1  # the arm of a cause that is of the whole aircraft
+#: Causes that a search by speeds takes for a loss of thrust, with the loss that each has per size.
+LOSSES = {cause: PATTERNS[cause].moved[ArmQuantity.THRUST].ratio for cause in THRUST_CAUSES}
+#: Expected false findings of a shaken aircraft per flight: 3.1 standard deviations of a long
+#: history.
+FALSE_SHAKEN = 1e-3
 #: Standard normal quantiles at which the scale's distribution is averaged over.
 _QUANTILES = np.array([NormalDist().inv_cdf((k + 0.5) / 25) for k in range(25)])
 
@@ -76,6 +86,16 @@ class ArmFinding:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Shaken:
+    """The autopilot's level of vibration over the usual one of the aircraft at its rotor speed."""
+
+    ratio: float
+    lower: float  # 95 % interval
+    upper: float
+    deviations: float  # of ln ratio, in standard deviations of the earlier flights
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ArmAnswer:
     """Findings about the arms from the figures of one flight or of several together."""
 
@@ -83,7 +103,7 @@ class ArmAnswer:
     quantities: tuple[ArmQuantity, ...]  # that were compared
     flights: int  # earlier flights that they were compared with
     days: int
-    aircraft: ArmFinding | None = None  # what is of no single arm; its arm is AIRCRAFT
+    shaken: Shaken | None = None  # the whole aircraft, by no cause of an arm
 
 
 def arm_answer(
@@ -95,9 +115,11 @@ def arm_answer(
 ) -> ArmAnswer:
     """Find faulty arms and their causes by comparing `flights` with the earlier flights of `law`.
 
-    `modes` (R, R) are the layout's modes (see `arm_law.departures`). `given` maps arms, from 0,
-    that the search for weak rotors found faulty to their possible causes, one of which is assumed
-    to be true.
+    `modes` (R, R) are the layout's mode directions, one a column; None: unknown. `given` maps arms,
+    from 0, that the search for weak rotors found faulty to their possible causes, one of which is
+    taken as true: with several it is searched for which, with one nothing is added. Then up to
+    MOST_FINDINGS in all are found, each without what the ones before explain. Without `law` no
+    earlier flight is counted.
     """
     left = list(departures(flights, law, modes))
     own_voltage = all(one.own_voltage for one in flights)
@@ -108,43 +130,153 @@ def arm_answer(
         found = _finding(left, own_voltage=own_voltage, given={arm: causes}) if several else None
         findings += [] if found is None else [found]
         left = _without(left, arm, causes, own_voltage=own_voltage)
-    while len(findings) < MOST_FINDINGS and left:
-        found = _finding(left, own_voltage=own_voltage)
-        if found is None:
-            break
-        findings.append(found)
-        moved = [one.cause for one in found.causes]
-        left = _without(left, found.arm, moved, own_voltage=own_voltage)
+    found_else = _findings(left, own_voltage=own_voltage, most=MOST_FINDINGS - len(findings))
+    left = _without_findings(left, found_else, own_voltage=own_voltage)
     earlier = law.without(flights) if law is not None else ()
     return ArmAnswer(
-        findings=tuple(one for one in findings if one.arm != AIRCRAFT),
-        aircraft=next((one for one in findings if one.arm == AIRCRAFT), None),
+        findings=(*findings, *found_else),
+        shaken=_shaken(left),
         quantities=quantities,
         flights=len(earlier),
         days=len({one.day for one in earlier}),
     )
 
 
+def _findings(
+    left: Sequence[Departure], *, own_voltage: bool, most: int = MOST_FINDINGS
+) -> list[ArmFinding]:
+    """Return at most `most` arms with a cause, each sought in what those before leave open."""
+    findings: list[ArmFinding] = []
+    while len(findings) < most and left:
+        found = _finding(left, own_voltage=own_voltage)
+        if found is None:
+            break
+        findings.append(found)
+        left = _without_findings(left, [found], own_voltage=own_voltage)
+    return findings
+
+
+def _without_findings(
+    left: Sequence[Departure], findings: Sequence[ArmFinding], *, own_voltage: bool
+) -> list[Departure]:
+    """Return what is left of some departures where the causes of findings explain theirs."""
+    for one in findings:
+        causes = [possible.cause for possible in one.causes]
+        left = _without(left, one.arm, causes, own_voltage=own_voltage)
+    return list(left)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LossEvidence:
+    """What an arm's figures other than thrust say of its loss of thrust: the log likelihood ratio
+    (S,) to no loss, at losses (S,), shares in ascending order."""
+
+    loss: Floats
+    log_ratio: Floats
+
+    def at(self, loss: float) -> float:
+        """Return the log likelihood ratio of a loss."""
+        return float(np.interp(loss, self.loss, self.log_ratio))
+
+
+def loss_evidence(flights: Sequence[ArmFigures], law: ArmLaw | None) -> tuple[LossEvidence, ...]:
+    """Return the evidence of each arm for and against a loss of its thrust; empty without figures.
+
+    A loss is one of THRUST_CAUSES, each as probable. An arm may have another cause as well, which
+    explains what it moves: then that says nothing of the loss. Quantities that other arms' findings
+    explain are left out.
+    """
+    left = [one for one in departures(flights, law) if one.quantity is not ArmQuantity.THRUST]
+    own_voltage = all(one.own_voltage for one in flights)
+    findings = _findings(left, own_voltage=own_voltage)
+    rotors = max((one.departure.size for one in left if not one.quantity.of_aircraft), default=0)
+    return tuple(
+        _arm_loss(
+            _without_findings(
+                left, [one for one in findings if one.arm != arm], own_voltage=own_voltage
+            ),
+            arm,
+            rotors,
+            own_voltage=own_voltage,
+        )
+        for arm in range(rotors)
+    )
+
+
+def _arm_loss(
+    left: Sequence[Departure], arm: int, rotors: int, *, own_voltage: bool
+) -> LossEvidence:
+    """Return the evidence for and against a loss of thrust of one arm, of `rotors`."""
+    evidence = [_Evidence.of(one) for one in left]
+
+    def gains(cause: Cause, sizes: Floats) -> Floats:
+        """Return the log likelihood ratio (Q, S) of a cause by quantity, at sizes (S,)."""
+        moved = [PATTERNS[cause].of(one.one.quantity, own_voltage=own_voltage) for one in evidence]
+        found = [one.gain(arm, how, sizes) for one, how in zip(evidence, moved, strict=True)]
+        return np.reshape(found, (len(evidence), sizes.size))
+
+    def of_loss(kept: Sequence[bool]) -> Floats:
+        """Return the log likelihood ratio (S,) of a loss by the quantities `kept` (Q,)."""
+        totals = [found[np.array(kept, dtype=np.bool_)].sum(axis=0) for found in by_loss]
+        return np.logaddexp.reduce(totals, axis=0) - math.log(len(totals))
+
+    loss = np.concatenate([-SIZES[::-1], [0.0], SIZES])
+    by_loss = [gains(cause, loss / ratio) for cause, ratio in LOSSES.items()]
+    others = [one for one in PATTERNS if one not in LOSSES]
+    share = FAULTY / (rotors * (len(others) + len(LOSSES)))
+    alone = math.log1p(-share * len(others))
+    having, lacking = [alone + of_loss([True] * len(evidence))], [alone]
+    for cause in others:
+        sizes = _sizes(cause)
+        total = gains(cause, sizes).sum(axis=0)
+        prior = math.log(share) + _log_sum(total) - math.log(total.size)
+        moves = [_moves(cause, one.quantity, own_voltage=own_voltage) for one in left]
+        having.append(prior + of_loss([not one for one in moves]))
+        lacking.append(prior)
+    return LossEvidence(loss, np.logaddexp.reduce(having, axis=0) - _log_sum(lacking))
+
+
 def _without(
     left: Sequence[Departure], arm: int, causes: Collection[Cause], *, own_voltage: bool
 ) -> list[Departure]:
-    """Set to NaN the quantities of one arm that `causes` change; drop quantities with only NaN."""
+    """Set to NaN the quantities of one arm that one of `causes` changes; drop quantities with only
+    NaN.
+
+    `own_voltage`: each ESC reports its own voltage.
+    """
     kept = []
     for one in left:
         moves = any(_moves(cause, one.quantity, own_voltage=own_voltage) for cause in causes)
         values = one.departure.copy()
-        if moves and (place := _place(one.quantity, arm)) is not None:
-            values[place] = math.nan
+        if moves:
+            values[_place(one.quantity, arm)] = math.nan
         if np.isfinite(values).any():
             kept.append(replace(one, departure=values))
     return kept
 
 
-def _place(quantity: ArmQuantity, arm: int) -> int | None:
-    """Return the index of an arm's value of a quantity; None where AIRCRAFT has none."""
-    if quantity.of_aircraft:
-        return 0
-    return None if arm == AIRCRAFT else arm
+def _place(quantity: ArmQuantity, arm: int) -> int:
+    """Return the index of an arm's value of a quantity; 0 for one of the whole aircraft."""
+    return 0 if quantity.of_aircraft else arm
+
+
+def _shaken(left: Sequence[Departure]) -> Shaken | None:
+    """Return how much more the aircraft is shaken than on earlier flights; None if it is not."""
+    one = next((one for one in left if one.quantity is ArmQuantity.SHAKING), None)
+    if one is None:
+        return None
+    from scipy.special import stdtrit
+
+    level, error = float(one.departure[0]), math.sqrt(float((one.covariance + one.own)[0, 0]))
+    if not level > float(stdtrit(one.freedom, 1.0 - FALSE_SHAKEN)) * error:
+        return None
+    half = float(stdtrit(one.freedom, 0.975)) * error
+    return Shaken(
+        ratio=math.exp(level),
+        lower=math.exp(level - half),
+        upper=math.exp(level + half),
+        deviations=level / error,
+    )
 
 
 def _moves(cause: Cause, quantity: ArmQuantity, *, own_voltage: bool) -> bool:
@@ -165,7 +297,12 @@ class _Evidence:
 
     @classmethod
     def of(cls, one: Departure) -> _Evidence:
-        """Prepare the scales of a departure's covariance."""
+        """Prepare the likelihood of a departure: inverses of its covariance at several scales.
+
+        The scales represent the uncertainty of the covariance itself (Student's t). Unknown arms
+        are left out. A change of all arms together counts as possible, except for thrust and
+        quantities of the aircraft.
+        """
         known = np.flatnonzero(np.isfinite(one.departure))
         y = one.departure[known]
         cut = np.ix_(known, known)
@@ -186,12 +323,13 @@ class _Evidence:
         return _log_sum(self.base) - math.log(self.base.size)
 
     def gain(self, arm: int, moved: Moved, sizes: Floats) -> Floats:
-        """Return the log likelihood ratio (S,) to no cause of a cause at `arm`, for each size (S,).
+        """Return the log likelihood ratio (S,) of a cause at `arm`, from 0, to no cause, for each
+        of S sizes.
 
-        `moved` is the cause's effect on the quantity; 0 if it has none or the arm is unknown.
+        `moved` is the cause's effect on the quantity. 0 if it has none or the arm's value is
+        unknown.
         """
-        at = _place(self.one.quantity, arm)
-        place = np.flatnonzero(self.known == (AIRCRAFT if at is None else at))
+        place = np.flatnonzero(self.known == _place(self.one.quantity, arm))
         ratio, spread = moved.ratio, moved.spread
         if not place.size or (ratio == 0.0 and spread == 0.0):
             return np.zeros(sizes.size)
@@ -217,23 +355,25 @@ def _finding(
 ) -> ArmFinding | None:
     """Return the arm that is most probably faulty, with its causes; None below probability SURE.
 
-    With `given` only its arms and causes are considered, with a prior probability of GIVEN (which
-    is also the limit) instead of FAULTY.
+    `own_voltage`: each ESC reports its own voltage. With `given` (arm, from 0, to causes) only
+    these are considered, with a prior probability of GIVEN (which is also the limit) instead of
+    FAULTY.
     """
     evidence = [_Evidence.of(one) for one in left]
     rotors = max((one.departure.size for one in left if not one.quantity.of_aircraft), default=0)
     gains: dict[tuple[int, Cause], tuple[Floats, Floats]] = {}
     for cause, pattern in PATTERNS.items():
-        sizes = SIZES * (pattern.largest / SIZES[-1])
-        sizes = np.concatenate([-sizes[::-1], sizes]) if pattern.both_ways else sizes
+        sizes = _sizes(cause)
         moved = [(one, pattern.of(one.one.quantity, own_voltage=own_voltage)) for one in evidence]
-        for at in (AIRCRAFT,) if cause.of_aircraft else given or range(rotors):
-            if given and (cause.of_aircraft or cause not in given[at]):
+        for at in given or range(rotors):
+            if given and cause not in given[at]:
                 continue
             total = np.zeros(sizes.size)
             for one, how in moved:
                 total = total + one.gain(at, how, sizes)
             gains[at, cause] = sizes, total
+    if not gains:  # no arm has a figure
+        return None
     faulty = GIVEN if given else FAULTY
     prior = math.log(faulty / len(gains))
     logs = {
@@ -264,17 +404,21 @@ def _finding(
         shown=tuple(
             (one.quantity, *_shown(one, place))
             for one in left
-            if (place := _place(one.quantity, worst)) is not None
-            and np.isfinite(one.departure[place])
+            if np.isfinite(one.departure[place := _place(one.quantity, worst)])
             and any(_moves(cause, one.quantity, own_voltage=own_voltage) for cause in moved)
         ),
     )
 
 
-def _shown(one: Departure, arm: int) -> tuple[float, float]:
-    """Return an arm's difference from the other arms' mean, as a share and in standard deviations.
+def _sizes(cause: Cause) -> Floats:
+    """Return the sizes (S,) of a cause that are tried, in ascending order."""
+    return np.concatenate([-SIZES[::-1], SIZES]) if PATTERNS[cause].both_ways else SIZES
 
-    Thrust is not compared with the other arms: its own value is returned.
+
+def _shown(one: Departure, arm: int) -> tuple[float, float]:
+    """Return an arm's difference from the other arms' mean, as it is and in standard deviations.
+
+    Thrust is not compared with the other arms: its own departure is returned.
     """
     others = np.delete(one.departure, arm)
     others = others[np.isfinite(others)]
@@ -287,10 +431,10 @@ def _shown(one: Departure, arm: int) -> tuple[float, float]:
 
 
 def _possible(cause: Cause, share: float, sizes: Floats, logs: Floats) -> PossibleCause:
-    """Return a cause with the mean and interval of its size, from log likelihoods (S,) at `sizes`
-    (S,).
+    """Return a cause with the mean and 95 % interval of its size.
 
-    `share` is its posterior probability.
+    `logs` (S,) are the log likelihoods of the `sizes` (S,), ascending; `share` is the posterior
+    probability of the cause.
     """
     weight = np.exp(logs - logs.max())
     weight = weight / weight.sum()

@@ -31,9 +31,11 @@ class PowerTrend:
 
 
 def power_trends(flights: Sequence[ArmFigures]) -> tuple[PowerTrend, ...]:
-    """Return the arms whose power, relative to the arms' median, rose significantly over `flights`.
+    """Return the arms whose power rose significantly over `flights`, relative to the median arm.
 
-    `flights` are ordered by time. Empty with fewer than FEWEST_DAYS days with every arm's power.
+    `flights` are ordered by time. Each trend has the change from first to last flight as a share,
+    with its 95 % interval; `arm` is from 0. Empty with fewer than FEWEST_DAYS days with every arm's
+    power.
     """
     from scipy.special import stdtrit
 

@@ -54,10 +54,10 @@ class ArmWatch:
         self._rest: list[Floats] = []  # (R,) ESC voltages at rest less their median
 
     def add(self, track: FlightTrack) -> ArmHeat:
-        """Add the N rows of a track, later than those before, and return the arms' heat per row.
+        """Add the N rows of a track, later than those before, and return the arms' state per row.
 
-        (N, R): the seconds until ESC and motor reach their temperature limits, and the W lost in
-        each lead.
+        Its arrays (N, R): seconds until ESC and motor reach their temperature limits, W lost in
+        each lead, and number of recent desyncs.
         """
         rows, rotors = track.esc_temperature.shape
         esc, motor = np.full((2, rows, rotors), np.nan)
@@ -108,10 +108,11 @@ class ArmWatch:
         return counted
 
     def _seconds(self, part: str, arm: int, time_s: float, kelvin: float, limit: float) -> float:
-        """Return the s until the temperature `kelvin` of a part reaches `limit`, by its recent
-        rise.
+        """Store a temperature `kelvin` of a part at `time_s`, s, and return the s until it reaches
+        `limit`, K, by its rise in the last LOOK_S s.
 
-        0 at the limit, infinity if it hardly rises, NaN where it is unknown.
+        0 at the limit; infinity if it hardly rises or has been known for less than LEAST_LOOK_S;
+        NaN, without storing, where it is unknown. A step back in time begins anew.
         """
         if not math.isfinite(kelvin):
             return math.nan

@@ -47,10 +47,11 @@ class SpeedFalls:
 
 
 def speed_falls(track: FlightTrack) -> SpeedFalls:
-    """Return the falls of measured speed in flight that no motor output explains.
+    """Find short falls of measured rotor speed in flight that no motor output explains.
 
-    Rows within RETURN_S of the end are not decided yet: no fall is in them unless it has ended. Of
-    rotors without outputs none is found.
+    The result flags (T, R) the lowest row of each fall, and of these the falls that the controller
+    answered. A fall must return within RETURN_S: one that has not yet is not flagged. Nothing is
+    found with fewer than FEWEST_ROTORS rotors, or for rotors without outputs.
     """
     time_s = track.time_s
     speed, output = np.abs(track.measured("rotor_speed_rpm")), track.throttle
@@ -119,7 +120,11 @@ def _shifted(values: Floats, step: int) -> Floats:
 
 
 def _answered(track: FlightTrack, row: int, rotor: int) -> bool:
-    """Return whether output or current of a rotor moved at a fall, more than it moves else."""
+    """Return True if a rotor's relative output or ESC current moved at the fall in row `row`.
+
+    It must move by more than its scatter over the seconds before; output upwards, current either
+    way. Unknown channels count as not moved.
+    """
     time_s = track.time_s
     near = slice(
         int(np.searchsorted(time_s, time_s[row] - 2.0 * FALL_S)),

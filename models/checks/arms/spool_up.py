@@ -40,9 +40,12 @@ class UsualSpoolUp:
 
 
 def spool_up_figure(ratios: Sequence[tuple[float, float]]) -> ArmFigure | None:
-    """Return v of each motor of a run-up; None where none is known.
+    """Return v of each motor, in motor order, from its first run-up on the ground; None if none is
+    known.
 
-    `ratios` are each motor's speed and output over those of the others; NaN unknown.
+    v is ln of relative speed minus POWER times ln of relative output. `ratios` has a pair for each
+    motor: its speed over the other motors' speed and its output over their output; NaN where
+    unknown.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         speed, output = np.log(np.array(ratios, dtype=np.float64)).reshape(-1, 2).T
@@ -57,9 +60,10 @@ def spool_up_figure(ratios: Sequence[tuple[float, float]]) -> ArmFigure | None:
 
 
 def usual_spool_up(law: ArmLaw | None, name: str, rotors: int) -> UsualSpoolUp | None:
-    """Return what the motors had on the flights of a law other than that called `name`.
+    """Return the usual v (see `spool_up_figure`) of each motor, from the earlier flights in `law`.
 
-    None where too few of them show it, or where they have another number of motors.
+    The flight called `name` is left out. None without a law, where too few flights have v, or where
+    one has another number of motors than `rotors`.
     """
     zero = ArmFigure(quantity=ArmQuantity.SPOOL_UP, value=(0.0,) * rotors, error=(0.0,) * rotors)
     if law is None or any(
@@ -84,11 +88,11 @@ def usual_spool_up(law: ArmLaw | None, name: str, rotors: int) -> UsualSpoolUp |
 def unlike_before(
     usual: UsualSpoolUp, motor: int, speed: Floats, output: Floats
 ) -> tuple[Floats, Floats]:
-    """Return how far a motor is from its own history up to each row: the mean of v less the usual
-    v, (T,), and the most that is sound, (T,).
+    """Return how far a motor's v is from its usual one, and the limit for a sound motor, both (T,).
 
-    `speed` and `output` (T,) are over those of the others, NaN where they are not to be compared.
-    Both results are NaN before FEWEST readings.
+    Row t takes the mean of v over rows 0..t. `motor` is from 0; `speed` and `output` (T,) are the
+    motor's, each over that of the other motors, NaN where not comparable. Both results are NaN in
+    rows without a reading and before FEWEST readings.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         ln_speed, ln_output = np.log(speed), np.log(output)

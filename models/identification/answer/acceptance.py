@@ -5,7 +5,8 @@
 1. `drop_larger_sets`: drop the best set while a smaller one has a lower cross-validated error.
    Without it, effects that only fit noise are reported.
 2. `drop_worse_sets`: drop sets whose cross-validated error is clearly above that of the best one.
-   Without it, effects count as confounded though held-out flights distinguish them.
+   Without it, effects count as confounded though held-out flights distinguish them. Not for a
+   single flight: its parts share its own deviation, which any effect that fits it would explain.
 3. `Posterior.named_candidates`: select effects with a posterior inclusion probability of at least
    0.95 and a 95 % interval that excludes zero. This is the promise of the answer.
 4. `effects_resembling`: drop effects that resemble an unexplained residual (`find_unexplained`).
@@ -14,21 +15,17 @@
    Without it, two effects that cancel each other are both reported.
    `exceeds_law_error`: also drop those that the inaccurate laws of larger effects may explain.
    Without it, a tilted arm's 300 rpm report a sound rotor as weak by 0.8 %.
-6. `resembles_unexplained`: drop "one of" groups of which rule 4 would drop every effect.
-   Without it, a choice is reported between effects that all only imitate an unlisted cause.
-7. `Posterior.estimates`: refit the remaining effects alone; drop those whose interval then includes
+6. `Posterior.estimates`: refit the remaining effects alone; drop those whose interval then includes
    zero. Predictions use that refit, so its intervals count.
    Without it, the new model has an effect whose size may be zero.
-8. `names_that_hold`: drop all effects if selecting them again without each flight makes the error
-   of that flight larger.
+7. `names_that_hold`: drop all effects if one is improbable without some flight, or if selecting
+   them again without each flight makes the error of that flight larger.
    Without it, an effect of some flights is reported of all, with an error after above that before.
-9. `unnamed_terms_worth_keeping`: add unnamed causes that lower the cross-validated error.
+8. `unnamed_terms_worth_keeping`: add unnamed causes that lower the cross-validated error.
    Without it, the new model keeps an error that recurs in every flight.
-10. `needs_inspection`: report a rotor as suspect only if the expected cost of a missed inspection
+9. `needs_inspection`: report a rotor as suspect only if the expected cost of a missed inspection
    is higher and its loss lowers the cross-validated error.
    Without it, pilots are asked to inspect sound rotors.
-
-In addition, `wind_in_airspeed` reports a strong wind that the airspeed sensor has followed.
 """
 
 from __future__ import annotations
@@ -39,13 +36,12 @@ from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
-from scipy.special import stdtr, stdtrit
+from scipy.special import stdtrit
 
 from thrustmargin.models.effects.base import Kind
-from thrustmargin.models.effects.channels import Channels, froude_time_scale
-from thrustmargin.models.effects.instrument_effects import FOLLOWED_WIND, WIND
+from thrustmargin.models.effects.channels import froude_time_scale
 from thrustmargin.models.effects.unnamed import ALONG, place_of
-from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.cross_validation import CrossValidation, FoldSums
 from thrustmargin.models.identification.answer.posterior import (
     EffectEstimate,
@@ -67,18 +63,14 @@ from thrustmargin.models.identification.certainty import (
     OPEN_PROBABILITY,
 )
 from thrustmargin.models.identification.rows.candidates import (
-    Term,
     TrialEffect,
-    placed_effects,
     predicted_modes,
 )
-from thrustmargin.models.identification.rows.problem import BLOCK_SECONDS, Problem
+from thrustmargin.models.identification.rows.problem import Problem
 from thrustmargin.models.identification.sets.discrepancy import FORM, MEANS, WANDER, slow_wander
 from thrustmargin.models.identification.sets.linear_sets import EffectSet, LinearisedSets
 from thrustmargin.models.identification.sets.search_space import USUAL_SHARE, SearchSpace
 from thrustmargin.models.identification.sets.set_search import FAR, Search
-from thrustmargin.models.physics.atmosphere import G0
-from thrustmargin.models.physics.forward_flight import ForwardFlight, straight_rows, wind_by_drag
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -96,7 +88,7 @@ class AcceptedEffects:
     unexplained: Unexplained | None
     lookalikes: tuple[int, ...]  # probable candidates that resemble the unexplained residual
     mentioned: tuple[Mentioned, ...]
-    contradicted: tuple[int, ...]  # candidates that rule 8 dropped
+    contradicted: tuple[int, ...]  # candidates that rule 7 dropped
     #: (T, R) residuals with effects selected again without each row's fold: reported effects alone,
     #: and with unnamed causes
     reported_rpm: Floats
@@ -124,8 +116,11 @@ def accept_effects(
     *,
     steepness: float = 0.0,
 ) -> AcceptedEffects:
-    """Apply the rules (module docstring) to a finished search; `steepness` is that of
-    `posterior_of`."""
+    """Decide which effects of a finished search to report, by rules 1 to 10 of the module.
+
+    `problem` has the rows for cross-validation; `steepness` is the relative error of the slope of
+    the rotor speed law.
+    """
     # Rules 1 and 2
     answer, left_out = cross_validated_posterior(problem, posterior_of(search, steepness))
 
@@ -140,20 +135,16 @@ def accept_effects(
     needed = needed_effects(error, [c for c in probable if c not in lookalikes])
     linear = search.linearise(answer.best)
     needed = [c for c in needed if exceeds_law_error(linear, answer.estimate(c))]
-    # Rules 6 and 7: while values are fitted, the most probable effect represents each "one of"
-    one_of = tuple(
-        one
-        for one in answer.one_of(probable)
-        if not resembles_unexplained(one, unexplained, answer)
-    )
+    # Rule 6: while values are fitted, the most probable effect represents each "one of"
+    one_of = answer.one_of(probable)
     first_keys = {one.terms[0].key for one in one_of}
     alternatives = {c for c, one in enumerate(search.candidates) if one.term.key in first_keys}
     estimates = answer.estimates(needed, alternatives)
-    # Rule 8
+    # Rule 7
     fitted = [e.candidate for e in estimates]
     accepted, reported_rpm = names_that_hold(left_out, fitted, probable)
     estimates = estimates if accepted else []
-    # Rule 9: shares of motor outputs show no curve along a channel
+    # Rule 8: shares of motor outputs show no curve along a channel
     unnamed, left_out_rpm = list[int](), reported_rpm
     if not problem.of_outputs:
         unnamed, left_out_rpm = unnamed_terms_worth_keeping(
@@ -162,7 +153,7 @@ def accept_effects(
     reported = estimates
     if unnamed:
         estimates = answer.estimates([*accepted, *unnamed], alternatives)
-    # Rule 10
+    # Rule 9
     members = [e.candidate for e in estimates]
     contradicted = [c for c in fitted if c not in accepted]
     reported_else = {search.candidates[c].term.rotor for c in contradicted}
@@ -205,7 +196,10 @@ NEGLIGIBLE = 0.1 * OPEN_PROBABILITY  # posterior probability that decides no rep
 def cross_validated_posterior(
     problem: Problem, answer: Posterior
 ) -> tuple[Posterior, CrossValidation]:
-    """Apply rules 1 and 2; also return the cross-validation about the best remaining set."""
+    """Drop sets of effects that cross-validation does not confirm (rules 1 and 2).
+
+    Return the posterior of the remaining sets, and the cross-validation about the best of them.
+    """
     out = FoldSums.from_nuisance(answer.search.nuisance)
 
     def fold_squares(one: EffectSet) -> Floats:
@@ -213,19 +207,23 @@ def cross_validated_posterior(
         own = CrossValidation.about_set(problem, answer.search, one, alone=True, out=out)
         return own.fold_squares(own.with_effects(one.key))
 
-    kept = drop_unconfirmed_sets(answer, fold_squares)
+    kept = drop_unconfirmed_sets(answer, fold_squares, single_flight=problem.flights == 1)
     return kept, CrossValidation.about_set(problem, answer.search, kept.best, out=out)
 
 
 def drop_unconfirmed_sets(
-    answer: Posterior, fold_squares: Callable[[EffectSet], Floats]
+    answer: Posterior,
+    fold_squares: Callable[[EffectSet], Floats],
+    *,
+    single_flight: bool = False,
 ) -> Posterior:
-    """Drop sets by rules 1 and 2, and return the posterior of the remaining ones.
+    """Drop sets by rule 1 and, unless all folds are of a single flight, by rule 2.
 
     `fold_squares` returns a set's held-out mean squares (folds,), rpm²; it is called once a set.
     """
     fold_squares = lru_cache(maxsize=None)(fold_squares)
-    return drop_worse_sets(drop_larger_sets(answer, fold_squares), fold_squares)
+    answer = drop_larger_sets(answer, fold_squares)
+    return answer if single_flight else drop_worse_sets(answer, fold_squares)
 
 
 def drop_larger_sets(answer: Posterior, fold_squares: Callable[[EffectSet], Floats]) -> Posterior:
@@ -275,13 +273,12 @@ def is_clearly_worse(squares: Floats, other: Floats) -> bool:
 #: below which an unexplained residual is minor
 MOST_UNEXPLAINED = 0.15
 SLOW_FACTOR = 3.0  # times the slow noise of good flights, beyond which a mode is unexplained
-MAIN_SHARE = 2 / 3  # of an effect's squared change: two of the modes of a rotor are not most of it
 
 
 def find_unexplained(space: SearchSpace, answer: Posterior) -> Unexplained | None:
     """Describe the unexplained residual; None where none is probable and large enough.
 
-    It is the largest unnamed cause beyond the limits of `exceeds_limits`, with those of a rotor
+    It is the largest unnamed cause beyond the limits of `exceeds_limits`, with causes on a rotor
     first; without one it is a mode with too much slow noise.
     """
     search, best = answer.search, answer.best
@@ -296,8 +293,6 @@ def find_unexplained(space: SearchSpace, answer: Posterior) -> Unexplained | Non
         return _slow_mode(space, search, best)
     rotors = [c for c in candidates if search.candidates[c].term.rotor is not None]
     main = max(rotors or candidates, key=lambda c: float(candidates[c].sum()))
-    every = range(named_square.size)
-    modes = every if rotors else sorted({int(np.argmax(square)) for square in candidates.values()})
     equivalent = [
         main,
         *(c for c in search.interchangeable(main) if answer.probability([c]) > OPEN_PROBABILITY),
@@ -308,7 +303,6 @@ def find_unexplained(space: SearchSpace, answer: Posterior) -> Unexplained | Non
     share = float(candidates[main].sum()) / max(open_ + unexplained, 1e-12)
     return Unexplained(
         mode=int(np.argmax(candidates[main])),
-        modes=tuple(modes),
         channel=next(iter(channels)),
         channels=tuple(channels),
         share=share,
@@ -373,9 +367,10 @@ def exceeds_limits(square: Floats, named_square: Floats, usual: Floats, of_rotor
 
 
 def _slow_mode(space: SearchSpace, search: Search, best: EffectSet) -> Unexplained | None:
-    """Describe the mode with the most slow noise relative to the model's training flights.
+    """Describe the mode whose slow noise exceeds that of the model's training flights by most.
 
-    None where no mode exceeds SLOW_FACTOR, or the model contains no such flights.
+    `best` is the set whose residual is used. None where no mode exceeds SLOW_FACTOR, or the model
+    contains no training flights.
     """
     reduced = space.reduced
     known = reduced.model.good_flights
@@ -393,7 +388,6 @@ def _slow_mode(space: SearchSpace, search: Search, best: EffectSet) -> Unexplain
     share = min(1.0, rms**2 / max(float(np.mean(rest**2, axis=0).sum()), 1e-12))
     return Unexplained(
         mode=mode,
-        modes=(mode,),
         channel="time_s",
         channels=("time_s",),
         share=share,
@@ -419,9 +413,8 @@ def effects_resembling(
     If a rotor's loss varies along a channel, effects that do not act on such a rotor may only
     compensate for it, unless they change far more than it does (MOST_UNEXPLAINED). Beside a
     probable cause along its own channel, however small, an instrument is not at fault for certain.
-    Otherwise, an effect resembles the unexplained residual if it acts on the same rotor, reads one
-    of the same channels, or changes mostly the same modes. A residual that is only slow noise
-    resembles no effect.
+    Otherwise, an effect resembles the unexplained residual if it acts on the same rotor or reads
+    one of the same channels. A residual that is only slow noise resembles no effect.
     """
     search, best = answer.search, answer.best
     likely = probable_causes(answer)
@@ -438,7 +431,9 @@ def effects_resembling(
         read = {needed for channel in unexplained.channels for needed in ALONG[channel].needs}
 
     def resembles(c: int) -> bool:
-        """Return True if candidate `c` resembles the unexplained residual."""
+        """Return True if candidate `c` resembles the unexplained residual, by the criteria of
+        `effects_resembling`: uneven loss of a rotor, its own instrument's channel, the same rotor
+        or channel, or mostly the same modes."""
         if uneven and terms[c].degraded_rotor not in uneven:
             own = float(mean_square_change(search, trials[c]).sum()) if c in trials else 0.0
             if sum(uneven.values()) > MOST_UNEXPLAINED * own:
@@ -450,17 +445,9 @@ def effects_resembling(
         if not read or unexplained is None:
             return False
         of_rotor = unexplained.rotor is not None and terms[c].rotor == unexplained.rotor
-        if of_rotor or read & set(terms[c].effect.needs):
-            return True
-        return c in trials and changes_mostly(search, trials[c], unexplained.modes)
+        return of_rotor or bool(read & set(terms[c].effect.needs))
 
     return [c for c in named if resembles(c)]
-
-
-def changes_mostly(search: Search, trial: TrialEffect, modes: Sequence[int]) -> bool:
-    """Return True if over MAIN_SHARE of an effect's squared change is in `modes` (indices)."""
-    square = mean_square_change(search, trial)
-    return bool(square[list(modes)].sum() > MAIN_SHARE * square.sum())
 
 
 def mean_square_change(search: Search, trial: TrialEffect) -> Floats:
@@ -489,9 +476,11 @@ def needed_effects(error: Callable[[Sequence[int]], float], members: Collection[
 
 
 def exceeds_law_error(linear: LinearisedSets, estimate: EffectEstimate) -> bool:
-    """Return whether an interval excludes zero with the inaccurate laws of all effects included.
+    """Return True if an estimate's interval excludes zero with the errors of all effects'
+    equations.
 
-    `linear` is about the most probable set. True for an effect without a shared main value.
+    `linear` is the problem linearised about the most probable set. True for an effect without a
+    shared main value.
     """
     one = linear.trials[estimate.candidate].candidate
     away = [
@@ -503,26 +492,19 @@ def exceeds_law_error(linear: LinearisedSets, estimate: EffectEstimate) -> bool:
     return not away or any(away)
 
 
-def resembles_unexplained(one: OneOf, unexplained: Unexplained | None, answer: Posterior) -> bool:
-    """Rule 6: return True if rule 4 would drop every effect of a "one of"."""
-    keys = {term.key for term in one.terms}
-    members = [c for c, k in enumerate(answer.search.candidates) if k.term.key in keys]
-    return set(effects_resembling(unexplained, members, answer)) == set(members)
-
-
 def names_that_hold(
     left_out: CrossValidation, names: Sequence[int], before: Collection[int]
 ) -> tuple[list[int], Floats]:
-    """Rule 8: return `names`, or none if effects selected without each fold do not lower its error.
+    """Rule 7: return `names`, or none if a fold excludes one or selecting anew lowers no error.
 
     Also return the cross-validated residual (T, R), rpm: with effects, or without if none are
-    returned. An effect that explains some flights and predicts the others worse is no property of
-    the aircraft. If no fold selects any, because fewer flights are less certain, the residual is
-    that of `names` with values fitted without each fold. `before` are the probable candidates
-    before any was dropped.
+    returned. An effect that explains some flights and predicts the others worse, or that is
+    improbable without one of them, is no property of the aircraft. If no fold selects any, because
+    fewer flights are less certain, the residual is that of `names` with values fitted without each
+    fold. `before` are the probable candidates before any was dropped.
     """
     without = left_out.residual({})
-    if not names:
+    if not names or left_out.excludes_any(names):
         return [], without
     having = left_out.with_selected_effects(names, [c for c in before if c not in names])
     if residual_rms(having) == residual_rms(without):
@@ -537,7 +519,7 @@ def unnamed_terms_worth_keeping(
     before: Collection[int],
     reported_rpm: Floats,
 ) -> tuple[list[int], Floats]:
-    """Rule 9: return the probable unnamed terms that lower the error when added to `names`.
+    """Rule 8: return the probable unnamed terms that lower the error when added to `names`.
 
     `reported_rpm` (T, R) is the cross-validated residual with `names`; that with the terms is
     returned as well.
@@ -565,17 +547,17 @@ def unnamed_terms_worth_keeping(
 def is_sole_cause(
     rotor: int, reported_else: Collection[int | None], causes: Collection[int | None]
 ) -> bool:
-    """Rule 10: return True if `rotor` is not reported otherwise and all `causes` are of it alone.
+    """Rule 9: return True if `rotor` is not reported otherwise and all `causes` are of it alone.
 
     `reported_else` are rotors with an uneven loss, which is reported separately, or with an effect
-    that rule 8 dropped. `causes` are the rotors (None: of no rotor) of the probable unnamed causes;
+    that rule 7 dropped. `causes` are the rotors (None: of no rotor) of the probable unnamed causes;
     one of another rotor may be what `rotor` only imitates.
     """
     return rotor not in reported_else and set(causes) <= {rotor}
 
 
 def needs_inspection(probability: float, without_rpm: float, with_rpm: float) -> bool:
-    """Rule 10: return True if an unreported rotor should be inspected.
+    """Rule 9: return True if an unreported rotor should be inspected.
 
     Its probability must make a missed bad rotor costlier than a needless inspection, and its loss
     must lower the cross-validated error, `without_rpm` to `with_rpm`, by LEAST_FALL.
@@ -602,103 +584,3 @@ def open_cause(effect: ReportedEffect, answer: Posterior) -> OpenCause:
         alike=tuple(place_of(candidates[c].term.effect)[1] for c in equivalent),
         rms_rpm=float(np.sqrt(np.mean(np.nan_to_num(change) ** 2))),
     )
-
-
-LEAST_BLOCKS = 4  # least blocks of a flight for an interval
-LEVEL_ERROR = np.radians(0.5)  # error of attitude, which both estimates would attribute to wind
-
-
-def wind_in_airspeed(
-    problem: Problem,
-    residual_rpm: Floats,
-    trials: Sequence[TrialEffect],
-    tracks: Sequence[FlightTrack],
-) -> ReportedEffect | None:
-    """Return the wind that the airspeed sensor already measured, if stronger than in training.
-
-    `residual_rpm` (T, R) is the residual with the effects `trials`. The value (F, 2), m/s north and
-    east for each flight, is the mean of the autopilot's estimate and of the wind derived from drag
-    and tilt; the interval contains their difference and the effect of a level error on both. None
-    if either is missing, if no flight's wind is surely stronger, or if ground speed would predict
-    as well as airspeed.
-    """
-    model, flight = problem.model, problem.model.forward_flight
-    if model.training_domain is None or flight is None or problem.lacks(WIND):
-        return None
-    if not flight.rotor_drag > 0.0:
-        return None
-    winds = [block_winds(track, problem, flight) for track in tracks]
-    if any(w.shape[0] < LEAST_BLOCKS for w in winds):
-        return None
-    mean = np.stack([w.mean(axis=0) for w in winds])  # (F, 2 ways, 2)
-    value = mean.mean(axis=1)
-    half = np.hypot(wind_half_widths(winds, mean), G0 * LEVEL_ERROR / flight.rotor_drag)
-    surely = np.hypot(*value.T) - np.hypot(*half.T)
-    if not np.any(surely > model.training_domain.wind_speed[1]):
-        return None
-    x = problem.channels
-    speed = np.hypot(x.velocity_north, x.velocity_east)
-    shifts = np.repeat(speed[:, None], x.airspeed_shifts.shape[1], axis=1)
-    over_ground = replace(x, airspeed=speed, airspeed_shifts=shifts)
-    before, after, p = errors_without_channels(problem, residual_rpm, trials, over_ground)
-    if before < (1.0 + LEAST_FALL) * after or p > OPEN_PROBABILITY / 2.0:
-        return None
-    return ReportedEffect(
-        term=Term(effect=FOLLOWED_WIND),
-        value=value,
-        lower=value - half,
-        upper=value + half,
-        rmse_before_rpm=before,
-        rmse_after_rpm=after,
-    )
-
-
-def block_winds(track: FlightTrack, problem: Problem, flight: ForwardFlight) -> Floats:
-    """Return winds (B, 2, 2), m/s, by block of time: reported and from drag, each north and
-    east."""
-    by_drag = wind_by_drag(track, problem.model.airframe, flight)
-    both = np.stack([track.wind_ned[:, :2], by_drag], axis=1)
-    rows = straight_rows(track) & np.isfinite(both).all(axis=(1, 2))
-    if not rows.any():
-        return np.empty((0, 2, 2))
-    block = (track.time_s[rows] // BLOCK_SECONDS).astype(np.intp)
-    return np.stack([both[rows][block == b].mean(axis=0) for b in np.unique(block)])
-
-
-def wind_half_widths(winds: Sequence[Floats], mean: Floats) -> Floats:
-    """Return the 95 % half widths (F, 2), m/s, of the wind of F flights, north and east.
-
-    `winds` has for each flight (B, 2, 2) of B blocks: reported and from drag, each north and east.
-    `mean` (F, 2, 2) are their means over blocks. Includes the scatter of blocks and the difference
-    of the two estimates.
-    """
-    scatter = np.stack(
-        [
-            stdtrit(w.shape[0] // 2, 0.975)
-            * w.mean(axis=1).std(axis=0, ddof=1)
-            / np.sqrt(w.shape[0])
-            for w in winds
-        ]
-    )
-    difference = mean[:, 0] - mean[:, 1]
-    half_width = stdtrit(difference.size, 0.975) * np.sqrt(np.mean(difference**2)) / 2
-    return np.hypot(scatter, half_width)
-
-
-def errors_without_channels(
-    problem: Problem, residual_rpm: Floats, trials: Sequence[TrialEffect], without: Channels
-) -> tuple[float, float, float]:
-    """Return the RMSE, rpm, with the channels `without`, then with the problem's, and a p-value.
-
-    `residual_rpm` (T, R) is the residual with the problem's channels. The p-value of the gain is
-    from Student's t of the blocks' differences, with half as many degrees of freedom as blocks.
-    """
-    blind = replace(problem, channels=without)
-    worse_rpm = problem.measured_rpm - blind.speeds(placed_effects(blind, trials))
-    squares = np.stack([worse_rpm**2, residual_rpm**2]).mean(axis=2)
-    before, after = np.sqrt(squares.mean(axis=1))
-    count = np.bincount(problem.block)
-    gained = np.bincount(problem.block, squares[0] - squares[1]) / count
-    error = float(np.std(gained, ddof=1)) / np.sqrt(gained.size)
-    ratio = float(np.mean(gained)) / max(error, 1e-12)
-    return float(before), float(after), float(stdtr(gained.size // 2, -ratio))

@@ -66,8 +66,10 @@ def constant_shares(
 ) -> ConstantShares | None:
     """Return the constant difference between motor outputs and the model with the effects `trials`.
 
+    With it come the causes that would produce it: an offset centre of gravity, or one weak rotor.
     `residual_rpm` (T, R) is measured minus predicted with these effects. None for measured speeds,
-    for a model trained on fault-free flights, and for a difference below REPORTED.
+    for a model trained on fault-free flights, and for a difference below REPORTED. If flights
+    differ, the difference is that of the flight with the largest one.
     """
     if not problem.of_outputs or not lacks_sound_flights(problem.model):
         return None
@@ -106,8 +108,11 @@ def constant_shares(
 
 
 def _trim_cause(moved: Change, target: Floats) -> ShareCause | None:
-    """Return the centre of gravity and yaw moment that produce `target` (3,) rpm; None if none
-    do."""
+    """Return the centre of gravity, m, and yaw moment, N m, that produce a change; None if none do.
+
+    `target` (3,) is the change of the roll, pitch and yaw modes, rpm; `moved` computes it for
+    effects.
+    """
     yaw = BY_KEY["yaw_trim"].parameters[0]
     solved = _solve_sizes(
         lambda v: moved([_cg_offset(v[0], v[1]), _placed_effect("yaw_trim", {yaw.name: v[2]})]),
@@ -121,10 +126,12 @@ def _trim_cause(moved: Change, target: Floats) -> ShareCause | None:
 
 
 def _weak_rotor_cause(moved: Change, target: Floats, rotor: int) -> ShareCause | None:
-    """Return the rotor's loss and the centre of gravity that together produce `target` (3,) rpm.
+    """Return the loss of `rotor`, from 0, and the centre of gravity that together produce a change.
 
-    Yaw determines the loss through the torque share that the rotor keeps, known to one standard
-    deviation; `loss_range` covers that. None if the loss is below LEAST_LOSS or no size fits.
+    `target` (3,) is the change of the roll, pitch and yaw modes, rpm; `moved` computes it for
+    effects. Yaw determines the loss through the torque share that the rotor keeps, known to one
+    standard deviation; `loss_range` covers that. None if the loss is below LEAST_LOSS or no size
+    fits.
     """
     tries = [
         _solve_sizes(
@@ -182,11 +189,10 @@ def _solve_sizes(
     scale: tuple[float, float, float],
     most: tuple[float, float, float],
 ) -> list[float] | None:
-    """Return values (3,) that produce the `target` change (3,), rpm, of roll, pitch and yaw, or
-    None.
+    """Return three values for which `change` of them is `target` (3,), rpm; None if there are none.
 
-    Each value is within its `most` of zero and is searched in steps of its `scale`. None if more
-    than MATCHED of the change remains.
+    Each value is within its `most` of zero; `scale` is its typical size, for the solver. Accepted
+    is a remaining difference of up to MATCHED of the target.
     """
     sizes, bounds = np.array(scale), np.array(most) / np.array(scale)
     solution = least_squares(

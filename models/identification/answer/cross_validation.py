@@ -57,13 +57,19 @@ class HeldOutFold:
         fold's data."""
         return self._posterior(search, search.possible_sets).unnamed_members()
 
+    def excludes(self, search: Search, candidate: int) -> bool:
+        """Return True if a candidate, variants included, is improbable without this fold's data."""
+        return not self._posterior(search, search.possible_sets).is_possible(candidate)
+
     def values(self, search: Search, members: Collection[int]) -> Values:
         """Return the values (F, K) of each candidate in `members`, fitted without this fold."""
         answer = self._posterior(search, [frozenset(members)])
         return {c: answer.estimate(c).value for c in members}
 
     def _posterior(self, search: Search, keys: Iterable[frozenset[int]]) -> Posterior:
-        """Return the posterior of the sets `keys`, scored without this fold."""
+        """Return the posterior over the effect sets `keys`, each scored on the flights outside this
+        fold.
+        """
         linear, sets = self.linear, []
         for key in keys:
             sets.append(
@@ -87,8 +93,10 @@ class FoldSums:
 
     @classmethod
     def from_nuisance(cls, nuisance: Nuisance) -> FoldSums:
-        """Split flights into folds: one flight each, or MOST_FOLDS groups; none for a single
-        flight."""
+        """Prepare the nuisances of each fold: one flight each, or MOST_FOLDS groups of flights.
+
+        No folds for a single flight.
+        """
         every = len(nuisance.flights)
         count = min(every, MOST_FOLDS) if every > 1 else 0
         flights = [tuple(range(k, every, count)) for k in range(count)]
@@ -118,8 +126,9 @@ class CrossValidation:
         """Linearise about the set `start`, fitted to all flights, and subtract each fold from the
         sums.
 
-        With `alone`, only values of that set remain: enough to cross-validate this set and no
-        other.
+        With `alone`, only the values of that set can be refitted: enough to cross-validate this set
+        and no other. `out` are the folds' sums if already computed. A single flight is split into
+        fifths.
         """
         columns, nuisance = search.set_columns(start, alone=alone), search.nuisance
         if problem.flights == 1:
@@ -156,10 +165,12 @@ class CrossValidation:
         return np.array([square[fold.rows].mean() for fold in self.folds])
 
     def with_persistent_effects(self, members: Collection[int]) -> Floats:
-        """Return the residual as `with_effects` does, but predict only with persistent effects.
+        """Return the residual (T, R), rpm, measured minus predicted, by those of the effects
+        `members` that also apply to later flights.
 
-        All `members` are fitted; those that apply to the fitted flights alone (a wind, a step) are
-        then left out of the prediction.
+        `members` are candidate indices. For each row all of them are fitted to the other folds,
+        without the row's own. Effects of the fitted flights alone (a wind, a step) are then left
+        out of the prediction.
         """
         lasting = {c for c in members if not self._term(c).effect.of_its_flights}
         values = [fold.values(self.search, members) for fold in self.folds]
@@ -170,25 +181,40 @@ class CrossValidation:
     def with_selected_effects(
         self, members: Collection[int], dropped: Collection[int], *, open_: bool = False
     ) -> Floats:
-        """Return the residual (T, R), rpm, with effects selected and fitted without the row's fold.
+        """Return the residual (T, R), rpm, with effects selected and fitted anew without each row's
+        fold.
 
-        Candidates in `dropped` are never used. Of `members`, effects that begin at a time or have
-        values of the held-out flight itself are always used, because other flights cannot show
-        them. With `open_`, unnamed causes are selected in each fold as well.
+        Each fold selects from all candidates by itself, except those in `dropped` and effects that
+        begin at a time. `members` adds to every fold's selection, even if in `dropped`, those of
+        its effects that begin at a time or have a value of the held-out flight itself, because
+        other flights cannot show them. With `open_`, folds select unnamed causes too. `members`
+        and `dropped` are candidate indices.
         """
         values = []
         for fold in self.folds:
             selected = fold.named_candidates(self.search)
             selected += fold.unnamed_members(self.search) if open_ else []
-            own = [
-                c
-                for c in members
-                if self._term(c).effect.begins
-                or any(f in fold.flights for _, f in self.search.candidates[c].free)
-            ]
+            own = [c for c in members if self._only_shown_by(fold, c)]
             chosen = {c for c in selected if c not in dropped and not self._term(c).effect.begins}
             values.append(fold.values(self.search, chosen | set(own)))
         return self._assemble_residual(values)
+
+    def excludes_any(self, members: Collection[int]) -> bool:
+        """Return True if one of the candidates is improbable without some fold's data.
+
+        Effects that only the held-out flight can show do not count.
+        """
+        return any(
+            fold.excludes(self.search, c)
+            for fold in self.folds
+            for c in members
+            if not self._only_shown_by(fold, c)
+        )
+
+    def _only_shown_by(self, fold: HeldOutFold, c: int) -> bool:
+        """Return True if candidate `c` begins at a time or has values of the fold's own flights."""
+        own = any(f in fold.flights for _, f in self.search.candidates[c].free)
+        return own or self._term(c).effect.begins
 
     def _term(self, c: int) -> Term:
         """Return the term of candidate `c`."""
@@ -230,9 +256,11 @@ def _folds_of_one_flight(
 
 
 def held_out_residual(unused: Problem, estimates: Sequence[EffectEstimate]) -> Floats:
-    """Return the residual (T, R), rpm, on flights not used for fitting, with reported estimates.
+    """Return the residual (T, R), rpm, of the flights in `unused`, predicted with reported effects.
 
-    Each effect has the median of its values over the fitted flights.
+    Shared values are the median over the fitted flights, and so are the start values of values that
+    each flight has for itself; these are refitted on every other block
+    (`residual_on_other_flights`). An effect has no influence where its channels are NaN.
     """
     trials = []
     for one in estimates:
@@ -250,9 +278,10 @@ def _trial_effect(term: Term, values: Floats) -> TrialEffect:
 
 
 def residual_on_other_flights(problem: Problem, trials: Sequence[TrialEffect]) -> Floats:
-    """Return the residual (T, R), rpm, on flights that the effects `trials` were not fitted on.
+    """Return the residual (T, R), rpm, of flights that the effects `trials` were not fitted on.
 
-    Values of single flights are fitted on every other block of each flight, for the blocks between.
+    Shared values stay as given. Values that each flight has for itself are fitted on every other
+    block of the flight, to predict the blocks between.
     """
     measured = problem.measured_rpm
     if not any(flight is not None for h in trials for _, flight in h.candidate.free):
@@ -270,7 +299,10 @@ def residual_on_other_flights(problem: Problem, trials: Sequence[TrialEffect]) -
 def refit_flight_values(
     problem: Problem, trials: Sequence[TrialEffect], chosen: Bools
 ) -> list[TrialEffect]:
-    """Refit per-flight values on the blocks flagged in `chosen` (B,); shared values stay fixed."""
+    """Refit the values that each flight has for itself, on the blocks flagged in `chosen` (B,).
+
+    Values that flights share stay as they are.
+    """
     own = [
         replace(h.candidate, free=tuple(f for f in h.candidate.free if f[1] is not None))
         for h in trials

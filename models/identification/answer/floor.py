@@ -37,9 +37,11 @@ def floor_rpm(
 ) -> float:
     """Return the RMS, rpm, of a residual (T, R) minus its prediction by a flexible learner.
 
-    It estimates the least error achievable with these channels. Each group of flights is predicted
-    from the rest and from the flights `other` (problem, residual), which are not scored. A single
-    flight is predicted in fifths.
+    It estimates the least error that any effect in the channels of `problem` could reach. Every
+    flight is predicted by a ridge regression fitted to the other ones (in up to MOST_FOLDS groups),
+    a single flight in contiguous fifths. `other` is a second problem with its residual, from which
+    the learner is fitted too, but which is not scored. In a mode that the learner predicts worse
+    than 0, 0 is taken.
     """
     parts, targets = [problem.channels], [problem.mode_amplitudes(residual_rpm)]
     if other is not None:
@@ -72,8 +74,11 @@ def _products(columns: Floats, target: Floats) -> tuple[Floats, Floats]:
 
 
 def learner_columns(parts: Sequence[Channels]) -> Floats:
-    """Return the columns of the comparison learner (curves and random Fourier features) for the
-    rows of all `parts`, one part after the other."""
+    """Return the regressors (T, K) of the flexible learner: hat curves and random Fourier features.
+
+    The T rows are those of all `parts`, one part after the other. The features are drawn with a
+    fixed seed, so equal channels give equal columns.
+    """
     pairs = [_row_features(x) for x in parts]
     now, lines = (np.concatenate(one) for one in zip(*pairs, strict=True))
     few = _standardise(now)

@@ -45,7 +45,10 @@ class RotorErrors:
 
 
 def errors_of(problem: Problem, residual_rpm: Floats, rotor: int | None = None) -> Errors:
-    """Compute the errors of a residual (T, R), rpm, for one rotor (0-based) or all of them."""
+    """Compute RMSE, bias and R² of a residual (T, R), rpm, for one rotor, from 0, or all (None).
+
+    The 95 % interval of the RMSE is by bootstrap over blocks of time.
+    """
     columns = slice(None) if rotor is None else slice(rotor, rotor + 1)
     measured, residual = problem.measured_rpm[:, columns], residual_rpm[:, columns]
     terms = scores.error_terms(measured, measured - residual)

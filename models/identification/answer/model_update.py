@@ -55,11 +55,6 @@ class ModelUpdate:
     notes: tuple[str, ...]
 
 
-def with_effects(model: RotorModel, identified: Identification, *, date: str = "") -> RotorModel:
-    """Return the model with the effects found on it; see `update_model`."""
-    return update_model(model, identified, date=date).model
-
-
 def update_model(model: RotorModel, identified: Identification, *, date: str = "") -> ModelUpdate:
     """Add the effects of an identification to the model that it was made with.
 
@@ -90,9 +85,10 @@ def update_model(model: RotorModel, identified: Identification, *, date: str = "
 def record_of(
     reported: ReportedEffect, names: tuple[str, ...], date: str = ""
 ) -> EffectRecord | None:
-    """Return a reported effect as stored in a model file; None if it is of its own flights only.
+    """Return a reported effect as it is stored in a model file.
 
-    `names` are the flights that showed it, `date` the day of identification.
+    None if it applies to its own flights only and leaves nothing for later ones. `names` are the
+    flights that showed it, `date` (ISO 8601) is the day of identification.
     """
     lasting = reported.term.effect.afterwards or reported.term.effect
     if lasting.of_its_flights:
@@ -122,9 +118,10 @@ def record_of(
 def _change_record(
     reported: ReportedEffect, kept_as: Callable[[Values], Values], names: tuple[str, ...], date: str
 ) -> EffectRecord:
-    """Return the record of a change of an effect that the model already has.
+    """Return the record of a change of an effect that the model already contains.
 
-    The change is stored as a second effect of that kind, in the units of the first (`kept_as`).
+    The change is stored as a second effect of that kind. `kept_as` converts the parameters of the
+    change (by name) to those of the effect; it is applied to the value and to both interval ends.
     """
     effect, flight = BY_KEY[reported.term.effect.name], reported.flight
     value, lower, upper = (
@@ -147,7 +144,10 @@ def _change_record(
 
 
 def _omission_note(reported: ReportedEffect, names: tuple[str, ...]) -> str:
-    """State which part of an effect of single flights does not enter the new model."""
+    """Return a sentence on what of an effect of single flights does not enter the new model.
+
+    `names` are the names of the flights, in order.
+    """
     effect = reported.term.effect
     if effect.afterwards is not None:
         return (
@@ -166,11 +166,12 @@ def _omission_note(reported: ReportedEffect, names: tuple[str, ...]) -> str:
 
 
 def updated_background(model: RotorModel, identified: Identification) -> tuple[float, ...]:
-    """Return the between-flight standard deviation of each mode's mean residual, rpm.
+    """Return the between-flight standard deviation of each mode's mean residual, rpm, after the
+    identified effects.
 
-    An effect must exceed it. For motor outputs it is `learnt_spread`, unless the model was not
-    trained on fault-free flights: these flights may not be sound. Return the old model's values in
-    that case and with too few flights.
+    Return the old model's values with too few flights; also for motor outputs if the model was not
+    trained on fault-free flights, since these flights may not be sound either. For motor outputs of
+    FEWEST_FLIGHTS or more the value is that of `learnt_spread`.
     """
     problem = identified.problem
     if problem.of_outputs and lacks_sound_flights(model):
@@ -186,7 +187,11 @@ def updated_background(model: RotorModel, identified: Identification) -> tuple[f
 
 
 def updated_interval(model: RotorModel, identified: Identification) -> tuple[Interval | None, str]:
-    """Return the new model's prediction interval and a sentence about its source."""
+    """Return the new model's prediction interval, and a sentence that states its source.
+
+    The old interval stays (None if there is none) if the model has no network or training domain,
+    if a rotor changed during these flights, or with too few flights inside the training domain.
+    """
     old = model.interval
     if model.network is None or model.training_domain is None:
         return old, "no interval: the model has no network to calibrate one for"
@@ -238,11 +243,12 @@ class MarginChange:
 
 
 def margin_changes(identified: Identification) -> tuple[tuple[MarginChange, ...], MarginChange]:
-    """Compute the change of margin by each reported effect, in order, and by all for the worst
-    rotor.
+    """Compute how the thrust margin changes by each reported effect, and by all effects together.
 
-    The second result includes unnamed causes. Margins are predicted for the held-out flights; for
-    the fitted flights if there are none, or if an effect has per-flight values.
+    The first result has a change for each effect in order, each on top of the effects before it,
+    for its rotor (the worst rotor for an effect without one). The second is for the worst rotor and
+    includes unnamed causes. Margins are predicted for the held-out flights; for the fitted flights
+    if there are none, or if an effect has per-flight values.
     """
     own = any(p.per_flight for f in identified.found for p in f.term.effect.parameters)
     fitted = own or identified.held_out is None
@@ -290,9 +296,11 @@ def _predicted_speeds(problem: Problem, effects: Sequence[ReportedEffect], own: 
 
 
 def _margin_change(before: Floats, after: Floats, rotor: int | None, flights: str) -> MarginChange:
-    """Compare two utilisations (T, R) as margins: median, and exceeded in all but WORST_SHARE rows.
+    """Compare two utilisations (T, R) as margins 1 - u, before and after.
 
-    The margin is that of `rotor`, from 0; None: of the worst rotor of each row.
+    Of each, the result has the median over rows and the margin exceeded in all but WORST_SHARE of
+    the rows. The margin is that of `rotor`, from 0; None: of the worst rotor of each row. `flights`
+    names the rows' origin: "fit" or "held_out".
     """
 
     def figures(use: Floats) -> tuple[float, float]:

@@ -44,10 +44,11 @@ class EffectEstimate:
 
     @property
     def half_width(self) -> Floats:
-        """Return the half widths (F, K) of 95 % intervals.
+        """Return the half widths (F, K) of the 95 % intervals of K values in F flights.
 
-        Resolution, relative accuracy and steepness are added to the statistical error: more rows do
-        not reduce them.
+        To the statistical error are added what more rows do not reduce: the parameters' resolution,
+        their relative accuracy, and the relative error of the rotor speed law's slope
+        (`steepness`).
         """
         parameters = self.term.effect.parameters
         finest = np.array([p.resolution for p in parameters])
@@ -93,11 +94,12 @@ class Posterior:
         return min(1.0, float(sum(trials)))
 
     def named_candidates(self) -> list[int]:
-        """List the candidates to report: inclusion probability at least SURE, interval excluding
-        zero.
+        """List the candidates to report, ascending: inclusion probability at least SURE and an
+        interval that excludes zero.
 
-        For a rotor that is certainly degraded, whether since the start or since a step, the most
-        probable of these variants is listed.
+        Several candidates can be variants of one degradation (since the start, since a step). If
+        only their joint probability reaches SURE, the most probable named variant is listed. A
+        variant without a rotor is listed only with a probability above OPEN_PROBABILITY.
         """
         seen = sorted({c for s in self.sets for c in s.key if not self._unnamed(c)})
         likely = [c for c in seen if self.probability([c]) >= SURE]
@@ -112,19 +114,14 @@ class Posterior:
                 likely.append(c)
         return [c for c in sorted(likely) if _excludes_zero(self.estimate(c))]
 
-    def unnamed_members(self) -> list[int]:
-        """List the candidates that may enter a model as unnamed causes.
+    def is_possible(self, candidate: int) -> bool:
+        """Return True if a candidate, or another variant of its effect, has over
+        OPEN_PROBABILITY."""
+        return self.probability(self._equivalent_candidates(candidate)) > OPEN_PROBABILITY
 
-        They are `Search.unnamed_members` of the most probable set together with candidates of other
-        sets: those with a probability above OPEN_PROBABILITY, if it exceeds CHOICE jointly with the
-        unnamed causes in the same mode and on the same rotor, which can replace each other.
-        """
-        likely = set(self.best.key)
-        for c in {c for one in self.sets for c in one.key}:
-            equivalent = self.search.interchangeable(c)
-            if self.probability(equivalent) > CHOICE and self.probability([c]) > OPEN_PROBABILITY:
-                likely.add(c)
-        return self.search.unnamed_members(frozenset(likely))
+    def unnamed_members(self) -> list[int]:
+        """List the candidates of the most probable set that may enter a model as unnamed causes."""
+        return self.search.unnamed_members(self.best.key)
 
     def _unnamed(self, candidate: int) -> bool:
         """Return True if a candidate is an unnamed cause."""
@@ -156,8 +153,12 @@ class Posterior:
         }
 
     def estimate(self, candidate: int) -> EffectEstimate:
-        """Compute mean and standard error of a candidate's values, averaged over the sets with
-        it."""
+        """Return the estimate of a candidate's values, averaged over the sets that contain it.
+
+        Sets are weighted by their posterior probability; the error includes the variance between
+        sets. `candidate` must be in one of them. The probability is that of the effect with its
+        equivalents.
+        """
         term = self.search.candidates[candidate].term
         total, mean, square = 0.0, 0.0, 0.0
         for one in self.sets:
@@ -236,11 +237,12 @@ class Posterior:
         )
 
     def one_of(self, named: Sequence[int]) -> tuple[OneOf, ...]:
-        """Return the smallest groups of unreported effects with at least one present, at
-        probability SURE.
+        """Return groups of unreported effects of which at least one is present with probability
+        SURE.
 
-        A group needs two effects or more, which must mostly occur one at a time (probability CHOICE
-        or more): effects that occur together are no choice.
+        `named` are the reported candidates. A group is as small as possible, of two effects or
+        more, of which mostly exactly one is present (probability CHOICE or more): effects that
+        occur together are no choice. An effect is in one group only.
         """
         rest = {c for s in self.sets for c in s.key if not self._unnamed(c)} - set(named)
         by_weight = sorted(
@@ -271,9 +273,12 @@ class Posterior:
         return tuple(groups)
 
     def mentioned(self, named: Sequence[int]) -> tuple[tuple[Mentioned, int], ...]:
-        """List rotors that are neither reported nor cleared, each with its most probable candidate.
+        """List rotors that are neither reported nor cleared, each with its most probable candidate,
+        by rotor.
 
-        A rotor is listed if any effect or unnamed cause on it has more than OPEN_PROBABILITY.
+        A rotor is listed if all effects and unnamed causes on it jointly have more than
+        OPEN_PROBABILITY, and one of them is named: the candidate is then the most probable named
+        one. `named` are the reported candidates.
         """
         candidates = self.search.candidates
         safe = {candidates[c].term.degraded_rotor for c in named}
@@ -303,8 +308,8 @@ class Posterior:
     def gaining_rotors(self) -> frozenset[int]:
         """Return the rotors (0-based) whose most probable degradation has a negative loss.
 
-        Such rotors have more thrust than expected. Those with a probability of at most
-        OPEN_PROBABILITY are not reported, so they are left out.
+        Such rotors have more thrust than expected. Rotors whose degradation has a probability of at
+        most OPEN_PROBABILITY are left out.
         """
         of_rotors: dict[int, list[int]] = {}
         for c in {c for one in self.sets for c in one.key if not self._unnamed(c)}:
@@ -321,11 +326,12 @@ class Posterior:
         return frozenset(gaining)
 
     def excluded(self, linear: LinearisedSets, named: Sequence[int]) -> tuple[Excluded, ...]:
-        """Return the sizes above which effects with one value are excluded at SURE, added to the
-        best set.
+        """Return for effects that were not found the size that is excluded with probability SURE.
 
-        Sizes beyond the effect's physical bound are left out, as are onsets and effects with a
-        probability above OPEN_PROBABILITY.
+        `linear` is the problem linearised about the best set, to which each effect is added alone.
+        Left out: `named` candidates, effects with more than one main value, on one arm, beginning
+        at a time, or of a probability above OPEN_PROBABILITY; and sizes beyond the physical bound,
+        which need no excluding.
         """
         best, excluded = self.best, []
         for c, candidate in enumerate(self.search.candidates):
@@ -362,11 +368,12 @@ class Posterior:
 
 
 def _interpolate_unknown_knots(one: Candidate, value: Floats, error: Floats) -> Floats:
-    """Return the values (F, K) of a curve, with poorly determined knots interpolated from the
-    others.
+    """Return a copy of the values (F, K) of a curve, with poorly determined knots interpolated
+    linearly from the other knots.
 
     A knot is poorly determined if its error is at least 1 / sqrt(2) of its prior scale, e.g. beyond
-    the flights' range.
+    the flights' range; a fixed knot is known. All flights share a curve: knots and errors of the
+    first flight are used for all. Values after the KNOTS knots stay.
     """
     free = {k for k, _ in one.free}
     known = [
@@ -404,10 +411,10 @@ def posterior_of(search: Search, steepness: float = 0.0) -> Posterior:
 
 
 def add_law_error(search: Search, estimate: EffectEstimate) -> EffectEstimate:
-    """Return the estimate with the error of the effect's law added.
+    """Return the estimate with the inaccuracy of the effect's equation added to its errors.
 
-    A law is accurate to FORM of the change that it predicts. For each shared main value, that is
-    the shift that would change the prediction by as much (root mean square).
+    The prediction of an effect is accurate to the share FORM. For each main value that flights
+    share, the error added is the shift that changes the prediction by as much (root mean square).
     """
     reduced, one = search.reduced, search.candidates[estimate.candidate]
     trials = [TrialEffect(candidate=one, values=estimate.value)]

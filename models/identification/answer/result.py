@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer
 from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
 from thrustmargin.models.effects.unnamed import CONSTANT, KNOTS, NAME, place_of
 from thrustmargin.models.flight import Floats
@@ -58,10 +59,9 @@ class Mentioned:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unexplained:
-    """The unexplained residual: the mode with most of it, and all modes with some."""
+    """The unexplained residual, with the mode that has most of it."""
 
     mode: int
-    modes: tuple[int, ...]
     channel: str
     channels: tuple[str, ...]  # `channel` first, then others that fit about as well
     share: float  # share of the unexplained variance
@@ -127,10 +127,11 @@ class ReportedEffect:
         return out
 
     def to_json(self, names: tuple[str, ...], *, followed: bool = False) -> dict[str, Any]:
-        """Return the effect as JSON.
+        """Return the effect as JSON: `name`, `variant`, `rotor` (from 1, or None), `probability`,
+        `parameters`, `rmse_before_rpm`, `rmse_after_rpm`, `source`, `already_followed`.
 
-        `followed`: the airspeed channel already contains the effect, so it is not added to the
-        model.
+        `names` are the flights'. `followed`: the airspeed channel already contains the effect, so
+        it is not added to the model.
         """
         return {
             "name": self.term.effect.name,
@@ -170,7 +171,11 @@ class OpenCause:
         return float(low), float(high)
 
     def to_json(self, names: tuple[str, ...]) -> dict[str, Any]:
-        """Return the cause as JSON: an effect's fields, then mode, channel and range of a curve."""
+        """Return the cause as JSON: an effect's keys, `rms_rpm`, and of a curve `mode`, `channel`,
+        `alike` and `range`.
+
+        `names` are the flights'. Mode, channel and range are None for an effect that is no curve.
+        """
         mode, channel = self.place or (None, None)
         of_curve = {"mode": mode, "channel": channel, "alike": list(self.alike)}
         of_curve["range"] = self.range and list(self.range)
@@ -184,6 +189,7 @@ class Identification:
     model: RotorModel
     problem: Problem
     found: tuple[ReportedEffect, ...]
+    arms: ArmAnswer  # what the arms' own figures say, given the rotors of `found` and `misread`
     left: Unexplained | None  # unexplained residual, in the mode with most of it
     closest: tuple[Term, ...]  # effects that resemble it, which are not reported
     unseen: tuple[HeldOutResidual, ...]  # of the fitted flights, then of held-out flights if any
@@ -194,6 +200,9 @@ class Identification:
     residual_transferable_rpm: Floats
     floor_rpm: float
     sensor_noise_rpm: float
+    #: losses of rotors that by the arms' figures are speeds read too high: no part is bad, and they
+    #: do not enter the new model
+    misread: tuple[ReportedEffect, ...] = ()
     alternatives: tuple[SetWeight, ...] = ()  # most probable first
     one_of: tuple[OneOf, ...] = ()
     excluded: tuple[Excluded, ...] = ()
@@ -226,6 +235,7 @@ class Identification:
                 f"{self.before.rmse_rpm:.1f} -> {self.after.rmse_rpm:.1f} rpm, {flights}",
                 *(repr(f) for f in self.found),
                 *([] if self.found else ["no effect is named"]),
+                *(f"{f!r}, which its arm shows to be a wrong speed" for f in self.misread),
                 *(f"{f!r}, which a channel reports already" for f in self.followed),
                 *self._unexplained_words(),
             ]
@@ -277,7 +287,14 @@ class Identification:
         return (*self.found, *self.followed)
 
     def to_json(self, *, model_in: str = "", model_out: str = "") -> dict[str, Any]:
-        """Return the JSON of the identify command; NaN becomes null."""
+        """Return the content of the identify command's JSON, schema "thrustmargin.identify/1"; NaN
+        becomes None.
+
+        It has the flights with their role, the errors before and after, and the effects: reported,
+        alternative, excluded, mentioned, contradicted and unnamed ones. `errors_from` is "held_out"
+        with held-out flights, else "cross_validation". `model_in` and `model_out` are the paths of
+        the model files read and written.
+        """
         rows = np.bincount(self.problem.flight)
         flights = [
             {"log": n, "role": "fit", "samples": int(s)}
@@ -300,6 +317,7 @@ class Identification:
                 "before": self.before,
                 "after": self.after,
                 "effects": effects,
+                "misread": [f.to_json(self.problem.names) for f in self.misread],
                 "alternatives": [
                     {"probability": w.probability, "effects": [_term_json(t) for t in w.terms]}
                     for w in self.alternatives
@@ -352,6 +370,12 @@ class Identification:
             else unexplained.rotor + 1,
             "closest": [term.words for term in self.closest],
         }
+
+
+def weak_rotors(found: Iterable[ReportedEffect]) -> frozenset[int]:
+    """Return the rotors, from 0, with a loss or gain of thrust among reported effects."""
+    of_loss = (one.term for one in found if one.term.effect.name == ROTOR_DEGRADATION.name)
+    return frozenset(term.rotor for term in of_loss if term.rotor is not None)
 
 
 def _term_json(term: Term) -> dict[str, Any]:

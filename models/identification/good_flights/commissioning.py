@@ -153,10 +153,10 @@ def commission(
 
 
 def with_delays(shown: GoodFlights, delays: Floats) -> GoodFlights:
-    """Add to `shown` mean and between-flight scatter, s, of the delay of rotor speeds.
+    """Add to `shown` the mean and the between-flight scatter, s, of the delay of rotor speeds.
 
-    `delays` (F, 2), s, are each flight's delay and error. Unchanged with fewer than 2 finite
-    errors.
+    `delays` (F, 2), s, holds each flight's delay and its standard error. Flights with an error that
+    is not finite are left out; return `shown` unchanged with fewer than 2 others.
     """
     values, errors = delays[np.isfinite(delays[:, 1])].T
     if values.size < 2:
@@ -243,8 +243,11 @@ def validated_chain(
 def chain_with_curves(
     chain: Chain, tracks: Sequence[FlightTrack], used: Sequence[int], inputs: Sequence[str]
 ) -> Chain:
-    """Return the chain with recurring curves added, selected and fitted without each fold's
-    flights."""
+    """Return the chain with recurring curves added to the model of each fold, and predicted anew.
+
+    The curves of a fold are selected and fitted on the flights `used` (indices into `tracks`) that
+    it does not hold out. `inputs` names the inputs that a training row must have.
+    """
     folds = tuple(
         replace(
             fold,
@@ -265,9 +268,11 @@ def _held_out_speeds(
     samples: Samples,
     inputs: Sequence[str],
 ) -> Floats:
-    """Return the predicted rotor speeds (N, R), rpm, of each flight by the model of its fold.
+    """Predict the speeds (N, R), rpm, of each flight by the model of the fold that holds it out.
 
-    Speeds of motor outputs are scaled to the measured total thrust, as only shares are known.
+    The N rows are those of `samples`: the training rows of the flights `used` (indices into
+    `tracks`). Where speeds were inferred from motor outputs, whose shares alone are known,
+    predictions are scaled to the total squared speed of the samples.
     """
     predicted = np.empty_like(samples.rotor_speed_rpm)
     shares = of_outputs([tracks[i] for i in used])

@@ -52,8 +52,13 @@ class HeldOutFlights:
 
 
 def good_flights(left_out: Sequence[HeldOutFlights]) -> GoodFlights:
-    """Measure the variation between fault-free flights; each flight is in exactly one of
-    `left_out`."""
+    """Measure the variation between fault-free flights.
+
+    Each element of `left_out` holds flights and a model that was fitted without them; each flight
+    occurs in exactly one element. Results: the between-flight scatter of effect values (in their
+    units), of mode means and slopes, rpm, and the RMS of slow variation and of curves along
+    channels that are always known, rpm. A scatter that cannot be estimated is 0 or left out.
+    """
     estimates: dict[tuple[str, int | None], list[Floats]] = {}
     of_slopes: dict[tuple[str, int | None], list[Floats]] = {}
     means: list[Floats] = []
@@ -116,9 +121,12 @@ def mean_and_error(values: Floats, block: NDArray[np.intp], mine: NDArray[np.boo
 def flight_estimates(
     problem: Problem, filter_: Whitening, catalogue: Sequence[Effect]
 ) -> dict[tuple[str, int | None], Floats]:
-    """Map ("effect_key.parameter", rotor) to each flight's value and standard error (F, 2).
+    """Estimate every catalogue effect alone on each of the F flights.
 
-    The rotor is from 0, None for an effect that is of no rotor.
+    Return a mapping from ("effect_key.parameter", rotor) to (F, 2): value and standard error
+    (infinite where a flight does not determine it). The rotor is from 0, None for an effect not of
+    one rotor. Only main parameters are included. Skipped are effects that begin at a time, that act
+    on one arm, or whose channels are missing. `filter_` is the noise filter.
     """
     model, estimates = problem.model, {}
     for effect in catalogue:
@@ -175,7 +183,8 @@ def _slope_estimates(problem: Problem, filter_: Whitening, residual: Floats) -> 
 def separate_effect(model: RotorModel, effect: Effect) -> tuple[RotorModel, list[float]]:
     """Return the model without an effect, and the values that the effect has in the model.
 
-    If the model does not contain it, they are the values at which it has no influence.
+    If the model does not contain it (or only on single rotors), the model is unchanged and the
+    values are those at which the effect has no influence.
     """
     for k, (record, placed) in enumerate(zip(model.effects, model.placed, strict=True)):
         if placed.effect.key == effect.key and record.rotor is None:
@@ -185,10 +194,11 @@ def separate_effect(model: RotorModel, effect: Effect) -> tuple[RotorModel, list
 
 
 def own_estimate(sums: Floats) -> Floats:
-    """Return the step and error (2, M) of M parameters from one flight's block sums (B, M + 1, M +
-    1).
+    """Return the Gauss-Newton step of M parameters and its standard error, stacked as (2, M).
 
-    The error is infinite if the flight has too few blocks or does not determine the parameters.
+    `sums` (B, M + 1, M + 1) are one flight's Gram matrices by block of time: M derivative columns,
+    the residual last. The error is robust to correlation within blocks. With too few blocks, or if
+    the parameters are not determined, steps are 0 and errors infinite.
     """
     hessian, gradient = sums[:, :-1, :-1], sums[:, :-1, -1]
     total = hessian.sum(axis=0)
@@ -205,8 +215,9 @@ def own_estimate(sums: Floats) -> Floats:
 def pool_scatter(estimates: dict[tuple[str, int | None], list[Floats]]) -> dict[str, float]:
     """Return the between-flight scatter of each parameter, root mean square over rotors.
 
-    `estimates` maps (parameter, rotor) to arrays (F, 2) of a value and its error for each flight;
-    rows with NaN or no error are left out.
+    `estimates` maps (parameter, rotor) to arrays (F, 2) of a value and its error for each flight.
+    The arrays of one entry are joined: their flights have one scatter. Rows with NaN or no error
+    are left out; a parameter without two rows in any entry is not in the result.
     """
     scatter: dict[str, list[float]] = {}
     for (key, _), parts in estimates.items():
@@ -224,12 +235,13 @@ def pool_scatter(estimates: dict[tuple[str, int | None], list[Floats]]) -> dict[
 def confirmed_curve_rms(
     values: Floats, channel: Floats, flight: NDArray[np.intp], *, periodic: bool = False
 ) -> float:
-    """Return the RMS of `values` (T,) that a smooth curve over `channel` (T,) explains, held out.
+    """Return the RMS of the part of `values` (T,) that a smooth curve over `channel` (T,) explains.
 
-    0 if it does not predict held-out flights better than the mean of the others does, by more than
-    the standard error over flights. Penalised
-    B-splines with a second-difference penalty (Eilers and Marx, Stat. Sci. 11, 89 (1996));
-    harmonics for a `periodic` angle in rad. SMOOTHNESS is selected on the held-out flights.
+    The curve is fitted without the flight that it predicts; `flight` (T,) numbers the rows'
+    flights. Return 0 unless it predicts held-out flights better than the mean of the other flights
+    does, by more than the standard error over flights. Penalised B-splines with a second-difference
+    penalty (Eilers and Marx, Stat. Sci. 11, 89 (1996)); harmonics for a `periodic` angle in rad.
+    SMOOTHNESS is selected on the held-out flights.
     """
     if not periodic and np.ptp(channel) <= 0.0:
         return 0.0
@@ -258,7 +270,11 @@ def confirmed_curve_rms(
 
 
 def splines(channel: Floats) -> tuple[Floats, Floats]:
-    """Return cubic B-splines (T, P) over the range of a channel, and their penalty (P, P)."""
+    """Return cubic B-splines (T, P) over the range of `channel` (T,), and their penalty matrix (P,
+    P).
+
+    The penalty is that of squared second differences of the coefficients.
+    """
     inner = np.linspace(channel.min(), channel.max(), KNOTS + 1)
     step = inner[1] - inner[0]
     knots = inner[0] + step * np.arange(-3, KNOTS + 4)

@@ -39,10 +39,11 @@ from thrustmargin.models.model.rotor_model import RotorModel
 def with_recurring_curves(
     model: RotorModel, tracks: Sequence[FlightTrack], *, date: str = ""
 ) -> RotorModel:
-    """Return the model with curves added that its residual repeats in all flights `tracks`.
+    """Return the model with curves added along channels that its residual shows in all flights.
 
-    Unchanged for motor outputs, which show no curve, and for a single flight, which cannot show
-    that one recurs. Raises DataError when a flight has too few rows to fit.
+    A curve is added if held-out flights are predicted better with it. Unchanged for motor outputs,
+    which show no curve, and for a single flight, which cannot show that one recurs. `date` is
+    stored with the curves. Raise DataError when a flight has too few rows to fit.
     """
     problem = assemble(model, tracks)
     if problem.of_outputs or problem.flights < 2:
@@ -72,11 +73,12 @@ def mode_curves(problem: Problem) -> list[Candidate]:
 
 
 def curve_sums(problem: Problem, curves: Sequence[Candidate]) -> list[RowSums]:
-    """Return for each mode the sums of products, by flight, of its residual and curve columns.
+    """Return for each mode the products of its curve columns and its residual, whitened, summed by
+    flight, of rows thinned by the problem's stride.
 
-    A column is the derivative of the speed by one value of a curve. A curve also acts a little in
-    other modes (a share of thrust of unequal rotors); that is neglected here, and cross-validation
-    of the model includes it.
+    A column is the derivative of rotor speed by one value of a curve; the residual is last. A curve
+    also acts a little in other modes (a share of thrust of unequal rotors); that is neglected here,
+    and cross-validation of the model includes it.
     """
     some = thin_rows(problem, problem.stride)
     residual = np.nan_to_num(some.mode_amplitudes(some.measured_rpm - some.speeds()))
@@ -111,9 +113,11 @@ def curve_sums(problem: Problem, curves: Sequence[Candidate]) -> list[RowSums]:
 
 
 def needed_curves(sums: RowSums, places: Sequence[slice]) -> tuple[int, ...]:
-    """Return the curves that the prediction of held-out flights needs, by backward elimination.
+    """Return the indices of the curves without which held-out flights are predicted significantly
+    worse.
 
-    `places` are the indices of each curve's values in `sums`.
+    By backward elimination: the curve that helps least is dropped first. `places` are the indices
+    of each curve's values in `sums`.
     """
     kept = tuple(range(len(places)))
     while kept:
@@ -139,7 +143,11 @@ def _only(sums: RowSums, places: Sequence[slice], kept: Sequence[int]) -> RowSum
 def _records(
     problem: Problem, curves: Sequence[Candidate], sums: RowSums, date: str
 ) -> list[EffectRecord]:
-    """Return the records of the needed curves of one mode, with values and 95 % intervals."""
+    """Return the records of those `curves` of one mode that are needed, with 95 % intervals.
+
+    `sums` are that mode's of `curve_sums`; `date` is the date of identification. Empty if none is
+    needed.
+    """
     ends = np.cumsum([0, *(len(one.free) for one in curves)]).tolist()
     places = [slice(a, b) for a, b in pairwise(ends)]
     kept = needed_curves(sums, places)

@@ -17,6 +17,7 @@ import numpy as np
 
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.compose import EffectRecord, Identified
+from thrustmargin.models.effects.unnamed import CONSTANT, UNNAMED
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.rows.candidates import (
     Candidate,
@@ -39,32 +40,43 @@ from thrustmargin.models.model.rotor_model import RotorModel
 #: A delay is a property of telemetry, not of the aircraft: it is kept if it removes more than WORTH
 #: of the squared error, by a fit without it: linearising from a delay to none is too inaccurate.
 DELAYS = ("sensor_lag", "sensor_lag:rotor speed")
-WORTH = 0.01
+WORTH = 0.01  # of the squared error, that a delay must remove
 ROWS_TO_BEGIN = 2_000  # of all flights: enough for start values and delays
-#: Without a network the base uses the air density of each row (Eq. 6), so it is always kept.
-ALWAYS_KEPT = "air_density"
+AIR_DENSITY, LEVEL = "air_density", UNNAMED["collective", CONSTANT]
+#: Without a network the base uses the air density of each row (Eq. 6), so it is always kept. Where
+#: the air is not measured, a constant takes its place: without either, drag and thrust in turns are
+#: fitted to the error of the thrust curve and end at their bounds.
+ALWAYS_KEPT = (AIR_DENSITY, LEVEL.key)
 STANDARD = (
     *DELAYS,
-    ALWAYS_KEPT,
+    AIR_DENSITY,
     *(key for key, effect in BY_KEY.items() if effect.of_every_aircraft),
 )
 
 
 def standard_effects(model: RotorModel, problem: Problem) -> list[Term]:
-    """Return the effects of STANDARD that are possible on the airframe and have all channels."""
+    """Return the effects of STANDARD that are possible on the airframe and have all channels.
+
+    LEVEL is added to a model without a network if the flights lack the air's density.
+    """
     effects = [BY_KEY[key].scaled(model.airframe) for key in STANDARD]
     if problem.of_outputs:
         effects = list(effects_on_shares(effects))
     possible = [e for e in effects if e.possible_on(model.airframe) and not problem.lacks(e)]
+    if model.network is None and not problem.of_outputs and problem.lacks(BY_KEY[AIR_DENSITY]):
+        possible.append(LEVEL)
     return [Term(effect=e) for e in possible]
 
 
 def with_standard_effects(
     model: RotorModel, tracks: Sequence[FlightTrack], *, date: str = ""
 ) -> RotorModel:
-    """Return the model with the standard effects that improve its prediction of `tracks`.
+    """Return the model with the standard effects that improve its prediction of the flights
+    `tracks`.
 
-    They are fitted together. At least 2 flights. Raises DataError when one has too few rows to fit.
+    Standard effects are those that every aircraft has. They are fitted together to all flights (2
+    or more), and kept if held-out flights are predicted better with them. `date` is stored with
+    them. Raise DataError when a flight has too few rows to fit.
     """
     problem = assemble(model, tracks)
     uncertainty = problem.mode_amplitudes(
@@ -77,7 +89,7 @@ def with_standard_effects(
     for key in DELAYS:
         fit = _drop_if_unneeded(some, fit, key, known, worth=WORTH)
     if model.network is not None:
-        fit = _drop_if_unneeded(some, fit, ALWAYS_KEPT, known)
+        fit = _drop_if_unneeded(some, fit, AIR_DENSITY, known)
     fit = fit_rows(problem, fit.trials, known_rpm=known)
     kept = _needed_effects(fit)
     while kept != fit.trials:  # a value may shrink once an opposing effect is dropped
@@ -128,10 +140,10 @@ def _fix_shapes(one: Candidate) -> Candidate:
 
 
 def mode_half_widths(fit: RowFit, uncertainty: Floats) -> Floats:
-    """Return the half widths (P,) of a fit's values, from the base model's `uncertainty` (D, T, R).
+    """Return the half widths (P,) of the 95 % intervals of a fit's P values.
 
-    That is modal, in rpm, D independent directions. Between-flight variation is in the fit's block
-    sums already.
+    `uncertainty` (D, T, R), modal, rpm, holds D independent errors of the base model, whose
+    influence is added. Between-flight variation is in the fit's block sums already.
     """
     z = fit.filter.apply(np.concatenate([fit.columns, np.moveaxis(uncertainty, 0, 2)], axis=2))
     count = fit.columns.shape[2]
@@ -142,10 +154,11 @@ def mode_half_widths(fit: RowFit, uncertainty: Floats) -> Floats:
 def _drop_if_unneeded(
     problem: Problem, fit: RowFit, key: str, known: Floats, *, worth: float = 0.0
 ) -> RowFit:
-    """Refit without the effect `key` if held-out flights do not need it; else return `fit` itself.
+    """Return the fit without the effect `key` if held-out flights do not need it; else `fit`
+    itself.
 
-    The effect is needed if it lowers the held-out cost by more than the standard error and `worth`.
-    `known` (R,) is the base model's standard error, rpm.
+    The effect is needed if it lowers the held-out cost by more than the gain's standard error and
+    by more than `worth`. `known` (R,) is the base model's standard error by mode, rpm.
     """
     rest = [h for h in fit.trials if h.candidate.key != key]
     if len(rest) == len(fit.trials):
@@ -166,7 +179,7 @@ def _needed_effects(fit: RowFit) -> tuple[TrialEffect, ...]:
         whole = sums_without_effects(fit, kept).held_out_costs()
         gains = []
         for one in kept:
-            if one.candidate.key not in (ALWAYS_KEPT, *DELAYS):
+            if one.candidate.key not in (*ALWAYS_KEPT, *DELAYS):
                 rest = tuple(h for h in kept if h is not one)
                 gain, error = gain_and_error(
                     sums_without_effects(fit, rest).held_out_costs(), whole
@@ -178,7 +191,11 @@ def _needed_effects(fit: RowFit) -> tuple[TrialEffect, ...]:
 
 
 def sums_without_effects(fit: RowFit, kept: Sequence[TrialEffect]) -> RowSums:
-    """Return a fit's sums with effects outside `kept` fixed at zero influence, those in it free."""
+    """Return a fit's sums with effects outside `kept` fixed at the values without influence.
+
+    A value that has no such value is fixed where it is. The values of effects in `kept` stay free.
+    `kept` must contain objects of `fit.trials`.
+    """
     free, move = [], []
     for trial in fit.trials:
         for p, value in zip(trial.candidate.parameters, trial.free_values, strict=True):
@@ -190,12 +207,13 @@ def sums_without_effects(fit: RowFit, kept: Sequence[TrialEffect]) -> RowSums:
 
 
 def _is_worth_storing(trial: TrialEffect) -> bool:
-    """Return True if all main values are within bounds and one has its least reportable size or
-    more.
+    """Return True if an effect's main values are all within bounds, and one of them is large
+    enough.
 
-    Always True for ALWAYS_KEPT.
+    Large enough is at least `smallest` from the value at which the effect is absent. Always True
+    for the effect ALWAYS_KEPT.
     """
-    if trial.candidate.key == ALWAYS_KEPT:
+    if trial.candidate.key in ALWAYS_KEPT:
         return True
     pairs = zip(trial.candidate.parameters, trial.free_values, strict=True)
     main = [(p, value) for p, value in pairs if not p.detail]

@@ -35,9 +35,12 @@ class WeakFlight:
 
 
 def weak_flights(left_out: Sequence[HeldOutFlights]) -> tuple[WeakFlight, ...]:
-    """Return the flights with a bad rotor; each flight is in exactly one of `left_out`.
+    """Return the flights that show a weak rotor, each with its fault of the largest thrust loss.
 
-    A flight with fewer than FEWEST_OTHERS others outside its group is not tested.
+    Each element of `left_out` is a group of flights with a model fitted without them; a flight
+    occurs in one group only. Each flight is analysed with its group's model, whose between-flight
+    scatter is computed from the flights of all other groups. Groups for which these are fewer than
+    FEWEST_OTHERS are not tested.
     """
     means = [_mode_means(one) for one in left_out]
     found = []

@@ -20,10 +20,10 @@ from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.forward_flight import steady_slowing
 from thrustmargin.models.physics.smoothing import running_mean
 
-STEP_S = 0.1
+STEP_S = 0.1  # between two rows of a manoeuvre
 ACCELERATION = 2.0  # m/s², as gentle as an autopilot flies a mission
 SMOOTH_ROWS = 10  # over which a change of speed or of turn rate begins and ends
-HOVER_S, LEG_S = 30.0, 20.0
+HOVER_S, LEG_S = 30.0, 20.0  # of a hover, of a leg at most
 #: s and m/s: a shorter leg or a slower climb carries no information
 LEAST_LEG_S, LEAST_SPEED = 6.0, 0.3
 SIDE_S = 4.0  # of a square, between its corners
@@ -56,7 +56,12 @@ class FlownLimits:
 
     @classmethod
     def from_tracks(cls, tracks: Sequence[FlightTrack]) -> Self:
-        """Measure the limits on rows in flight. Raises DataError if there are none."""
+        """Measure the limits of manoeuvres on the rows in flight of all tracks: place, height,
+        speeds, turn rate, fills, wind, voltage.
+
+        Most are quantiles, in SI; NaN where unknown, but 0 for place, reach and wind. `minutes` is
+        the longest flight. Raise DataError without a row in flight.
+        """
         origins, durations = [], []
         flown: dict[str, list[Floats]] = {name: [] for name in FLOWN}
         for track in tracks:  # one at a time: the tracks of a season need not fit in memory
@@ -130,8 +135,11 @@ class Manoeuvre:
 
 
 def manoeuvres(limits: FlownLimits) -> tuple[Manoeuvre, ...]:
-    """Return the library for one aircraft: each manoeuvre with a full and a nearly empty tank,
-    and both."""
+    """Return the manoeuvres to choose from, each for three loads: full, nearly empty, and both in
+    turn.
+
+    An aircraft that was not flown with liquid has one load, 0 kg. Headings are into the wind.
+    """
     low, high = limits.height
     middle = (low + high) / 2
     upwind = float(np.arctan2(-limits.wind_ne[1], -limits.wind_ne[0]))
@@ -172,7 +180,11 @@ def lightest_manoeuvres(every: Sequence[Manoeuvre]) -> tuple[Manoeuvre, ...]:
 def _library(
     limits: FlownLimits, low: float, middle: float
 ) -> list[tuple[str, tuple[float, ...], float, tuple[Piece, ...]]]:
-    """List name, numbers, first height (m) and pieces of each manoeuvre within the limits."""
+    """List each manoeuvre within the limits: name, numbers, first height (m) and pieces.
+
+    The numbers (s, m/s or m) serve for its description. `low` is the lowest height, `middle` the
+    middle one, m. Manoeuvres for which the limits leave too little room or speed are left out.
+    """
     rate = float(np.clip(np.nan_to_num(limits.turn_rate), 0.1, TURN_RATE))
     around = Piece(seconds=np.pi / rate, turn=rate)
     library: list[tuple[str, tuple[float, ...], float, tuple[Piece, ...]]] = [
@@ -218,9 +230,10 @@ def _corner_piece(seconds: float, way: float) -> Piece:
 
 
 def corners_ned(manoeuvre: Manoeuvre, limits: FlownLimits) -> Floats:
-    """Return the start of each piece and the end of the last (pieces + 1, 3), m NED.
+    """Return the start of each piece and the end of the last, (pieces + 1, 3), m NED.
 
-    They are centred on `place_ne`. Down is counted from the ground at the origin, taken as level.
+    The path is centred on the place `limits.place_ne`. Down is 0 at the ground of the origin, which
+    counts as level.
     """
     heading, corner = manoeuvre.heading, np.array([0.0, 0.0, -manoeuvre.height])
     corners = [corner]
@@ -238,7 +251,12 @@ def corners_ned(manoeuvre: Manoeuvre, limits: FlownLimits) -> Floats:
 def flown_track(
     manoeuvre: Manoeuvre, model: RotorModel, limits: FlownLimits, fill_kg: float
 ) -> FlightTrack:
-    """Simulate the manoeuvre in the flights' usual air, with all channels but rotor speeds."""
+    """Simulate the manoeuvre in the flights' usual air and wind, with all channels but rotor speeds
+    and outputs.
+
+    Rows are STEP_S s apart. `fill_kg` is in the tank throughout, NaN if unknown; the voltage falls
+    as over the longest flight of `limits`.
+    """
     pieces = manoeuvre.pieces
     ends = np.cumsum([p.seconds for p in pieces])
     time_s = np.arange(0.0, ends[-1], STEP_S)
@@ -296,8 +314,12 @@ def flown_track(
 
 
 def _attitude(force: Floats, through_air: Floats, slowing: Floats, heading: Floats) -> Floats:
-    """Return roll, pitch, yaw (T, 3), rad, at which the rotors balance `force` per mass and level
-    drag."""
+    """Return roll, pitch, yaw (T, 3), rad, at which the rotors produce a force and carry level
+    drag.
+
+    `force` (T, 3) is m/s² NED, weight included; `through_air` (T, 2) the velocity through the air,
+    `slowing` (T,) its deceleration by drag, m/s²; `heading` (T,) rad.
+    """
     way = through_air / np.maximum(np.linalg.norm(through_air, axis=1, keepdims=True), 1e-3)
     lift = force + np.column_stack([slowing[:, None] * way, np.zeros_like(slowing)])
     down = -lift / np.linalg.norm(lift, axis=1, keepdims=True)

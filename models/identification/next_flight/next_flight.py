@@ -73,11 +73,11 @@ class FittedExplanation:
 def fitted_explanation(
     problem: Problem, terms: Sequence[Term], noise_rpm: Floats
 ) -> FittedExplanation:
-    """Fit `terms` to the rows of `problem`, with values shared by all flights.
+    """Fit the effects `terms` to the rows of `problem`, with values shared by all flights.
 
     A step within a flight is replaced by its final state. `noise_rpm` (R,) is the standard
-    deviation of a mean over one second, by mode. The prior of each value is its usual size; the
-    covariance (P, P) includes the between-flight variance of a fault-free aircraft.
+    deviation, by mode, of a mean over one second. The prior of each value is its usual size; the
+    covariance (P, P) of the P values includes the between-flight variance of a fault-free aircraft.
     """
     rows = thin_rows(problem, problem.stride)
     fit = fit_rows(rows, [_shared_effect(term, rows) for term in terms])
@@ -109,11 +109,11 @@ def scale_by_noise(columns: Floats, noise_rpm: Floats) -> Floats:
 
 
 def scatter_columns(rows: RowsToFit, background_rpm: Floats | float) -> Floats:
-    """Return between-flight deviations (T, R, N), modal, rpm; each of N columns is one standard
-    deviation.
+    """Return columns (T, R, N), modal, rpm, each one standard deviation of a between-flight
+    difference.
 
-    They are each mode's mean by `background_rpm` (R,), and every effect by its scatter between the
-    model's training flights, else its usual scatter.
+    They are the mean of each mode, by `background_rpm` (R,) or one for all, and each effect's main
+    values, by their scatter between the model's training flights, or else the usual scatter.
     """
     shape = rows.measured_rpm.shape
     means = np.diag(np.broadcast_to(background_rpm, shape[1:]))
@@ -134,10 +134,10 @@ def scatter_columns(rows: RowsToFit, background_rpm: Floats | float) -> Floats:
 
 
 def second_noise_rpm(problem: Problem, residual_rpm: Floats) -> Floats:
-    """Return the noise (R,), rpm, of a mean over one second in each mode.
+    """Return the standard deviation (R,), rpm, of a mean over one second, by mode.
 
-    `residual_rpm` (T, R) is the residual after identification. It is estimated from means over
-    BLOCK_SECONDS, relative to their flight's, which include variation that lasts for seconds.
+    `residual_rpm` (T, R) is the residual after identification. Estimated from means over blocks of
+    BLOCK_SECONDS about their flight's mean, so variation that lasts for seconds is included.
     """
     amplitudes = problem.mode_amplitudes(residual_rpm)
     count = np.bincount(problem.block).astype(float)[:, None]
@@ -248,8 +248,8 @@ def next_flight(
     """Return the shortest flight that distinguishes two explanations, else the most efficient one.
 
     If an explanation has a bad rotor, only manoeuvres with the least fill are used. `noise_rpm`
-    (R,) is that of a mean over one second in each mode; `background_rpm` (R,) that of a flight's
-    mean. With `of_outputs` only each rotor's share counts.
+    (R,) is the noise, by mode, of a mean over one second; `background_rpm` (R,) that of a flight's
+    mean. With `of_outputs` rotor speeds are from motor outputs, so only each rotor's share counts.
     """
 
     @cache
@@ -310,7 +310,8 @@ def _fly_once(
 ) -> _FlownManoeuvre:
     """Predict the difference of two explanations over a simulated track, and its uncertainty.
 
-    `noise_rpm` (R,) is that of a mean over one second.
+    All are divided by the noise; arguments are as in `next_flight`. The uncertainty is in columns,
+    each one standard deviation: of the explanations' values, and of what differs between flights.
     """
     rows = rows_of(model, track, [t.effect for one in explanations for t in one.terms], of_outputs)
     noise = noise_rpm / np.sqrt(ROW_S)
@@ -332,10 +333,10 @@ def _fly_once(
 def rows_of(
     model: RotorModel, track: FlightTrack, effects: Sequence[Effect], of_outputs: bool
 ) -> RowsToFit:
-    """Return rows of a track, ROW_S apart, whose rotor speeds are the model's own prediction.
+    """Return rows of a track, ROW_S seconds apart, with the model's own prediction as rotor speeds.
 
-    No measured speed is in them. The channels serve the effects of the model, of its airframe and
-    of `effects`. With `of_outputs` only shares of the speeds are used.
+    The channels include those that the effects of the model, of its airframe and `effects` need.
+    With `of_outputs` the rows count as of motor outputs, of which only shares are used.
     """
     used = [*(p.effect for p in model.placed), *effects_for(model.airframe), *effects]
     every = round(ROW_S / (track.time_s[1] - track.time_s[0]))
@@ -358,9 +359,10 @@ def rows_of(
 
 
 def _gram(flown: Sequence[_FlownManoeuvre]) -> Floats:
-    """Return the Gram matrix of S's columns and d, last, for a manoeuvre flown once at each fill.
+    """Return the Gram matrix of uncertainty columns and, last, the difference of two explanations.
 
-    d is the difference of the two explanations, S its uncertainty.
+    The rows are those of a manoeuvre flown once at each fill, one element of `flown` a fill.
+    Uncertainty between flights has columns of its own in each.
     """
     table = np.column_stack(
         [
@@ -373,9 +375,10 @@ def _gram(flown: Sequence[_FlownManoeuvre]) -> Floats:
 
 
 def _distance_square(gram: Floats, repeats: int) -> float:
-    """Return d' S^-1 d, a squared distance, if the rows occur `repeats` times in their flights.
+    """Return d' S^-1 d, the squared distance of two explanations in standard deviations.
 
-    `gram` is the Gram matrix of unit-prior nuisance columns and, last, the difference d.
+    The rows of `gram` occur `repeats` times. `gram` has columns of one prior standard deviation
+    each, which make up S with the unit noise, and, last, the difference d.
     """
     whole = repeats * gram
     inner, gradient = whole[:-1, :-1], whole[:-1, -1]

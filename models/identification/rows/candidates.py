@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thrustmargin.models.checks.arms.arm_posterior import LossEvidence
 from thrustmargin.models.effects.base import Effect, Parameter, Placed
 from thrustmargin.models.effects.demand_effects import PARASITE_DRAG
 from thrustmargin.models.effects.thrust_effects import LOSS
@@ -80,6 +81,7 @@ class Candidate:
     free: tuple[tuple[int, int | None], ...]
     log_prior: float
     reading: Reading | None = None
+    arm: LossEvidence | None = None  # of the rotor that it degrades, by power, output and vibration
 
     @property
     def key(self) -> str:
@@ -166,12 +168,30 @@ def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candida
     return candidates
 
 
-def unnamed_candidates(reduced: RowsToFit) -> list[Candidate]:
-    """Return unnamed causes: each mode, and the loss of each rotor, along each varying channel.
+def with_arm_evidence(
+    candidates: Sequence[Candidate], arms: Sequence[LossEvidence]
+) -> tuple[Candidate, ...]:
+    """Return the candidates, those that degrade a rotor with the evidence of its arm.
 
-    The prior probability of an effect is divided evenly among the channels of a mode, or of a
-    rotor. Constants are catalogue effects in every mode, so a curve is fixed to zero at one knot
-    (`curve_candidate`). No candidate for a single flight, which cannot show that a curve recurs.
+    `arms` has one entry a rotor; empty where no arm's figures are known. These are medians over
+    whole flights, so steps in time (`onsets`) have none.
+    """
+    return tuple(
+        one
+        if (rotor := one.term.degraded_rotor) is None or rotor >= len(arms)
+        else replace(one, arm=arms[rotor])
+        for one in candidates
+    )
+
+
+def unnamed_candidates(reduced: RowsToFit) -> list[Candidate]:
+    """Return candidates for unnamed causes: curves of each mode, and of each rotor's loss, over
+    channels.
+
+    One for each channel that varies. The prior probability of an effect is divided evenly among the
+    channels of a mode, or of a rotor. Constants are catalogue effects in every mode, so a curve is
+    fixed to zero at one knot (`curve_candidate`). Empty for a single flight, which cannot show that
+    a curve recurs; no rotor curves for motor outputs.
     """
     if reduced.flights < 2:
         return []
@@ -207,10 +227,11 @@ def curve_ranges(
 
 
 def curve_candidate(rows: RowsToFit, term: Term, ends: tuple[float, float]) -> Candidate:
-    """Return a curve over the range `ends` of its channel, fixed to zero at one knot.
+    """Return a curve over the range `ends` of its channel as a candidate, fixed to zero at one
+    knot.
 
-    That is the knot nearest to channel value 0 or, for a channel without such a rest, the one with
-    most rows.
+    That is the knot nearest to channel value 0 or, for a channel whose 0 is not its rest, the knot
+    with most rows. The other knots are free, with one value for all flights.
     """
     _, name = place_of(term.effect)
     one = candidate(term, rows.flights)
@@ -262,7 +283,10 @@ def _flyable_loss(reduced: Reduced) -> float:
 
 
 def _bound_loss(effect: Effect, most: float) -> Effect:
-    """Bound a rotor's loss to -MOST_GAIN below and to the flyable loss `most` above."""
+    """Return a rotor loss effect with its loss bounded to -MOST_GAIN below and `most` above.
+
+    The upper bound is at least the loss's scale, and never above its own.
+    """
     kept = tuple(
         replace(p, lower=-MOST_GAIN, upper=min(p.upper, max(most, p.scale)))
         if p.name == LOSS.name
@@ -336,7 +360,11 @@ def derivatives(rows: RowsToFit, trials: Sequence[TrialEffect], index: int) -> F
 
 
 def value_columns(rows: RowsToFit, trials: Sequence[TrialEffect], index: int) -> ValueColumns:
-    """Return columns like `derivatives`, but per-flight values of one parameter share a column."""
+    """Return the derivatives by the free values of effect number `index` in `trials`, as columns.
+
+    Values that each flight has for itself share the array of their parameter and differ by flight
+    only.
+    """
     free = trials[index].candidate.free
     parameters = sorted({k for k, _ in free})
     return ValueColumns.with_source(
@@ -349,11 +377,10 @@ def value_columns(rows: RowsToFit, trials: Sequence[TrialEffect], index: int) ->
 def slopes(
     rows: RowsToFit, trials: Sequence[TrialEffect], index: int, varied: Sequence[int] | None = None
 ) -> Floats:
-    """Compute the derivatives (T, R, K), modal, rpm, by the parameters of effect `index` of
-    `trials`.
+    """Compute the derivatives (T, R, K), modal, rpm, by K parameters of effect `index` of `trials`.
 
-    `varied` selects parameters. Central differences; one-sided at a bound, 0 for a value beyond
-    both.
+    `varied` are the indices of the parameters; None: all. Central differences; one-sided at a
+    bound, 0 for a value beyond both.
     """
     one = trials[index]
     parameters = one.candidate.term.effect.parameters
@@ -378,9 +405,10 @@ def slopes(
 
 
 def _curve_slopes(rows: RowsToFit, trials: Sequence[TrialEffect], index: int) -> Floats:
-    """Return the derivatives (T, R, K), modal, rpm, by the knots of an unnamed curve.
+    """Return the derivatives (T, R, K), modal, rpm, by the K knots of an unnamed curve.
 
-    Each is the derivative by a constant cause, times the knot's share in each row.
+    The curve is effect `index` of `trials`. Each derivative is that by a constant cause, times the
+    knot's share in each row.
     """
     one, rest = trials[index], [*trials[:index], *trials[index + 1 :]]
     mode, channel = place_of(one.candidate.term.effect)

@@ -28,8 +28,11 @@ class Modes:
 
 
 def modes(airframe: Airframe) -> Modes:
-    """Compute the modes of an airframe (collective, roll, pitch, yaw, rest) by QR of its mixer's
-    rows."""
+    """Compute orthonormal directions of rotor speed change: collective, roll, pitch, yaw, rest.
+
+    By QR of the rows of the airframe's mixer; each direction has the sign of its row. The rest
+    modes complete the basis where there are more rotors.
+    """
     rows = mixer(airframe) / np.linalg.norm(mixer(airframe), axis=1, keepdims=True)
     rotors = airframe.rotor_count
     basis = np.linalg.qr(np.concatenate([rows.T, np.eye(rotors)], axis=1))[0][:, :rotors]

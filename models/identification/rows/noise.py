@@ -32,7 +32,7 @@ from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.network.network import member_speeds
 from thrustmargin.models.physics.forward_flight import ForwardFlight, thrust_ratio
 
-ORDER = 2
+ORDER = 2  # of the noise filter, in means
 HUBER = 3.0  # standard deviations of w beyond which a mean counts linearly
 FEWEST = 15  # least means for a noise size, which is then accurate to a fifth
 LEAST_NOISE = 1e-4  # of the mean rotor speed: no sensor is more accurate
@@ -90,12 +90,13 @@ def unfiltered_whitening(
     of_outputs: bool = False,
     known_rpm: Floats | float = 0.0,
 ) -> Whitening:
-    """Return a whitening without filter, for rows that are not consecutive.
+    """Return a noise filter without autocorrelation, for rows that are not consecutive.
 
     Each mode of `residual` (T, R), rpm, is divided by its robust size, at most SPREAD times that of
-    the quietest mode: a mode with a large missing effect must keep its weight. Outliers count
-    linearly. For motor outputs the collective has the size of the quietest other mode. `known_rpm`
-    (R,) is added to the sizes in squares.
+    the quietest mode: a mode with a large missing effect must keep its weight. Rows beyond HUBER
+    sizes get less weight. For motor outputs the collective has the size of the quietest other mode.
+    `known_rpm` (R,) or a number is added to the sizes in squares. `flight` (T,) numbers the rows'
+    flights.
     """
     scale = 1.4826 * np.median(np.abs(residual), axis=0)
     if of_outputs:
@@ -122,8 +123,10 @@ def whitening_of(
 ) -> Whitening:
     """Estimate the noise filter from a modal residual (N, R), rpm, with all explanations removed.
 
-    `follows` (N,) marks means directly after the mean before; `busy` (N,) marks manoeuvres. A
-    flight with fewer than FEWEST means of either state has one noise size for both.
+    `flight` (N,) numbers the means' flights; `follows` (N,) marks means directly after the mean
+    before; `busy` (N,) marks manoeuvres, which have a noise size of their own. A flight with fewer
+    than FEWEST means of either state has one size for both. No size is below a share of
+    `mean_speed_rpm`.
     """
     followed = follows & np.roll(follows, 1)
     followed[:ORDER] = False
@@ -233,9 +236,10 @@ def _member_deviations(model: RotorModel, x: Channels) -> list[Floats]:
 
 
 def _extrapolation_errors(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]:
-    """Return the changes in speed (T, R), rpm, by FORM more lift, and by FORM more drag.
+    """Return the changes in speed (T, R), rpm, by the share FORM more lift, and by FORM more drag.
 
-    They are 0 within the known airspeeds.
+    They are 0 up to the highest known airspeed. Empty if no row exceeds it, or without a model of
+    forward flight.
     """
     flight, known = model.forward_flight, model.known_airspeed
     if flight is None or not np.any(x.airspeed > known):
@@ -259,8 +263,11 @@ def _extrapolation_errors(model: RotorModel, base: BaseTable, x: Channels) -> li
 
 
 def _effect_errors(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]:
-    """Return the change in speed (T, R), rpm, by a standard error of each identified value in
-    the model."""
+    """Return for each identified value of the model's effects the change in speed (T, R), rpm, by
+    its standard error.
+
+    Details and values without an error are left out.
+    """
     placed = model.placed
     if not placed:
         return []

@@ -36,9 +36,11 @@ MOST_CONSTANT = 0.3
 
 
 def of_outputs(tracks: Sequence[FlightTrack]) -> bool:
-    """Return True if the speeds of all rotors are from motor outputs in all flights.
+    """Return True if all flights have rotor speeds inferred from motor outputs, False if all have
+    measured ones.
 
-    Raises DataError when flights are of both kinds, or when a flight has only some rotors' speeds.
+    Raise DataError when flights are of both kinds, or when in a flight the speeds of some rotors
+    are measured and those of others inferred. False without a flight.
     """
     kinds = set()
     for track in tracks:
@@ -87,10 +89,11 @@ def lacks_sound_flights(model: RotorModel) -> bool:
 
 def is_constant_share(change: Floats, flight: NDArray[np.intp]) -> bool:
     """Return True if the changes (T, R, P), modal, rpm, of all P values are mostly constant in each
-    flight.
+    flight: the RMS about the flights' means is at most MOST_CONSTANT of the RMS.
 
-    Outputs alone cannot distinguish such an effect from any other shift of the balance: the mixer
-    responds to all of them with the same constant roll, pitch and yaw.
+    `flight` (T,) is each row's flight. Outputs alone cannot distinguish such an effect from any
+    other shift of the balance: the mixer responds to all of them with the same constant roll, pitch
+    and yaw.
     """
     rest = change.copy()
     for f in np.unique(flight):
@@ -103,8 +106,8 @@ def spread_of_flights(residual: Floats, flight: NDArray[np.intp], learnt: Floats
     """Return the between-flight standard deviation (R,), rpm, of each mode's mean.
 
     It is the larger of that of the `residual` (T, R), modal, rpm, and of fault-free flights,
-    `learnt` (R,). If `learnt` is all zero, return a value so large that no constant share can be
-    reported.
+    `learnt` (R,); with few flights it is `learnt`. If `learnt` is all zero, return a value so large
+    that no constant share can be reported. `flight` (T,) numbers the rows' flights.
     """
     if not learnt.any():
         return np.full_like(learnt, 1e3 * np.abs(residual).max())

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thrustmargin.models.checks.instruments import with_air_temperature
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.base import Effect, Placed
 from thrustmargin.models.effects.channels import STEADY_SPAN, Channels, concatenate
@@ -27,14 +28,13 @@ from thrustmargin.models.identification.rows.output_shares import (
     spread_of_flights,
 )
 from thrustmargin.models.model.rotor_model import RotorModel, model_channels, table_of
-from thrustmargin.models.model.thermometer import with_air_temperature
 from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.physics.smoothing import moving_mean
 from thrustmargin.models.provenance import Meaning
 
-BLOCK_SECONDS = 10.0
-LEAST_ROWS = 100
-MOST_ROWS = 9_000
+BLOCK_SECONDS = 10.0  # rows of one block are correlated, blocks are not
+LEAST_ROWS = 100  # rows that a flight needs
+MOST_ROWS = 9_000  # rows of all flights together
 ENOUGH_ROWS = 3_000  # rows enough to refit values: about as many as the search has means
 #: a window channel is optional if more of the rows lack it (ends and gaps of short flights)
 WINDOW_SHARE = 0.5
@@ -169,7 +169,12 @@ def usable_seconds(model: RotorModel, track: FlightTrack) -> float:
 
 
 def assemble_flight(model: RotorModel, track: FlightTrack) -> Problem:
-    """Assemble all fittable rows of one flight; raises like `assemble`."""
+    """Assemble all rows of one flight that can be fitted, not thinned.
+
+    Rows without an input that the model needs are dropped; so are rows without an optional channel,
+    if there are few of them. Raise AirframeError for a wrong rotor count, DataError with fewer than
+    LEAST_ROWS rows.
+    """
     airframe = model.airframe
     if track.rotor_count != airframe.rotor_count:
         raise AirframeError(
@@ -244,7 +249,8 @@ def thin_rows(problem: Problem, stride: int) -> Problem:
 
 
 def join_flights(parts: Sequence[Problem]) -> Problem:
-    """Concatenate the problems of single flights of one aircraft.
+    """Concatenate the problems of single flights of one aircraft, and number flights and blocks
+    anew.
 
     For motor outputs, `background_rpm` becomes the larger of the model's and these flights' spread.
     """

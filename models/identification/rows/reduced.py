@@ -63,10 +63,11 @@ def reduce_flights(
 def rows_and_means(
     model: RotorModel, tracks: Sequence[FlightTrack], *, delays: bool = True
 ) -> tuple[Problem, Reduced]:
-    """Return the rows, thinned like `problem.assemble`, and the means of all rows.
+    """Return the rows of all flights, thinned to about MOST_ROWS, and the means over bins of time.
 
-    With `delays`, the delay of the rotor speeds of each flight is estimated too. Only one flight is
-    in memory at its full rate at a time.
+    The means are of all rows; bins with too few rows are dropped, and stretches of bins beyond
+    about MOST_MEANS. With `delays`, the delay of the rotor speeds of each flight is estimated too.
+    Only one flight is in memory at its full rate at a time.
     """
     of_outputs(tracks)  # raises if measured speeds and outputs are mixed
     stride = row_stride(model, tracks)
@@ -107,9 +108,10 @@ def _bin_numbers(flight: Problem) -> NDArray[np.intp]:
 
 
 def _select_stretches(means: Reduced, flight: int, every: int, length: int) -> Reduced:
-    """Keep every `every`-th stretch of `length` consecutive means, at least one.
+    """Keep every `every`-th stretch of `length` consecutive means of one flight, at least one.
 
-    The first kept stretch shifts with the number of the flight, so that a season covers all times.
+    `flight` is the number of the flight, which shifts the first kept stretch: over many flights all
+    times are covered.
     """
     place = np.arange(means.flight.size) // length
     kept = np.flatnonzero((place + flight) % every == 0)
@@ -126,8 +128,10 @@ def _select_stretches(means: Reduced, flight: int, every: int, length: int) -> R
 
 
 def _bin_means(problem: Problem, index: int) -> Reduced:
-    """Average the rows of one flight by bins; drop bins with less than LEAST_FILL of the usual
-    rows."""
+    """Average the rows of one flight over bins of time; `index` becomes the flight's number.
+
+    Bins with less than LEAST_FILL of the median number of rows are dropped.
+    """
     bins, start, count = np.unique(_bin_numbers(problem), return_index=True, return_counts=True)
     full = count >= LEAST_FILL * np.median(count)
 

@@ -73,8 +73,10 @@ class RowSums:
         return np.array(costs)
 
     def fix_values(self, free: Sequence[int], move: Floats) -> RowSums:
-        """Return the sums after moving the P values by `move` (P,); only the values with indices
-        `free` stay free."""
+        """Return the sums after moving the P values by `move` (P,), then fixing all but some.
+
+        `free` has the indices of the values that stay free, in the order of the result.
+        """
         chosen = np.zeros((self.prior.size + 1, len(free) + 1))
         chosen[list(free), np.arange(len(free))] = 1.0
         chosen[:-1, -1], chosen[-1, -1] = -move, 1.0
@@ -104,8 +106,9 @@ def fit_rows(
 ) -> RowFit:
     """Fit all free values of a set of effects together, starting from their present values.
 
-    Only the `chosen` blocks (B,) are fitted. `known_rpm` (R,) is the base model's standard error in
-    each mode, added to the noise in squares: a quiet sensor does not make the model more accurate.
+    Only the blocks flagged in `chosen` (B,) are fitted; None: all. `known_rpm` (R,) is the base
+    model's standard error in each mode, added to the noise in squares: a quiet sensor does not make
+    the model more accurate.
     """
     trials = tuple(trials)
     measured = problem.mode_amplitudes(problem.measured_rpm)
@@ -154,9 +157,10 @@ def held_out_costs_with(problem: Problem, fit: RowFit, filter_: Whitening) -> Fl
 
 
 def bounded_step(sums: RowSums, total: Floats, trials: Sequence[TrialEffect]) -> Floats:
-    """Return the step (P,) that respects bounds.
+    """Return the step (P,) of least cost, with values fixed at a bound that they would leave.
 
-    A value at a bound that would leave it is fixed, and the step of the others is solved again.
+    `total` (P + 1, P + 1) is the sum of `sums` over blocks. A value may overshoot a bound that it
+    is not at yet. Fixing one value changes the step of the others, which is solved again.
     """
     value = np.concatenate([np.zeros(0), *(h.free_values for h in trials)])
     which = [h.candidate.parameters for h in trials]
@@ -188,7 +192,11 @@ def _row_sums(
     columns: Floats,
     residual: Floats,
 ) -> RowSums:
-    """Return the sums by block of derivatives and `residual` (T, R), with the ridge prior."""
+    """Return the products of `columns` and residual, summed by block of time, and the ridge prior.
+
+    `columns` (T, R, P) are the derivatives by the P free values of `trials`, `residual` is (T, R);
+    both modal, rpm. `filter_` divides them by the noise.
+    """
     away, weight = (
         _distances_from_absent(trials),
         RIDGE * residual.shape[0] / _usual_sizes(trials) ** 2,
@@ -230,14 +238,14 @@ def move_values(trials: Sequence[TrialEffect], step: Floats) -> tuple[TrialEffec
 def half_widths(
     sums: RowSums, uncertainty: Floats, confidence: float = 0.95
 ) -> tuple[Floats, Floats]:
-    """Return half widths (P,) of intervals and the values' covariance (P, P), from blocks and
-    flights.
+    """Return half widths (P,) of the values' intervals at `confidence`, and their covariance (P,
+    P).
 
-    The number of rows never enters. The variance is that of block sums; where flights differ by
-    more than their blocks explain, that of flight sums (Liang and Zeger 1986). Student's t has half
-    as many degrees of freedom as blocks, because neighbouring blocks are not quite independent, or
-    flights minus one. The base model's error is added, as rows do not reduce it: `uncertainty` (P,
-    D) are the products of the derivatives with its D directions.
+    The variance is that of block sums; where flights differ by more than their blocks explain, that
+    of flight sums (Liang and Zeger 1986). Student's t has half as many degrees of freedom as
+    blocks, because neighbouring blocks are not quite independent, or flights minus one. The base
+    model's error is added, as rows do not reduce it: `uncertainty` (P, D) are the products of the
+    derivatives with its D directions.
     """
     gradient, blocks, flights = sums.sums[:, :-1, -1], sums.owner.size, sums.flights
     total = sums.sums.sum(axis=0)[:-1, :-1]

@@ -83,7 +83,10 @@ def wrong_speeds(track: FlightTrack, airframe: Airframe) -> Statement | None:
 
 
 def too_little(track: FlightTrack, model: RotorModel) -> str | None:
-    """Explain why a flight has too few rows to fit or to validate on; None when it has enough."""
+    """Explain why a flight has too few rows to fit or to validate on; None when it has enough.
+
+    The reason is a load inferred from rotor speeds, missing channels, or the number of rows.
+    """
     rows = int(training_rows(track, model.inputs).sum())
     if rows >= LEAST_ROWS:
         # A short flight may lack rows only because no window covers those next to its ends.

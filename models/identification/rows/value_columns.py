@@ -41,9 +41,11 @@ class ValueColumns:
         flight: NDArray[np.intp] | int = ALL_FLIGHTS,
         mode: NDArray[np.intp] | int = ALL_MODES,
     ) -> ValueColumns:
-        """Return columns where `source` (q,) gives each one's index among the values (N, R, c).
+        """Return q columns; `source` (q,) gives each one's index among the c arrays in `values` (N,
+        R, c).
 
-        `flight` and `mode` limit a column to one flight or mode.
+        `flight` and `mode`, (q,) or one for all, limit a column to the rows of one flight or to one
+        mode.
         """
         own = (
             np.broadcast_to(np.asarray(one, dtype=np.intp), source.shape) for one in (flight, mode)
@@ -65,10 +67,10 @@ class ValueColumns:
         return replace(self, values=np.nan_to_num(self.values))
 
     def products(self, other: Floats, flights: Sequence[slice]) -> Floats:
-        """Return the product (q,) of each column with `other` (N, R), over the rows of its own
-        flight.
+        """Return the product (q,) of each column with `other` (N, R), summed over rows and modes.
 
-        `flights` are the row slices of each flight.
+        A column of one flight or mode counts only there. `flights` are the row slices of the
+        flights.
         """
         products = np.zeros(self.count)
         for f in np.unique(self.flight):

@@ -125,10 +125,11 @@ class _ConstantOrLine:
         self.penalty = penalty
 
     def costs(self, start: Any, end: Any) -> Floats:
-        """Return the cost (N,) of fitting each segment from `start` up to, excluding, `end`, as
-        `fitted`.
+        """Return the cost (N,) of fitting N segments by a constant, or by a line where that gains
+        enough.
 
-        Either may be one flight for all segments.
+        A segment has the flights from `start` up to, excluding, `end`, each (N,) or one for all.
+        The cost is the remaining squares, plus the penalty for a line.
         """
         start, end = np.atleast_1d(start), np.atleast_1d(end)
         w, wt, wtt, wy, wty, wyy = self.sums[:, end] - self.sums[:, start]
@@ -137,7 +138,11 @@ class _ConstantOrLine:
         return wyy - wy * wy / w - np.where(end - start >= LEAST_LINE, gained, 0.0)
 
     def fitted(self, start: int, end: int) -> _Piece:
-        """Fit a segment; its slope is 0 unless it gains more than the penalty."""
+        """Fit the flights from `start` up to, excluding, `end` by a constant or, where it gains
+        more, a line.
+
+        A line must gain more than the penalty in squares and have LEAST_LINE flights.
+        """
         w, wt, wtt, wy, wty, wyy = self.sums[:, end] - self.sums[:, start]
         mean, middle = wy / w, wt / w
         along, across, squares = wtt - wt * middle, wty - wy * middle, wyy - wy * mean
@@ -151,10 +156,10 @@ class _ConstantOrLine:
 
 
 def recount_flights(entry: SeasonEntry, where: NDArray[np.intp]) -> SeasonEntry:
-    """Return an entry found among the flights `where`, with flight numbers counted over all
-    flights.
+    """Return an entry with its flight numbers converted to numbers among all flights of the season.
 
-    `where` has the index over all flights of each flight that the entry was searched in.
+    The entry was searched for in some flights only: `where` (n,) has the number among all flights
+    of each of them.
     """
     after = [*where.tolist(), int(where[-1]) + 1]
     counted = ("flight", "earliest", "latest", "until")
@@ -162,10 +167,11 @@ def recount_flights(entry: SeasonEntry, where: NDArray[np.intp]) -> SeasonEntry:
 
 
 def segments(values: Floats, errors: Floats, penalty: float) -> list[tuple[int, int]]:
-    """Cut `values` (F,) with standard errors (F,) into the segments of least total cost.
+    """Cut F flights into consecutive segments of least total cost; return (start, end) of each.
 
-    Each segment, from flight `start` up to, excluding, `end`, is fitted by a constant or a line;
-    its cost is the fit's plus `penalty`. Source: Jackson et al. 2005, optimal partitioning.
+    Each segment has the flights from `start` up to, excluding, `end`, at least LEAST_FLIGHTS, and
+    is fitted by a constant or a line; its cost is the remaining squares, in standard errors, plus
+    `penalty`. `values` and `errors` are (F,). Source: Jackson et al. 2005, optimal partitioning.
     """
     flights = values.size
     start, end = np.triu_indices(flights + 1, LEAST_FLIGHTS)
@@ -186,7 +192,8 @@ def changes(values: Floats, errors: Floats, penalty: float) -> tuple[list[Season
     """Return the changes of a value (F,) with standard errors (F,), and the fitted curve (F,).
 
     `penalty` is the gain in squares that a change must exceed. A single outlier is no change.
-    Slopes are per flight. No change for fewer than 2 LEAST_FLIGHTS flights.
+    Slopes are per flight. For fewer than 2 LEAST_FLIGHTS flights there is no change, and the curve
+    is the mean.
     """
     if values.size < 2 * LEAST_FLIGHTS:
         return [], np.full(values.size, float(np.mean(values)) if values.size else np.nan)
@@ -202,7 +209,7 @@ def changes(values: Floats, errors: Floats, penalty: float) -> tuple[list[Season
             began, old = pieces[k - 1][0], fits[k - 1]
             before = float(old.at(start - 1))
             bent = (
-                _fit_hinge(values, errors, began, end, line=bool(old.slope)) if now.slope else None
+                fit_hinge(values, errors, began, end, line=bool(old.slope)) if now.slope else None
             )
             if bent is not None and bent[0] - now.squares - old.squares <= penalty:
                 dates = bent[1]
@@ -256,10 +263,11 @@ def _date_interval(costs: Floats, first: int) -> tuple[int, int, int]:
 
 
 def _step_interval(values: Floats, errors: Floats, began: int, end: int) -> tuple[int, int]:
-    """Return the earliest and latest flight at which a step may be, between `began` and `end`.
+    """Return the earliest and latest flight at which the step may be that is between `began` and
+    `end`.
 
     `values` and their standard errors are (F,); before and after the step the values are constant
-    or on a line. At least LEAST_FLIGHTS flights are on either side.
+    or on a line, over LEAST_FLIGHTS flights or more. `end` is excluded.
     """
     sums = _ConstantOrLine(values, errors, 0.0)
     tried = np.arange(began + LEAST_FLIGHTS, end - LEAST_FLIGHTS + 1)
@@ -268,13 +276,13 @@ def _step_interval(values: Floats, errors: Floats, began: int, end: int) -> tupl
     return _date_interval(costs, int(tried[0]))[1:]
 
 
-def _fit_hinge(
+def fit_hinge(
     values: Floats, errors: Floats, began: int, end: int, line: bool
 ) -> tuple[float, tuple[int, int, int]]:
-    """Fit two lines that meet to values (F,) with errors (F,) of flights `began` to `end`; the
-    first line is flat unless `line`.
+    """Fit a constant (a line if `line`) followed by a line that starts where the first one ends.
 
-    Return the remaining squares, and the first flight on the second line with its interval.
+    `values` (F,) with `errors` (F,); flights `began` up to, excluding, `end` are fitted. Return the
+    remaining squares, and the first flight on the second line: best, earliest, latest.
     """
     tried = np.arange(began + 1, end - 2)
     t, w, y = np.arange(0.0, end - began), errors[began:end] ** -2.0, values[began:end]

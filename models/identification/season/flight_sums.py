@@ -62,14 +62,15 @@ class FlightEvidence:
     of_outputs: bool  # speeds are from motor outputs: only each rotor's share counts
 
     def limit(self, name: str) -> Floats:
-        """Return one column (q,) of LIMITS."""
+        """Return the column `name` of LIMITS for all values (q,)."""
         return self.limits[:, LIMITS.index(name)]
 
     def linearise_at(self, values: Floats) -> Floats:
-        """Return the Gram matrix (q + 1, q + 1) of [derivatives J, residual r] with the effects'
-        quadratic changes Q linearised at `values` v (q,).
+        """Return the Gram matrix (q + 1, q + 1) of derivatives and residual, linearised at `values`
+        (q,).
 
-        r = J d still holds for values d counted from 0: r + Q v² = (J + 2 Q v) d.
+        The residual, last, is r = J d + Q d² in the q values d, with Q only for rotor losses.
+        Linearised at v, J becomes J + 2 Q v and r becomes r + Q v², so that d still counts from 0.
         """
         size, bends = len(self.names), len(self.bent)
         at = np.delete(np.eye(size + bends + 1), range(size, size + bends), axis=1)
@@ -79,10 +80,11 @@ class FlightEvidence:
 
 
 def flight_sums(model: RotorModel, track: FlightTrack) -> FlightEvidence:
-    """Compute the sums of one flight about `model`.
+    """Compute the sums of one flight from which a season's values are fitted.
 
-    Raises DataError when the flight has too few rows to be fitted, AirframeError for a wrong rotor
-    count.
+    They are a Gram matrix of the derivatives by every effect's values and of the residual of
+    `model`, nuisances marginalised. Raise DataError when the flight has too few rows to be fitted,
+    AirframeError for a wrong rotor count.
     """
     reduced = reduce_flights(model, [track], delays=False)
     catalogue = [e for e in effects_for(model.airframe) if not e.of_one_arm]
@@ -145,8 +147,10 @@ def _derivatives(reduced: Reduced, one: Candidate, found: Floats | None) -> Floa
 
 
 def _bend(reduced: Reduced, one: Candidate, slope: Floats) -> Floats:
-    """Return the second-order change (N, R), modal, rpm, of a loss d, over d², from a chord to
-    BEND_SPAN."""
+    """Return the second-order change (N, R), modal, rpm, of a rotor's loss d, divided by d².
+
+    It is found between losses 0 and BEND_SPAN; `slope` (N, R) is the derivative by the loss at 0.
+    """
     moved = one.start.copy()
     moved[:, [p.name for p in one.parameters].index(LOSS.name)] += BEND_SPAN
     done = predicted_modes(reduced, (TrialEffect(candidate=one, values=moved),)) - predicted_modes(
@@ -234,7 +238,7 @@ class SeasonSums:
         return np.flatnonzero(self.limit("shapes") == 0.0)
 
     def limit(self, name: str) -> Floats:
-        """Return one column (q,) of LIMITS."""
+        """Return the column `name` of LIMITS for all values (q,)."""
         return self.limits[:, LIMITS.index(name)]
 
     def share_of(self, place: int) -> int | None:
@@ -247,10 +251,11 @@ class SeasonSums:
         )
 
     def estimates(self, place: int, curves: Floats) -> tuple[Floats, Floats]:
-        """Return each flight's estimate (F,) of one value and its standard error (F,).
+        """Return each flight's own estimate (F,) of value number `place` and its standard error
+        (F,).
 
-        `curves` (F, q) are the values of all parameters. NaN and infinite where a flight has no
-        information.
+        The other values are fixed at their `curves` (F, q). A flight without information on the
+        value has an estimate that is not finite, and an infinite error.
         """
         own = self.information[:, place, place]
         left = self.pull[:, place] - np.einsum("fq,fq->f", self.information[:, place], curves)
@@ -258,8 +263,11 @@ class SeasonSums:
             return curves[:, place] + left / own, own**-0.5
 
     def uncertainty(self, place: int) -> Floats:
-        """Return the part (F,) of that standard error that is model uncertainty, which flights
-        share."""
+        """Return the part (F,) of the standard error of value number `place` that is model
+        uncertainty.
+
+        Flights share it. NaN where a flight has no information on the value.
+        """
         with np.errstate(divide="ignore", invalid="ignore"):
             own = 1.0 / self.information[:, place, place] - 1.0 / self.known[:, place]
         return np.sqrt(np.maximum(own, 0.0))
@@ -268,10 +276,11 @@ class SeasonSums:
 def season_sums(
     flights: Sequence[FlightEvidence], bent: Mapping[str, Floats] = MappingProxyType({})
 ) -> SeasonSums:
-    """Combine flights in the order of time; the sums are linearised at the losses `bent` (F,), by
-    name.
+    """Combine the sums of flights, given in the order of time.
 
-    Raises DataError without flights, or when flights have different numbers of rotors.
+    `bent` maps the name of a loss to its value in each flight (F,), at which the sums are
+    linearised; missing ones at 0. Values of single flights are marginalised. Raise DataError
+    without flights, or when flights have different numbers of rotors.
     """
     if not flights:
         raise DataError("no flight with sums; nothing is known of the season")

@@ -37,7 +37,7 @@ RECENT = 10  # last flights that `Trend.least_seen` is for
 NO_SCATTER = 0.05  # scatter of a value without its own, in usual sizes
 #: recomputations of the sums; difference in loss below which they end
 MOST_RELINEARISATIONS, SAME_LOSS = 4, 0.001
-_Fit = tuple[Floats, float]  # result of `_joint_fit`: curves (F, q), squares left
+_Fit = tuple[Floats, float]  # result of `joint_fit`: curves (F, q), squares left
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -82,14 +82,14 @@ class SeasonChanges:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _SeasonModel:
+class SeasonModel:
     """The values that deviate in all flights, and the curves of the values that change."""
 
     shared: frozenset[int] = frozenset()
     #: index of the value -> change (F,) since the first flight
     shapes: Mapping[int, Floats] = field(default_factory=dict)
 
-    def with_shape(self, place: int, shape: Floats | None) -> _SeasonModel:
+    def with_shape(self, place: int, shape: Floats | None) -> SeasonModel:
         """Return the model with another curve (F,) of the value at index `place`; None
         removes it."""
         rest = {k: v for k, v in self.shapes.items() if k != place}
@@ -100,27 +100,27 @@ def season_changes(sums: SeasonSums, false_entries: float = FALSE_ENTRIES) -> Se
     """Find the model errors that all flights of a season share, and the values that changed over
     it.
 
-    `false_entries`: expected number of false changes in one season. The trends are of all values,
-    changed ones first.
+    `false_entries` is the expected number of false changes in one season. The result has the trend
+    of every value, changed ones first, and the shared errors that are significant.
     """
     penalty = penalty_of(sums.flights, len(sums.main), false_entries)
-    found = _SeasonModel()
+    found = SeasonModel()
     for _ in range(MOST_FINDS):
         more = _add_best_value(sums, found, penalty)
         if more is None:
             break
         found = more
-        sums = _relinearise(sums, found)
+        sums = relinearise(sums, found)
         for place in found.shapes:  # refit each curve given the others
-            curves = _joint_fit(sums, found)[0]
+            curves = joint_fit(sums, found)[0]
             found = found.with_shape(place, _change_curve(sums, place, found, penalty, curves))
-        sums = _relinearise(sums, found)
+        sums = relinearise(sums, found)
         for place in found.shared:  # drop a mean that a change explains
             rest = replace(found, shared=found.shared - {place})
-            gain = _gain(sums, _joint_fit(sums, rest), _joint_fit(sums, found), place)
+            gain = _gain(sums, joint_fit(sums, rest), joint_fit(sums, found), place)
             if gain / sums.flights <= penalty:
                 found = rest
-    fit = _joint_fit(sums, found)
+    fit = joint_fit(sums, found)
     order = [*found.shapes, *(int(k) for k in sums.main if k not in found.shapes)]
     return SeasonChanges(
         trends=tuple(_trend(sums, k, found, fit, penalty) for k in order),
@@ -128,13 +128,13 @@ def season_changes(sums: SeasonSums, false_entries: float = FALSE_ENTRIES) -> Se
     )
 
 
-def _relinearise(sums: SeasonSums, found: _SeasonModel) -> SeasonSums:
-    """Recompute the sums, linearised at the losses found, until these no longer change.
+def relinearise(sums: SeasonSums, found: SeasonModel) -> SeasonSums:
+    """Recompute the sums, linearised at the losses in `found`, until these no longer change.
 
-    Linearised at 0, a large loss leaves enough residual to appear as another rotor's.
+    Linearised at 0, a large loss leaves enough residual to appear as the loss of another rotor.
     """
     for _ in range(MOST_RELINEARISATIONS):
-        curves = _joint_fit(sums, found)[0]
+        curves = joint_fit(sums, found)[0]
         bends = {n for flight in sums.evidence for n in (flight.names[k] for k in flight.bent)}
         bent = {
             sums.names[k]: curves[:, k]
@@ -149,12 +149,12 @@ def _relinearise(sums: SeasonSums, found: _SeasonModel) -> SeasonSums:
     return sums
 
 
-def _add_best_value(sums: SeasonSums, found: _SeasonModel, penalty: float) -> _SeasonModel | None:
+def _add_best_value(sums: SeasonSums, found: SeasonModel, penalty: float) -> SeasonModel | None:
     """Return the model with the shared value or curve added that explains most.
 
     None if none exceeds the penalty.
     """
-    now, best, most = _joint_fit(sums, found), None, penalty
+    now, best, most = joint_fit(sums, found), None, penalty
     for place in (int(k) for k in sums.main):
         tried = []
         if place not in found.shared:
@@ -165,19 +165,20 @@ def _add_best_value(sums: SeasonSums, found: _SeasonModel, penalty: float) -> _S
         if shape is not None:
             tried.append((found.with_shape(place, shape), 1))
         for more, flights in tried:
-            gain = _gain(sums, now, _joint_fit(sums, more), place, most * flights) / flights
+            gain = _gain(sums, now, joint_fit(sums, more), place, most * flights) / flights
             if gain > most and (flights == 1 or _is_possible(sums, more, place, penalty)):
                 best, most = more, gain
     return best
 
 
-def _is_possible(sums: SeasonSums, found: _SeasonModel, place: int, penalty: float) -> bool:
-    """Return False for a shared value beyond its bounds, or within the error of other effects'
-    laws.
+def _is_possible(sums: SeasonSums, found: SeasonModel, place: int, penalty: float) -> bool:
+    """Return True if the shared value number `place` is inside its bounds and no error of other
+    effects.
 
-    Laws are accurate to FORM.
+    It must exceed the error that inaccuracy of the other shared effects' equations (a share FORM of
+    their size) would cause in it, by the factor sqrt(`penalty`).
     """
-    at = _joint_fit(sums, replace(found, shapes={}))[0][0]
+    at = joint_fit(sums, replace(found, shapes={}))[0][0]
     value = sums.limit("absent")[place] + at[place]
     if not sums.limit("lower")[place] < value < sums.limit("upper")[place]:
         return False
@@ -198,7 +199,7 @@ def _gain(sums: SeasonSums, less: _Fit, more: _Fit, place: int, least: float = -
 
 
 def _change_curve(
-    sums: SeasonSums, place: int, found: _SeasonModel, penalty: float, curves: Floats
+    sums: SeasonSums, place: int, found: SeasonModel, penalty: float, curves: Floats
 ) -> Floats | None:
     """Return the change (F,) of a value since its first flights, given `curves` of all values; None
     if it is constant."""
@@ -207,12 +208,13 @@ def _change_curve(
 
 
 def _value_changes(
-    sums: SeasonSums, place: int, found: _SeasonModel, curves: Floats, penalty: float
+    sums: SeasonSums, place: int, found: SeasonModel, curves: Floats, penalty: float
 ) -> tuple[list[SeasonEntry], Floats]:
-    """Return the significant changes of value `place` over the season, and its curve (F,).
+    """Return the significant changes of value number `place` over the season, and its curve (F,).
 
-    `curves` (F, K) are all values'. A change must exceed sqrt(`penalty`) times its error joined
-    with the error that FORM of other values' changes causes. Without changes the curve is 0.
+    `curves` (F, q) are the fitted curves of all q values. A change must exceed sqrt(`penalty`)
+    times its error, which includes what a share FORM of other values' changes would cause. The
+    curve is 0 without changes.
     """
     value, error, _ = _flight_estimates(sums, place, curves)
     where = np.flatnonzero(np.isfinite(value))
@@ -233,12 +235,13 @@ def _value_changes(
 
 
 def _flight_estimates(sums: SeasonSums, place: int, curves: Floats) -> tuple[Floats, Floats, float]:
-    """Return estimates (F,) and standard errors (F,) of a value, and the errors' scale factor.
+    """Return estimates (F,) and standard errors (F,) of value number `place`, and the errors'
+    factor.
 
-    The factor is the one by which flights scatter more than their errors; the errors include it.
-
-    No flight has a smaller error than the median flight: flights of one kind share model errors,
-    and a few accurate flights of another kind would appear as a change.
+    `curves` (F, q) are the fitted curves of all values. The errors are already multiplied by the
+    factor, by which flights scatter more than their own errors. Unknown: NaN with an infinite
+    error. No flight has a smaller error than the median flight: flights of one kind share model
+    errors, and a few accurate flights of another kind would appear as a change.
     """
     value, error = sums.estimates(place, curves)
     known = np.isfinite(value)
@@ -248,11 +251,12 @@ def _flight_estimates(sums: SeasonSums, place: int, curves: Floats) -> tuple[Flo
     return value, error * beyond, beyond
 
 
-def _basis(sums: SeasonSums, found: _SeasonModel) -> tuple[NDArray[np.intp], Floats, Floats]:
-    """Return index (B,), curve (F, B) and prior size (B,) of each term of the joint fit.
+def _basis(sums: SeasonSums, found: SeasonModel) -> tuple[NDArray[np.intp], Floats, Floats]:
+    """Return for the B terms of the joint fit: value index (B,), curve (F, B) and prior size (B,).
 
-    Each value has a mean, small like on a sound aircraft unless it is shared; each changed value
-    has its curve; each loss has its torque share. Means come first.
+    First a constant for each main value, with the small prior of a sound aircraft unless the value
+    is shared. Then the curve of each changed value, with a flat prior, and the torque share that
+    goes with each loss.
     """
     main, scale, usual = sums.main, sums.limit("scale"), _usual_sizes(sums)
     free = np.array([int(k) in found.shared for k in main], dtype=bool)
@@ -275,9 +279,10 @@ def _usual_sizes(sums: SeasonSums) -> Floats:
     return np.maximum(sums.limit("smallest"), NO_SCATTER * sums.limit("scale"))
 
 
-def _joint_fit(sums: SeasonSums, found: _SeasonModel) -> _Fit:
-    """Fit all terms by least squares; return curves (F, q) of all values, and the remaining
-    squares."""
+def joint_fit(sums: SeasonSums, found: SeasonModel) -> _Fit:
+    """Fit all terms by least squares; return the curves (F, q) of all q values and the remaining
+    squares.
+    """
     places, over, prior = _basis(sums, found)
     means = sums.main.size
     system = np.zeros((places.size, places.size))
@@ -294,10 +299,11 @@ def _joint_fit(sums: SeasonSums, found: _SeasonModel) -> _Fit:
     return curves, float(sums.squares.sum() - along @ size)
 
 
-def _shared_effects(sums: SeasonSums, found: _SeasonModel, penalty: float) -> list[SharedEffect]:
-    """Return the season means that exceed their standard errors, estimated by the flights' scatter.
+def _shared_effects(sums: SeasonSums, found: SeasonModel, penalty: float) -> list[SharedEffect]:
+    """Return the shared effects that exceed sqrt(`penalty`) times their standard error.
 
-    Each flight counts once; model uncertainty is added.
+    The error is by the scatter of flights (each counts once), joined with the median model
+    uncertainty.
     """
     places, over, prior = _basis(sums, found)
     rows = sums.information[:, places][:, :, places]
@@ -308,7 +314,7 @@ def _shared_effects(sums: SeasonSums, found: _SeasonModel, penalty: float) -> li
     left = along - system @ size
     variance = np.diag(bread @ left.T @ left @ bread)
     variance = variance * sums.flights / max(sums.flights - 1, 1)
-    squares, out = _joint_fit(sums, found)[1], []
+    squares, out = joint_fit(sums, found)[1], []
     for k in sorted(found.shared):
         at = int(np.flatnonzero(places == k)[0])
         rest = replace(found, shared=found.shared - {k})
@@ -328,22 +334,25 @@ def _shared_effects(sums: SeasonSums, found: _SeasonModel, penalty: float) -> li
 
 
 def _equivalent_values(
-    sums: SeasonSums, rest: _SeasonModel, squares: float, others: Mapping[int, _SeasonModel]
+    sums: SeasonSums, rest: SeasonModel, squares: float, others: Mapping[int, SeasonModel]
 ) -> tuple[str, ...]:
-    """Return the names of values that fit nearly as well as the one that is missing in `rest`.
+    """Return the names of the values that could explain nearly as much as a value that was found.
 
-    `others` maps a value's index to the model with it instead; `squares` is the cost with the
-    missing one. Nearly: above it by less than 2 NEAR, or than the share FORM of the gain if more.
+    `rest` is the model without the found value, `squares` the cost with it. `others` maps the index
+    of another value to the model with that value instead. Its cost must be above `squares` by less
+    than 2 NEAR, or than the share FORM of the found value's gain if that is more.
     """
-    gain = _joint_fit(sums, rest)[1] - squares
+    gain = joint_fit(sums, rest)[1] - squares
     most = squares + max(2.0 * NEAR, FORM * gain)
-    return tuple(sums.names[k] for k, other in others.items() if _joint_fit(sums, other)[1] < most)
+    return tuple(sums.names[k] for k, other in others.items() if joint_fit(sums, other)[1] < most)
 
 
-def _trend(sums: SeasonSums, place: int, found: _SeasonModel, fit: _Fit, penalty: float) -> Trend:
-    """Return the trend of value number `place`: estimates, curve, changes and detection limit.
+def _trend(sums: SeasonSums, place: int, found: SeasonModel, fit: _Fit, penalty: float) -> Trend:
+    """Return the trend of value number `place`: estimates by flight, curve, changes, detection
+    limit.
 
-    `penalty` is the gain in squares that a change must exceed.
+    `fit` are the curves (F, q) and cost of the joint fit of `found`; `penalty` is the gain in
+    squares that a change must exceed. The detection limit is NaN with fewer than 2 known flights.
     """
     curves, squares = fit
     value, error, _ = _flight_estimates(sums, place, curves)
@@ -353,7 +362,7 @@ def _trend(sums: SeasonSums, place: int, found: _SeasonModel, fit: _Fit, penalty
     if place in found.shapes:
         entries = _value_changes(sums, place, found, curves, penalty)[0]
         rest = found.with_shape(place, None)
-        baseline = _joint_fit(sums, rest)[0]
+        baseline = joint_fit(sums, rest)[0]
         places = (int(k) for k in sums.main if k != place)
         shapes = {k: _change_curve(sums, k, rest, penalty, baseline) for k in places}
         others = {k: rest.with_shape(k, s) for k, s in shapes.items() if s is not None}

@@ -56,10 +56,12 @@ SLOW_MEANS = 43
 
 
 def free_columns(x: Channels, flight: NDArray[np.intp]) -> tuple[Floats, tuple[str, ...]]:
-    """Return the basis columns (N, H) of the model discrepancy, of size about 1, and each one's
-    channel.
+    """Return the basis columns (N, H) of the model discrepancy, and the channel name of each
+    column.
 
-    The first is the constant. Channels that are incomplete or vary too little have no columns.
+    Columns are about 1 in size and, but for the first one (the constant), have mean 0. Channels
+    with a NaN or with too little variation have no columns. `flight` (N,) numbers the rows'
+    flights.
     """
     columns: list[Floats] = [np.ones((x.time_s.size, 1))]
     names: list[str] = ["constant"]
@@ -87,9 +89,10 @@ def free_columns(x: Channels, flight: NDArray[np.intp]) -> tuple[Floats, tuple[s
 
 
 def form_columns(x: Channels) -> Floats:
-    """Return basis columns (N, W), about 1 in size, of slow errors in an effect's law.
+    """Return basis columns (N, W) of slow relative errors in the equation of an effect.
 
-    A constant and piecewise linear functions of channels that vary.
+    A constant 1, and piecewise linear functions, of mean 0, of the channels that are complete and
+    vary.
     """
     parts = [np.ones((x.time_s.size, 1))]
     for name in FORMED:
@@ -103,9 +106,11 @@ def form_columns(x: Channels) -> Floats:
 def wander_columns(
     time_s: Floats, flight: NDArray[np.intp], knot_spacing: float = WANDER
 ) -> Floats:
-    """Return hats (N, W) over the time of each flight, `knot_spacing` seconds between knots.
+    """Return hat functions (N, W) of time since the flight's start, knots `knot_spacing` s apart.
 
-    Flights share the columns. A pause in a log adds no columns, however long it is.
+    All flights share the columns, each with its own time. `time_s` (N,) is in s, `flight` (N,) the
+    number of each row's flight, ascending from 0. A pause in a log adds no columns, however long it
+    is.
     """
     first = np.searchsorted(flight, np.unique(flight))
     place = (time_s - time_s[first][flight]) / knot_spacing
@@ -117,10 +122,11 @@ def wander_columns(
 def slow_wander(
     values: Floats, time_s: Floats, flight: NDArray[np.intp], knot_spacing: float
 ) -> Floats:
-    """Estimate the size (R,) of slow noise within flights from values (T, R).
+    """Estimate the standard deviation (R,) of slow noise within flights from values (T, R).
 
-    Knots are `knot_spacing` s apart. Means over as long scatter about their flight's mean by MEANS
-    times the scatter of knots. 0 where no flight is long enough.
+    The noise is modelled as linear between knots `knot_spacing` s apart. Means over that time
+    scatter about their flight's mean by MEANS times the knots' deviation. 0 where no flight is long
+    enough.
     """
     total, count = np.zeros(values.shape[1]), 0
     for f in np.unique(flight):
@@ -166,11 +172,12 @@ ANSWER = 0.3  # share of an output's response to a turn, as a third less thrust 
 
 
 def law_uncertainty(reduced: Reduced) -> Floats:
-    """Return directions (N, R, D), modal, rpm, in which base model and effects' laws may be
-    inaccurate.
+    """Return columns (N, R, D), modal, rpm, of possible errors of the base model and its effects.
 
-    A law may be inaccurate along slow channels and with the size of its own change: if large turns
-    deviate from the law, another inertia must not explain it.
+    Each has the size of one standard deviation. An effect's equation may be wrong along slow
+    channels and with the size of its change: if large turns deviate from it, another inertia must
+    not explain that. Included too are the errors of effect shapes, of the response to load, and,
+    for motor outputs, to turns.
     """
     columns = [np.moveaxis(reduced.mode_amplitudes(reduced.uncertainty_rpm), 0, 2)]
     base, slow = predicted_modes(reduced, ()), form_columns(reduced.channels)
@@ -192,8 +199,12 @@ def law_uncertainty(reduced: Reduced) -> Floats:
 
 
 def shape_columns(reduced: Reduced, base: Floats) -> list[Floats]:
-    """Return the changes by inaccurate shapes (lags, derivative corrections) of the model's own
-    effects."""
+    """Return columns (N, R, 1), modal, rpm: the change by an error in each shape parameter.
+
+    Shape parameters (lags, derivative corrections) are those of the model's own effects that are
+    details; each is moved by SHAPE of its scale, towards the farther bound. `base` (N, R) is the
+    prediction.
+    """
     columns = []
     for k, item in enumerate(reduced.model.placed):
         for p in item.effect.parameters:
@@ -207,10 +218,13 @@ def shape_columns(reduced: Reduced, base: Floats) -> list[Floats]:
 
 
 def _rotor_columns(reduced: Reduced, base: Floats) -> Floats:
-    """Return FORM of each rotor's variation in predicted speed within its flight (N, R, R), rpm.
+    """Return columns (N, R, R), modal, rpm: the share FORM of a rotor's predicted variation in a
+    flight.
 
-    For a model not trained on this aircraft: the response of each rotor to load is known no better
-    than the laws of the load, so a deviation of one rotor is no evidence of a weak one.
+    There is one for each rotor, from its prediction less the flight's mean; `base` (N, R) is the
+    modal prediction. For a model not trained on this aircraft: the response of each rotor to load
+    is known no better than the equations of the load, so a deviation of one rotor is no evidence of
+    a weak one.
     """
     directions = reduced.modes.directions
     speed = np.nan_to_num(base) @ directions.T
@@ -220,10 +234,12 @@ def _rotor_columns(reduced: Reduced, base: Floats) -> Floats:
 
 
 def load_response(reduced: Reduced, base: Floats) -> Floats:
-    """Return the fast collective changes, rpm, placed in each other mode: columns (N, R, R - 1).
+    """Return columns (N, R, R - 1), rpm: the fast changes of the collective, placed in each other
+    mode.
 
-    While gusts and manoeuvres load the rotors, the controller may respond in any mode by as much:
-    that is no evidence about thrust shares.
+    `base` (N, R) is the modal prediction; fast means relative to its running mean. While gusts and
+    manoeuvres load the rotors, the controller may respond in any mode by as much: that is no
+    evidence about thrust shares.
     """
     load = np.nan_to_num(base[:, 0])
     fast = load - flight_running_mean(load, reduced.flight)
@@ -231,10 +247,11 @@ def load_response(reduced: Reduced, base: Floats) -> Floats:
 
 
 def turn_response(reduced: Reduced, base: Floats) -> list[Floats]:
-    """Return columns (N, R, 1), modal, rpm, for each rotor's output responding more to a turn.
+    """Return for each rotor a column (N, R, 1), modal, rpm, of its output responding more to a
+    turn.
 
-    Outputs are commands, not measurements: a rate loop commands the same of all rotors, and not
-    more of one with less thrust.
+    Empty for a model without the effect of turning moments. Outputs are commands, not measurements:
+    a rate loop commands the same of all rotors, and not more of one with less thrust.
     """
     columns = []
     for k, item in enumerate(reduced.model.placed):
@@ -246,7 +263,7 @@ def turn_response(reduced: Reduced, base: Floats) -> list[Floats]:
     return columns
 
 
-STEPS = 20
+STEPS = 20  # of expectation maximisation
 LEAST = 0.05  # least size of a component, relative to its initial one: few flights
 # cannot prove that it never varies
 
@@ -266,11 +283,14 @@ def learn_variances(
     numbers: NDArray[np.intp],
     factor: float = 1.0,
 ) -> VarianceFactors:
-    """Estimate the variance components of a modal residual (N, R), rpm.
+    """Estimate the variance components of a modal residual (N, R), rpm, by expectation
+    maximisation.
 
-    `groups` (H,) is the channel of each basis column; `numbers` (K,) is the component of each
-    scatter column, or -1 for a fixed size. `factor` is the size of the discrepancy relative to a
-    sound aircraft; the discrepancy's own sizes are estimated only if it is 1.
+    Return factors on the standard deviations: of the scatter columns (K,) and of the discrepancy
+    curves by mode and channel. `groups` (H,) is the channel of each basis column; `numbers` (K,) is
+    the component of each scatter column, -1 for a fixed size. `factor` is the size of the
+    discrepancy relative to a sound aircraft; the discrepancy's own sizes are estimated only if it
+    is 1.
     """
     names = list(dict.fromkeys(groups))
     group = np.array([names.index(g) for g in groups])
@@ -323,7 +343,9 @@ class _Sums:
 
     @classmethod
     def from_residual(cls, nuisance: Nuisance, residual: Floats) -> _Sums:
-        """Compute the products for a modal residual (N, R), rpm."""
+        """Compute the columns' products with the filtered residual; `residual` (N, R) is modal,
+        rpm.
+        """
         z = nuisance.filter_columns(residual[:, :, None])
         pairs = zip(nuisance.by_flight, nuisance.flights, strict=True)
         return cls(
@@ -339,9 +361,10 @@ class _Sums:
 
 
 def _marginalise_shared(sums: _Sums, factor: float) -> _Sums:
-    """Marginalise the shared columns once, for a single flight, where their sizes stay fixed.
+    """Return the sums of a single flight with the shared columns marginalised, at a fixed size.
 
-    The steps then only solve for the draws, a fifth of all unknowns.
+    `factor` is the size of the discrepancy relative to a sound aircraft. The steps then only solve
+    for the scatter columns, a fifth of all unknowns.
     """
     (one,), (seen,) = sums.flights, sums.residual_products
     root = shared_root(sums.shared, sums.known, sums.hats, factor)

@@ -7,6 +7,9 @@ effect have a normal prior. The evidence is Laplace's approximation for k values
 
     log p(y | set) = log p(y | nothing) + gain + (k/2) log 2 pi - log|H| / 2 + log p(d)
 
+Where a rotor's arm reports power, output and vibration, p(d) of its loss is multiplied by the
+likelihood ratio of these figures to no loss (`LossEvidence`): they are other data than the speeds.
+
 Source: MacKay 2003, Information Theory, Inference, and Learning Algorithms, chapters 27 and 28.
 """
 
@@ -23,6 +26,7 @@ from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 from scipy.special import ndtr
 
+from thrustmargin.models.checks.arms.arm_posterior import LossEvidence
 from thrustmargin.models.effects.base import Parameter
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.identification.rows.candidates import (
@@ -33,7 +37,7 @@ from thrustmargin.models.identification.rows.candidates import (
 )
 
 (INVERTED,) = get_lapack_funcs(("trtri",), dtype=np.float64)  # of a triangular matrix
-LOG_2_PI = log(2.0 * pi)
+LOG_2_PI = log(2.0 * pi)  # of the normal density
 IMPOSSIBLE = -1e9  # log evidence of an impossible set
 #: factor on the noise while sets are scored, because no law and no noise model is exact (tempered
 #: likelihood: Grünwald 2012, The Safe Bayesian). Of 1, 1.25, 1.5 and 2, this value identified
@@ -60,6 +64,9 @@ class SetPrior:
     least: Floats  # (G,) largest scatter of a sound aircraft, as a share of the usual size
     constant: Floats  # (G,) part of the log prior density that the values do not change
     log_sets: float  # log prior probability of the set
+    #: (G',) of each rotor that the set degrades and whose arm shows its loss: weights (M,) of the
+    #: main values that add up to its loss, and the evidence
+    arms: tuple[tuple[Floats, LossEvidence], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -114,7 +121,11 @@ class SetScore:
 
 @lru_cache(maxsize=4096)
 def _candidate_prior(one: Candidate) -> SetPrior:
-    """Return the prior of a set of one candidate, without the odds of a first bad rotor."""
+    """Return the prior of a set of one candidate: of its presence and of its values.
+
+    A candidate's prior for a bad rotor is that of one more bad rotor; `_set_prior` adds the odds
+    for the first.
+    """
     rows = [
         (p.lower, p.upper, p.scale, p.smallest or 0.01 * p.scale, p.absent or 0.0)
         for p in one.parameters
@@ -153,9 +164,10 @@ def _candidate_prior(one: Candidate) -> SetPrior:
 
 @lru_cache(maxsize=4096)
 def _set_prior(candidates: tuple[Candidate, ...]) -> SetPrior:
-    """Concatenate the priors of a set's candidates, in order.
+    """Return the prior of a set: the priors of its candidates, concatenated in order.
 
-    The set's log prior is the sum of theirs, plus `_first_rotor_log_odds` of the candidates.
+    The log probability of the set is the sum of theirs plus that of a first bad rotor
+    (`_first_rotor_log_odds`).
     """
     own = [_candidate_prior(one) for one in candidates]
     normal = np.concatenate([np.zeros(0, dtype=bool), *(one.normal for one in own)])
@@ -174,7 +186,26 @@ def _set_prior(candidates: tuple[Candidate, ...]) -> SetPrior:
         least=np.concatenate([np.zeros(0), *(one.least for one in own)]),
         constant=np.concatenate([np.zeros(0), *(one.constant for one in own)]),
         log_sets=sum(one.log_sets for one in own) + _first_rotor_log_odds(candidates),
+        arms=_arms_of(candidates, [one.main.size for one in own]),
     )
+
+
+def _arms_of(
+    candidates: Sequence[Candidate], counts: Sequence[int]
+) -> tuple[tuple[Floats, LossEvidence], ...]:
+    """Return, for each degraded rotor with arm evidence, the weights (M,) of the set's main values
+    in its loss, and that evidence.
+
+    `counts` are the main values of each candidate. A curve of losses has their mean.
+    """
+    ends = [0, *accumulate(counts)]
+    found: dict[int | None, tuple[Floats, LossEvidence]] = {}
+    for one, count, first in zip(candidates, counts, ends[:-1], strict=True):
+        if one.arm is None or not count:
+            continue
+        weights, _ = found.setdefault(one.term.rotor, (np.zeros(ends[-1]), one.arm))
+        weights[first : first + count] = 1.0 / count
+    return tuple(found.values())
 
 
 def prior_of(trials: Sequence[TrialEffect]) -> ValuePrior:
@@ -199,11 +230,12 @@ def is_shape(p: Parameter) -> bool:
 
 
 def score(prior: ValuePrior, gram: Floats, temperature: float = 1.0) -> SetScore:
-    """Score a set by the Gram matrix [J r]'[J r] (P + 1, P + 1) of derivatives J and residual r.
+    """Score a set on the linearised problem: log evidence, most probable step and its variance
+    (P,).
 
-    `gram` is in units of `temperature` times the noise; the returned variance is for the noise
-    itself. Shapes beyond a bound are fixed at it. The log evidence is IMPOSSIBLE for a singular
-    system.
+    `gram` (P + 1, P + 1) is [J r]'[J r] of derivatives J by the P values and the residual r, both
+    divided by `temperature` times the noise; the variance is for the noise itself. Shape values
+    that would exceed a bound are fixed at it. The log evidence is IMPOSSIBLE for a singular system.
     """
     count, cost = prior.values.size, float(gram[-1, -1])
     if not count:
@@ -236,9 +268,10 @@ def score(prior: ValuePrior, gram: Floats, temperature: float = 1.0) -> SetScore
 
 
 def _step_at_bounds(prior: ValuePrior, system: Floats, pulled: Floats, step: Floats) -> Floats:
-    """Return the most probable step (P,) with shapes fixed at bounds that they would exceed.
+    """Return the most probable step (P,) with values fixed at bounds that the free `step` exceeds.
 
-    Fixing one shape moves the others, which may exceed their bounds in turn.
+    `system` (P, P) and `pulled` (P,) are the normal equations. Fixing one value moves the others,
+    which may exceed their bounds in turn.
     """
     lower, upper = prior.set_prior.limits[:2]
     trials = np.zeros(step.shape, dtype=np.bool_)
@@ -252,10 +285,10 @@ def _step_at_bounds(prior: ValuePrior, system: Floats, pulled: Floats, step: Flo
 
 
 def _log_sizes(prior: ValuePrior, values: Floats, error: Floats) -> float:
-    """Return the log prior density of all effects' main values, including that they are within
-    bounds.
+    """Return the log prior density of the main values of a set's effects, given as `values` (P,).
 
-    An effect whose linearisation point is at a bound is IMPOSSIBLE.
+    It includes the probability that each is within its bounds, by its standard error (P,).
+    IMPOSSIBLE for an effect whose linearisation point is at a bound.
     """
     set_prior = prior.set_prior
     if not set_prior.main.size:
@@ -268,7 +301,9 @@ def _log_sizes(prior: ValuePrior, values: Floats, error: Floats) -> float:
     out = np.add.reduceat(possible, set_prior.first) + set_prior.constant
     out -= set_prior.dimensions * np.log(np.sqrt(square) + set_prior.least)
     free = np.logical_and.reduceat((lower < now) & (now < upper), set_prior.first)
-    return float(np.where(free, out, IMPOSSIBLE).sum())  # else held at the bound of the possible
+    by_arms = sum(arm.at(float(weights @ values)) for weights, arm in set_prior.arms)
+    # A value that is not free is at the bound of the possible.
+    return float(np.where(free, out, IMPOSSIBLE).sum()) + by_arms
 
 
 def log_range_integral(most: float, least: float) -> float:

@@ -44,7 +44,10 @@ class FilteredColumns:
     def from_columns(
         cls, nuisance: Nuisance, solved: ReducedNuisance, columns: ValueColumns
     ) -> FilteredColumns:
-        """Filter modal columns (N, R, P), rpm, and marginalise the nuisances."""
+        """Filter modal columns, rpm, and marginalise the nuisances.
+
+        `solved` are the products of the nuisance columns with the scatter marginalised.
+        """
         z = nuisance.filter_columns(columns)
         drawn, (shared, own) = nuisance.flight_draws(z), nuisance.products(z)
         sums = shared - nuisance.cross_products.T @ drawn, own - drawn.T @ drawn
@@ -146,7 +149,11 @@ class LinearisedSets(_AboutSet):
         return np.array([one.log_likelihood_ratio for one in self._priors])
 
     def score(self, key: Iterable[int]) -> SetScore:
-        """Score the set `key` on the linear problem."""
+        """Score a set of candidates on the linearised problem: log evidence, step and variance of
+        its values.
+
+        `key` has the candidates' indices.
+        """
         members = sorted(key)
         where = self._value_places(members)
         residual = self._residual_weights(frozenset(members))
@@ -158,8 +165,11 @@ class LinearisedSets(_AboutSet):
         return score(prior_of([self.trials[c] for c in members]), whole, self.temperature)
 
     def gains(self, key: Key, pool: Sequence[int]) -> Floats:
-        """Estimate the gain (n,) in log likelihood by adding each candidate of `pool` to the set
-        `key`."""
+        """Estimate the gain (n,) in log likelihood of changing the set `key` by each candidate of
+        `pool`.
+
+        Both hold candidate indices. The values of the set are refitted to the linearised problem.
+        """
         members = sorted(key)
         gram, where, residual = self.gram, self._value_places(members), self._residual_weights(key)
         prior = prior_of([self.trials[c] for c in members])
@@ -187,8 +197,11 @@ class LinearisedSets(_AboutSet):
         return out
 
     def restrict(self, members: Collection[int], without: Collection[int]) -> LinearisedSets:
-        """Return the problem with only the free values of `members`, and none of the flights
-        `without`."""
+        """Return the problem in which only candidates in `members` have free values.
+
+        `without` are flight numbers: values that belong to one of these flights, and the flights'
+        readings, are dropped too.
+        """
         trials, columns, kept = [], [], []
         for c, (one, places) in enumerate(zip(self.trials, self.columns, strict=True)):
             free = one.candidate.free if c in members else ()
@@ -205,10 +218,11 @@ class LinearisedSets(_AboutSet):
         return replace(self, trials=tuple(trials), columns=tuple(columns), gram=gram)
 
     def law_error(self, c: int, k: int) -> float:
-        """Return the standard error that inaccurate laws cause in value `k` of candidate `c`.
+        """Return the standard error of value number `k` of candidate `c` due to inaccurate
+        equations.
 
-        The candidate is outside the set. Laws of the effects in the set are accurate to FORM of the
-        change that they predict.
+        Every effect in the set is accurate to the share FORM of the change that it predicts; the
+        errors of all add up. The candidate itself is outside the set.
         """
         place = self.columns[c].start + k
         first = self.columns[-1].stop if self.columns else 0
@@ -222,10 +236,10 @@ class LinearisedSets(_AboutSet):
         return np.array(places, dtype=np.intp)
 
     def _residual_weights(self, key: Key) -> Floats:
-        """Return weights (q,) that combine the columns of `gram` into the residual of the set
+        """Return weights (q,) that combine the q columns of `gram` into the residual of the set
         `key`.
 
-        The change of each candidate that enters or leaves the set is subtracted.
+        The residual column has 1, the total change of each candidate that enters or leaves has -1.
         """
         weights = np.zeros(self.gram.shape[1])
         weights[-1] = 1.0
@@ -242,7 +256,10 @@ class SetColumns(_AboutSet):
     whole: ValueColumns
 
     def linear(self, solved: ReducedNuisance, sums: Sums) -> LinearisedSets:
-        """Return the linear problem of some means, from their nuisances and sums of columns."""
+        """Return the linear problem of the rows from which `sums` were computed.
+
+        `solved` are the nuisance columns' products over these rows, `sums` those of the columns.
+        """
         return LinearisedSets(
             about=self.about,
             trials=self.trials,

@@ -46,11 +46,13 @@ def inverse_cholesky(system: Floats) -> Floats:
 
 
 def shared_root(gram: Floats, known: int, hats: int, factor: float) -> Floats:
-    """Return the root G (X, X) of the covariance G'G of the shared columns' coefficients.
+    """Return the root G (X, X) of the posterior covariance G'G of the shared columns' coefficients.
 
-    `gram` (X, X) are the columns' products. The first `known` columns are base model errors; then
-    follow `hats` columns a mode, scaled to `factor` times their size on a sound aircraft. The first
-    of each mode is its constant, which is scaled to CONSTANT_FACTOR alone.
+    `gram` (X, X) holds the products of the X columns, each of unit prior variance. The first
+    `known` columns are base model errors, at their own size. Then follow `hats` columns of a
+    discrepancy curve for each mode, scaled by `factor` (1: as on a sound aircraft); the first of
+    each mode is its constant, scaled by CONSTANT_FACTOR instead. NaN if the system is not positive
+    definite.
     """
     size = np.full(gram.shape[0], factor)
     size[:known] = 1.0
@@ -121,7 +123,10 @@ class Nuisance:
 
     @cached_property
     def by_flight(self) -> tuple[FlightScatter, ...]:
-        """Return the scatter columns of each of the F flights, with their products."""
+        """Return for each of the F flights its nonzero scatter columns and their products.
+
+        The products are those with each other and with the shared columns.
+        """
         blocks, known = [], self.uncertainty.shape[2]
         for rows in self.flights:
             active = np.flatnonzero(self.scatter[rows].any(axis=(0, 1)))
@@ -180,9 +185,11 @@ class Nuisance:
         return whole
 
     def marginalise(self, factor: float = 1.0, less: Nuisance | None = None) -> ReducedNuisance:
-        """Eliminate the scatter of all flights but those of `less`.
+        """Return the shared columns' products with the between-flight scatter marginalised.
 
-        `factor`: size of the discrepancy relative to a sound aircraft.
+        `factor` is the size of the discrepancy curves relative to a sound aircraft. `less` is the
+        nuisance of a subset of flights, which is subtracted (to hold these flights out); None: all
+        flights count.
         """
         marginal = self.shared_gram - self.cross_products.T @ self.cross_products
         if less is not None:
@@ -195,7 +202,10 @@ class Nuisance:
         )
 
     def select_means(self, kept: Bools) -> Nuisance:
-        """Return the nuisance of the means flagged in `kept` (n,)."""
+        """Return the nuisance limited to the rows (means over time) flagged in `kept` (n,).
+
+        Flights without a flagged row stay, with no rows.
+        """
         filter_ = self.whitening.select_means(kept)
         flights = tuple(
             slice(*np.searchsorted(filter_.flight, [f, f + 1])) for f in range(len(self.flights))
@@ -228,10 +238,12 @@ class Nuisance:
         return replace(filtered, values=self.whitening.apply(filtered.values))
 
     def flight_draws(self, z: ValueColumns) -> Floats:
-        """Return L^-1 S'z of filtered columns z, shape (draws of all flights, columns of z).
+        """Return D = L^-1 S'z of filtered columns z: one row for each scatter column, one column
+        per column of z.
 
-        With D returned, D'D is the part of z'z that the scatter absorbs. In a column of one flight
-        the draws of other flights are 0.
+        S are the scatter columns of all flights, L the Cholesky factor of I + S'S in each flight,
+        so D'D is the part of z'z that the between-flight scatter absorbs. A column of z that
+        belongs to one flight has 0 in the rows of other flights.
         """
         draws = []
         for f, rows in enumerate(self.flights):
@@ -245,9 +257,10 @@ class Nuisance:
         return np.concatenate(draws)
 
     def products(self, z: ValueColumns) -> Sums:
-        """Return X'z (X, q) and z'z (q, q) of q filtered columns z, with the scatter left in.
+        """Return the products X'z (X, q) and z'z (q, q) of q filtered columns z.
 
-        X are the columns of the nuisances that all flights share.
+        X are the columns of the nuisances that all flights share. The between-flight scatter is not
+        removed from either product.
         """
         modes, _, hats = self.free.shape
         known = self.uncertainty.shape[2]

@@ -62,9 +62,11 @@ def drop_rotor_effects(search: Search, key: Key) -> Key:
 
 
 def onset_candidates(search: Search, effect_set: EffectSet) -> list[Candidate]:
-    """Return step changes of rotors that raise the likelihood enough, best first.
+    """Return candidates of a rotor's thrust loss that begins or ends at a time, best first.
 
-    Each is added to `effect_set` after its rotor effects were removed.
+    Each is tested on top of `effect_set` without its constant rotor losses and unnamed causes. It
+    must raise the log likelihood by LEAST_GAIN and by ln of the number of times tried, and nearly
+    as much as a constant loss of that rotor does.
     """
     sound = drop_rotor_effects(search, effect_set.key)
     near = effect_set.effects
@@ -120,7 +122,12 @@ class _Step:
 
 
 def step_families(search: Search) -> Iterator[_Step]:
-    """Yield the step families that the flights allow, by flight and kind."""
+    """Yield for each flight and kind of step the times to try.
+
+    Kinds: "one" lasts to the end of its flight, "since" also in later flights (if all are dated),
+    "each" begins at one time in every flight. Steps in single flights are left out beyond
+    MOST_FLIGHTS.
+    """
     x, flight = search.reduced.channels, search.reduced.flight
     flights = search.reduced.flights
     starts = np.array([x.clock_s[flight == f][0] for f in range(flights)])
@@ -137,10 +144,10 @@ def step_families(search: Search) -> Iterator[_Step]:
 
 
 def _grid(time_s: Floats) -> Floats:
-    """Return possible times of a step, s, GRID s apart and LEAST_AFTER s or more from either end.
+    """Return possible times of a step, s: GRID s apart, at least LEAST_AFTER s from either end.
 
-    They are on the clock of `time_s` (n,). Times in a pause of the log are left out, as they are
-    equivalent.
+    They are on the clock of `time_s` (n,), the times of the rows. Times in a pause of the log are
+    left out: all of them would explain the rows equally.
     """
     first, last = time_s.min() + LEAST_AFTER, time_s.max() - LEAST_AFTER
     inside = time_s[(time_s >= first) & (time_s < last)]
@@ -178,11 +185,13 @@ class LossSums:
         return self.search.solved.reduce(self.search.nuisance.sums(self.columns))
 
     def spans(self) -> Iterator[tuple[str, float, int, tuple[float, ...]]]:
-        """Yield the best loss over consecutive flights that lasts to the end, and the best that
-        ends before.
+        """Yield the best loss over whole consecutive flights that lasts to the last flight, and the
+        best that ends before.
 
-        Each is (kind, gain, -1 for no particular flight, Unix times). None with fewer than 3
-        flights or a flight without a clock.
+        Each is ("since" or "until", gain of log likelihood, -1, Unix times, s): a first time, and
+        an end for "until"; -1 is in the place of a flight's index. A time between two flights is
+        midway. A kind without a gain is left out. Nothing with fewer than 3 flights or a flight
+        without a clock.
         """
         x, flight, flights = self.search.reduced.channels, self.search.reduced.flight, len(self.own)
         ends = np.array([x.clock_s[flight == f][[0, -1]] for f in range(flights)])
@@ -215,10 +224,10 @@ class LossSums:
             yield kind, gain, -1, times
 
     def gram(self, step: _Step, times: Floats) -> Floats:
-        """Return the Gram matrix (S + 1, S + 1) of the residual and a loss from each of S `times`
-        on.
+        """Return the Gram matrix (S + 1, S + 1) of S step columns and the residual, nuisances
+        marginalised.
 
-        The residual is last.
+        Column s is the loss from `times[s]` (s) on, in the flights of `step`; the residual is last.
         """
         reduced, nuisance = self.search.reduced, self.search.nuisance
         f, count = step.flight, times.size
@@ -266,11 +275,10 @@ def _best_transient(sums: LossSums, step: _Step) -> tuple[float, tuple[float, ..
 
 
 def _best_interval(sums: LossSums, step: _Step, times: Floats) -> tuple[float, tuple[float, ...]]:
-    """Return the largest gain of log likelihood by a loss between two of `times` (n,), s, and both
+    """Find the loss between two of `times` (n,), s, that gains most: return its gain and both
     times.
 
-    Its column is a step at the first time minus a step at the second, LEAST_AFTER seconds later or
-    more.
+    The gain is that of the log likelihood. The second time is at least LEAST_AFTER s later.
     """
     gram = sums.gram(step, times)
     inner, power = gram[:-1, -1], np.diag(gram)[:-1]
@@ -284,9 +292,11 @@ def _best_interval(sums: LossSums, step: _Step, times: Floats) -> tuple[float, t
 def _step_candidate(
     search: Search, kind: str, rotor: int, flight: int, when: tuple[float, ...], tries: int
 ) -> Candidate:
-    """Return the candidate of a step that was found, with its times as start values.
+    """Return the candidate of a step change of `rotor`, from 0, with its times as start values.
 
-    Its prior allows for the `tries` times that were tried.
+    `kind` is a key of KINDS; `flight` is its flight, -1 for none; `when` holds the begin, and for a
+    loss that ends the end, s. The log prior falls by ln `tries`, the number of times that were
+    tried.
     """
     effect, clock = KINDS[kind]
     steady = candidate(Term(effect=effect, rotor=rotor), search.reduced.flights)

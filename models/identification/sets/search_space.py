@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from thrustmargin.models.checks.instruments import needs_thermometer
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.channels import froude_time_scale
 from thrustmargin.models.effects.unnamed import ALONG, SLOW, place_of
@@ -42,7 +43,6 @@ from thrustmargin.models.identification.sets.discrepancy import (
 )
 from thrustmargin.models.identification.sets.nuisance import WIDE, Nuisance
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.model.thermometer import needs_thermometer
 from thrustmargin.models.network.records import GoodFlights
 from thrustmargin.models.physics.atmosphere import SEA_LEVEL_TEMPERATURE
 from thrustmargin.models.physics.flight_phases import TURN_RATE
@@ -56,10 +56,11 @@ OF_DIRECTION = (
 
 
 def unreported_wind_columns(reduced: Reduced, tracks: Sequence[FlightTrack]) -> Floats:
-    """Return the change (N, R, 2), modal, rpm, by a wind from south and by one from west.
+    """Return the change (N, R, 2) of the modal residual, rpm, by a wind from south and one from
+    west.
 
-    Its speed is the strongest of the training flights. No column if these flights report the wind
-    or the training flights did not.
+    Its speed is the strongest of the training flights. Only flights without a reported wind change.
+    Return (N, R, 0) if all flights report the wind or the model knows no wind of its training.
     """
     domain = reduced.model.training_domain
     strongest = np.nan if domain is None else domain.wind_speed[1]
@@ -119,8 +120,9 @@ def search_space(
 ) -> SearchSpace:
     """Build what a search over effects needs: candidate effects, nuisance columns, noise filter.
 
-    `means` is `reduce_flights(model, tracks)` if already computed; None: compute it here. Raises
-    like `problem.assemble`.
+    Candidates are those of `catalogue` that the flights `tracks` can show. `means` is
+    `reduce_flights(model, tracks)` if already computed; None: compute it here. Raise AirframeError
+    or DataError as `problem.assemble` does.
     """
     reduced = reduce_flights(model, tracks) if means is None else means
     candidates = _drop_constant_shares(reduced, candidates_of(reduced, catalogue))
@@ -205,9 +207,11 @@ def _drop_constant_shares(
 
 
 def slow_noise_columns(reduced: Reduced, others: int) -> tuple[Floats, NDArray[np.intp]]:
-    """Return columns (N, R, R W), rpm, of slow noise in each mode, and each column's mode.
+    """Return columns (N, R, K), rpm, that represent slow noise of each mode, and their mode
+    indices.
 
-    The mode indices begin with `others` entries of -1, for other columns, which have no mode.
+    N means over time, R modes; each column is nonzero in one mode only. The indices (`others` + K,)
+    begin with `others` entries of -1, for that many preceding columns, which belong to no mode.
     """
     x, modes = reduced.channels, reduced.measured_rpm.shape[1]
     curves = wander_columns(
@@ -220,10 +224,11 @@ def slow_noise_columns(reduced: Reduced, others: int) -> tuple[Floats, NDArray[n
 
 
 def unexplained_noise(open_: Nuisance, residual: Floats) -> Floats:
-    """Return the factor (n, R) by which each flight's and mode's residual exceeds its noise.
+    """Return the factor (n, R) by which the residual of each flight and mode exceeds its noise.
 
-    Noise is estimated by a median, which ignores outliers. The factor is between 1 and TAILS: a
-    larger excess is no noise.
+    The n rows are means over time; all rows of a flight have its factor. `residual` (n, R), modal,
+    rpm, is filtered here, and nuisances are removed first. The noise was estimated by a median,
+    which ignores outliers. The factor is limited to 1..TAILS: a larger excess is no noise.
     """
     z = open_.whitening.apply(residual)
     shared, _ = open_.sums(residual[:, :, None])
@@ -242,9 +247,11 @@ def unexplained_noise(open_: Nuisance, residual: Floats) -> Floats:
 
 
 def main_values(candidates: Sequence[Candidate]) -> list[tuple[int, int, str]]:
-    """List (candidate, free value, "effect_key.parameter") of every shared main value.
+    """List (candidate, free value, "effect_key.parameter") of every shared main value, both
+    indices.
 
-    Effects on one arm change speeds nearly as their variant without one, which stands for them.
+    A main value is no detail and has a smallest size; shared: one value for all flights. Effects on
+    one arm are left out, because the variant without an arm changes speeds nearly alike.
     """
     names = []
     for c, one in enumerate(candidates):
@@ -260,9 +267,10 @@ def main_values(candidates: Sequence[Candidate]) -> list[tuple[int, int, str]]:
 def _effect_columns(
     reduced: Reduced, candidates: Sequence[Candidate]
 ) -> tuple[Floats, dict[int, Floats]]:
-    """Return the changes (N, R, K), modal, rpm, by the `smallest` size of every main value.
+    """Return the change (N, R, K), modal, rpm, that each main value causes at its `smallest` size.
 
-    Also return the derivatives (N, R, P) of each candidate that has a main value.
+    The order is that of `main_values`. Also return the derivatives (N, R, P) with respect to the P
+    values of each candidate that has a main value, by candidate index.
     """
     columns = []
     of_effect: dict[int, Floats] = {}
@@ -277,10 +285,11 @@ def _effect_columns(
 
 
 def _unnamed_columns(reduced: Reduced, unnamed: Sequence[Candidate]) -> Floats:
-    """Return the largest changes (N, R, K), modal, rpm, by knots of unnamed causes along slow
-    channels.
+    """Return the change (N, R, K), modal, rpm, by each knot of the unnamed causes at its upper
+    bound.
 
-    These channels vary as slowly as slow noise, which must not absorb them.
+    Only curves over slow channels count: they vary as slowly as slow noise, which must not absorb
+    them.
     """
     columns = [np.zeros((*reduced.measured_rpm.shape, 0))]
     for one in (c for c in unnamed if place_of(c.term.effect)[1] in SLOW):
@@ -292,8 +301,9 @@ def _unnamed_columns(reduced: Reduced, unnamed: Sequence[Candidate]) -> Floats:
 def scatter_sizes(candidates: Sequence[Candidate], known: GoodFlights | None) -> Floats:
     """Return the between-flight scatter (K,) of each main value, in units of its `smallest`.
 
-    From the training flights, within SCATTER_LIMITS of the usual, as few or short flights estimate
-    it poorly. 0 for rotors: a sound propeller does not change between flights.
+    It is learnt from the training flights, clipped to SCATTER_LIMITS because few or short flights
+    estimate it poorly; 1 where unknown. 0 for effects on a rotor: a sound propeller does not change
+    between flights.
     """
     learnt = {} if known is None else known.scatter
     sizes = []
@@ -305,12 +315,13 @@ def scatter_sizes(candidates: Sequence[Candidate], known: GoodFlights | None) ->
 
 
 def flight_offsets(reduced: Reduced, residual: Floats) -> tuple[Floats, Floats]:
-    """Return the size (N, R, R), rpm, of each mode's offset by flight, and of one all flights
+    """Return columns (N, R, R), rpm, of an offset by flight in each mode, and of one that flights
     share.
 
-    Sizes are those of the n training flights, which were held out of the model; their mean is
-    uncertain by 1/n of the variance. For motor outputs, whose shares depend on wind and battery,
-    sizes are at least these flights' own; without training flights, too large to report anything.
+    Each column is constant in its mode, at the standard deviation of the offset. Sizes are those of
+    the n training flights, each held out of its model; the share 1/n of the variance is common, as
+    the error of their mean. For motor outputs, whose shares depend on wind and battery, sizes are
+    at least those of these flights; without training flights, too large to report any effect.
     """
     model, modes = reduced.model, residual.shape[1]
     size = np.array(model.background_rpm or np.zeros(modes))
@@ -322,12 +333,12 @@ def flight_offsets(reduced: Reduced, residual: Floats) -> tuple[Floats, Floats]:
 
 
 def _flight_slopes(reduced: Reduced) -> tuple[Floats, Floats]:
-    """Return the changes (N, R, K), modal, rpm, by each mode's slope along each channel in a
-    flight.
+    """Return columns (N, R, K), modal, rpm, of a slope along a channel that differs between
+    flights.
 
-    Also return those by a slope that all flights share. Sizes are those between the n training
-    flights, whose mean is in the model and uncertain by 1/n of the variance, as for
-    `flight_offsets`. Without such flights no column.
+    Also return the columns (N, R, K) of a slope that all flights share. Both are at the standard
+    deviation of the slope between the n training flights; the mean slope is in the model and
+    uncertain by 1/n of the variance. K is 0 without training flights or for motor outputs.
     """
     good, x = reduced.model.good_flights, reduced.channels
     columns = [np.zeros((*reduced.measured_rpm.shape, 0))]
@@ -367,8 +378,11 @@ def subtract_flight_means(columns: Floats, flight: NDArray[np.intp]) -> Floats:
 
 
 def _noise_filter(reduced: Reduced, residual: Floats, scatter: Floats, hats: Floats) -> Whitening:
-    """Estimate the noise filter from the residual that no effect and no discrepancy curve
-    explains."""
+    """Estimate the noise filter from the part of the residual that no nuisance explains.
+
+    `residual` (N, R) is modal, rpm. `scatter` (N, R, K) and the discrepancy curves `hats` (N, H)
+    are regressed out of each mode first.
+    """
     remaining = np.empty_like(residual)
     for mode in range(residual.shape[1]):
         known = scatter[:, mode, :]
@@ -398,9 +412,12 @@ def manoeuvre_mask(reduced: Reduced) -> Bools:
 def free_sizes(
     reduced: Reduced, groups: Sequence[str], known: GoodFlights | None, speed: float
 ) -> Floats:
-    """Return the standard deviation (R, H), rpm, of the discrepancy's coefficients without faults.
+    """Return the prior standard deviation (R, H), rpm, of the discrepancy coefficients of a sound
+    aircraft.
 
-    R modes, H basis columns; `groups` (H,) names each column's channel.
+    R modes, H basis columns; `groups` (H,) names each column's channel. Sizes come from the curves
+    of the training flights `known`; without them, and as a lower limit, they are shares of `speed`,
+    the mean rotor speed, rpm.
     """
     learnt = {} if known is None else known.curve_rpm
     usual, least = USUAL_SHARE * speed, LEAST_SHARE * speed

@@ -46,8 +46,8 @@ BEAM = 12  # sets that are grown further at each size
 FITTED = 6  # sets that are fitted with nonlinear effects in each round
 #: sets one effect away that are fitted whatever their linear score, which may be inaccurate
 NEXT = 4
-ROUNDS = 6
-MOST_EFFECTS = 10
+ROUNDS = 6  # restarts around the best sets at most
+MOST_EFFECTS = 10  # effects of one set
 #: below the best log evidence, at which the fit of a set ends: a lag alone may gain 200
 HOPELESS = 500.0
 NEAR = 9.0  # of log evidence below the best: less than one in 8,000 as likely
@@ -68,7 +68,10 @@ class Search:
         nuisance: Nuisance,
         candidates: Sequence[Candidate],
     ) -> None:
-        """Prepare a search over `candidates`, with the noise raised by TEMPERATURE."""
+        """Prepare a search over `candidates`, with the noise raised by TEMPERATURE.
+
+        For motor outputs it is not raised.
+        """
         filter_ = nuisance.whitening
         # For outputs, between-flight variation has been widened by Student's t already.
         self.temperature = 1.0 if reduced.of_outputs else TEMPERATURE
@@ -92,10 +95,12 @@ class Search:
         return np.full_like(one.start, np.median(self.reduced.delay_s[:, 0]))
 
     def run(self, progress: Progress | None = None) -> None:
-        """Search until the best set no longer changes, at most ROUNDS times.
+        """Search for the most probable set of effects, until a round finds none more probable, in
+        at most ROUNDS rounds.
 
-        If a much better set is found within a round, the round ends and the search restarts about
-        that set.
+        The result is in `best`, the best of all sets in `fitted`. If a fit raises the log evidence
+        by more than FAR, the round ends and the next one starts from that set. `progress` is called
+        at the begin of each round with its name and the share of ROUNDS done.
         """
         if not self.fitted:
             self.fit(frozenset(), ())
@@ -129,7 +134,8 @@ class Search:
                 self.fitted[key] = max(fitted, other, key=lambda one: one.total)
 
     def add(self, further: Sequence[Candidate], members: Key) -> bool:
-        """Add candidates `further` and fit each alone and together with the set `members`.
+        """Add candidates `further` to the search, and fit each alone and together with the set
+        `members`.
 
         Return True if one of these sets comes within FAR of the best, so that the search should
         continue.
@@ -200,9 +206,11 @@ class Search:
         return columns.linear(self.solved, self.nuisance.sums(columns.whole))
 
     def set_columns(self, effect_set: EffectSet, *, alone: bool = False) -> SetColumns:
-        """Return the columns of all candidates about a fitted set.
+        """Return the derivatives of all candidates, linearised about a fitted set, and their total
+        changes.
 
-        With `alone`, candidates outside the set have no values and no change.
+        A member's change is that of removing it, another candidate's that of adding it at its start
+        values. With `alone`, candidates outside the set have no columns and no change.
         """
         inside = effect_set.effects
         base = predicted_modes(self.reduced, effect_set.trials)
@@ -238,8 +246,11 @@ class Search:
         )
 
     def promising_sets(self, linear: LinearisedSets) -> list[Key]:
-        """Return unfitted sets to fit next: the highest-ranked by linear score, and neighbours
-        of the best."""
+        """Return unfitted sets to fit next, by score on the linearised problem `linear`.
+
+        First up to FITTED sets within NEAR of the best score, then up to NEXT that differ from the
+        best fitted set in one candidate.
+        """
         scores: dict[Key, float] = {}
         best = self.fitted[linear.about.key]
 
@@ -264,10 +275,11 @@ class Search:
     def _grow(
         self, linear: LinearisedSets, starts: Sequence[Key], look: Callable[[Key], float]
     ) -> None:
-        """Score sets grown one candidate at a time from `starts`, then from the BEAM best of each
-        size.
+        """Score sets by a beam search: add one candidate at a time to `starts`, then to the BEAM
+        best sets.
 
-        Stop when the best of a size falls NEAR below the best of the size before.
+        `look` scores a set and stores the score. Stop when the best set of a size is NEAR below the
+        best of the size before.
         """
         everything = range(len(self.candidates))
         beam = {key: look(key) for key in starts}
@@ -288,8 +300,11 @@ class Search:
             beam, grown_from = grown, BEAM
 
     def _is_duplicate(self, key: Key, c: int) -> bool:
-        """Return whether a set has another variant of candidate `c`: of its rotor, or, of a
-        one-variant effect, of any."""
+        """Return True if candidate `c` may not join the set `key`, which contains another variant
+        of it.
+
+        An effect occurs once for a rotor; one marked as of one variant occurs once in a set.
+        """
         term = self.candidates[c].term
         return (term.effect.of_one_rotor or term.effect.one_variant) and any(
             (term.effect.one_variant or self.candidates[k].term.rotor == term.rotor)
@@ -298,9 +313,9 @@ class Search:
         )
 
     def fit(self, key: Key, near: Sequence[TrialEffect], steps: int = 8) -> EffectSet:
-        """Fit a set with the nonlinear effects, from the values `near` of all candidates or from
-        the starts.
+        """Fit a set of candidates, with the nonlinear effects, unless it is fitted already.
 
+        `near` holds start values of all candidates, by index; if empty their usual starts are used.
         The fit of a set far below the best ends early. If a main value ends at its bound, the set
         without that effect is fitted as well.
         """
@@ -318,10 +333,11 @@ class Search:
     def _fit(
         self, key: Key, trials: Sequence[TrialEffect], steps: int, best: float = -np.inf
     ) -> EffectSet:
-        """Fit by Gauss-Newton with step halving; recompute derivatives once steps gain less than
-        STALE.
+        """Fit the set `key` from the values `trials` by up to `steps` Gauss-Newton steps.
 
-        Stop early if even the linear score stays far below `best`, a log evidence.
+        A step that does not lower the cost is shortened to 0.3 and 0.1. Derivatives are recomputed
+        once steps gain less than STALE. Stop early if even the linearised score stays far below
+        `best`, a log evidence.
         """
         measured = self.reduced.mode_amplitudes(self.reduced.measured_rpm)
         columns, fresh = self._filtered_columns(trials), True
@@ -359,10 +375,11 @@ class Search:
     def _normal_equations(
         self, columns: FilteredColumns, trials: Sequence[TrialEffect], residual: Floats
     ) -> tuple[Floats, float]:
-        """Return the Gram matrix (P + 1, P + 1) of the columns and `residual`, and the cost.
+        """Return the Gram matrix (P + 1, P + 1) of P columns and the residual (last), and the cost.
 
-        The cost, at the values of `trials`, is the sum of squares, nuisances marginalised, plus
-        that of the prior.
+        `residual` (N, R) is modal, rpm, at the values of `trials`. The cost is its sum of squares,
+        filtered and with nuisances marginalised, plus the squared distance of the values from their
+        prior.
         """
         gram, prior = columns.gram(residual), prior_of(trials)
         away = prior.values - prior.centre
@@ -376,8 +393,9 @@ class Search:
         return EffectSet(key=key, trials=tuple(trials), set_score=scored, residual=residual)
 
     def final_step_change(self, best: EffectSet) -> Floats:
-        """Return the change in prediction (N, R), modal, rpm, by a set's linear step to its
-        optimum."""
+        """Return the change of the prediction (N, R), modal, rpm, by the last linear step that
+        `best` has left.
+        """
         moved, first = np.zeros_like(best.residual), 0
         step = best.set_score.step
         for k in range(len(best.trials)):

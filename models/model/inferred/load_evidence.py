@@ -121,8 +121,9 @@ class LoadFit(NamedTuple):
 def load_fit(shown: LoadEvidence, airframe: Airframe) -> LoadFit | None:
     """Fit the load to the means; None without means or if no credible gain of lift explains them.
 
-    The load falls between two times of S, chosen by the Bayesian information criterion: a pump may
-    run on an empty tank, and without a reported pump the start of spraying is unknown.
+    With the pump's state known the load falls while the pump is on, but may stop to: a pump may run
+    on an empty tank. With it unknown, the load falls between two times of flight. The times are
+    chosen by the Bayesian information criterion.
     """
     means = shown.means()
     return _cached_fit(means.tobytes(), shown.spraying, airframe) if means.size else None
@@ -130,10 +131,11 @@ def load_fit(shown: LoadEvidence, airframe: Airframe) -> LoadFit | None:
 
 @lru_cache(maxsize=256)  # a listener calls it with every row, but the means change every 10 s
 def _cached_fit(shown: bytes, spraying: frozenset[float], airframe: Airframe) -> LoadFit | None:
-    """Fit the load to means, given as the bytes of an (n, 7) array; results are cached.
+    """Fit the load to block means, given as the bytes of an (n, 7) array of `Means`; cached.
 
-    `spraying` are the distinct states of the pump that the track reports. None if no fit has a
-    credible lift gain.
+    `spraying` are the distinct values of the pump's channel in flight: 1 on, 0 off, none unknown.
+    The load falls while sprayed, or, with the pump unknown, between two times of flight that the
+    fit selects. None if no fit has a credible lift gain.
     """
     means = Means(*np.frombuffer(shown).reshape(-1, 7).T)
     by_spraying = 1.0 in spraying
@@ -163,9 +165,11 @@ def _cached_fit(shown: bytes, spraying: frozenset[float], airframe: Airframe) ->
 def _least_squares(
     means: Means, seconds: Floats, usual: float, fastest: float, airframe: Airframe
 ) -> LoadFit:
-    """Solve for load, rate of fall and lift gain; the load falls in proportion to `seconds` (n,).
+    """Solve for the load at each leg's start, its rate of fall and the lift gain, with their
+    priors.
 
-    `usual` and `fastest`, kg/s, set the prior of the rate.
+    `seconds` (n,) is the time during which the load fell. The rate, kg/s, has the prior mean
+    `usual` and standard deviation half of `fastest`; it is never negative.
     """
     legs = tuple(int(leg) for leg in np.unique(means.leg))
     rows = np.column_stack(
@@ -202,10 +206,11 @@ def _least_squares(
 def load_at(
     fit: LoadFit, leg: Floats, seconds: Floats, airframe: Airframe
 ) -> tuple[Floats, Floats]:
-    """Return the load (T,), kg, and its standard error (T,), kg, of rows in legs number `leg` (T,).
+    """Return the load (T,), kg, and its standard error (T,), kg.
 
-    `seconds` (T,) is the time by which the load falls: flown, or sprayed. NaN in legs without
-    evidence. The error excludes the part that `shared_error` adds.
+    `leg` (T,) is each row's leg, `seconds` (T,) the time during which the load fell by then:
+    sprayed or flown. NaN in legs that the fit does not contain. The error excludes the part that
+    `shared_error` adds, which is the same for all rows.
     """
     fallen = np.clip(seconds, *fit.span) - fit.span[0]
     rows = np.column_stack([*(leg == one for one in fit.legs), -fallen]).astype(np.float64)
@@ -222,8 +227,10 @@ def whole_flight_evidence(
 ) -> tuple[LoadEvidence, Floats, Floats]:
     """Collect the evidence of load in a whole flight.
 
-    A leg (a stretch with one load at its start) begins after each stay on the ground, or only after
-    long ones, whichever the Bayesian criterion prefers. Returns as `collect_evidence`.
+    A leg is a part of the flight with one load at its start. It begins after each stay on the
+    ground, or only after long ones: after each if the Bayesian information criterion prefers it and
+    both can be fitted. Return the evidence, the number of each row's leg (T,), and the seconds
+    sprayed and flown since the leg began (T, 2).
     """
     long = collect_evidence(track, airframe, LoadEvidence())
     each = collect_evidence(track, airframe, LoadEvidence(), BRIEFLY)
@@ -240,10 +247,10 @@ def whole_flight_evidence(
 def collect_evidence(
     track: FlightTrack, airframe: Airframe, so_far: LoadEvidence, on_ground: float = ON_GROUND
 ) -> tuple[LoadEvidence, Floats, Floats]:
-    """Add rows to the evidence; also return their leg (T,) and the s sprayed and flown by then (T,
-    2).
+    """Add the rows of a track to the evidence of load, `so_far`.
 
-    A leg begins after a stay on the ground of more than `on_ground` s.
+    Return the new evidence, each row's leg (T,), and the seconds sprayed and flown by then (T, 2).
+    A leg begins after more than `on_ground` s on the ground.
     """
     time_s, flying = track.time_s, track.flying
     before = time_s[0] if np.isnan(so_far.last_s) else so_far.last_s
@@ -321,9 +328,10 @@ def accept_newest(shown: LoadEvidence, airframe: Airframe) -> LoadEvidence:
 
 
 def _standard_errors_off(fit: LoadFit | None, leg: int, sums: Floats, airframe: Airframe) -> float:
-    """Return by how many standard errors the rows with sums `sums` (6,) show more load than `fit`.
+    """Return how many standard errors more load rows show than `fit` predicts for leg number `leg`.
 
-    Return 0 if the fit is missing or does not contain `leg`.
+    `sums` (6,) are over the rows: seconds, then mass, lift term, s sprayed, s flown and squared
+    error, each times seconds. Return 0 if the fit is missing or does not contain `leg`.
     """
     if fit is None or leg not in fit.legs:
         return 0.0

@@ -1,4 +1,9 @@
-"""Infer the load from hover thrust, where nothing reports it or a gauge reports too little.
+"""Infer the rotor speeds and the load of a flight that it does not report, before its analysis.
+
+Each step fills a channel that was not measured, states so in the track's `sources`, and sets its
+standard error in `standard_errors`; measured values are kept. Files and links take the same steps.
+Speeds come first (`output_speed`). The load is then that of hover thrust, where nothing reports it
+or a gauge reports too little.
 
 `load_evidence` fits it over a flight. The standard error includes the scatter of the means and the
 errors that more flight does not reduce: thrust coefficient, air density, empty mass, and rotor
@@ -7,12 +12,13 @@ speeds that were themselves inferred.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
 
-from thrustmargin.models.checks.output_evidence import OutputEvidence
+from thrustmargin.models.checks.output_evidence import OutputEvidence, output_evidence
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.inferred.load_evidence import (
     BLOCK,
@@ -26,8 +32,9 @@ from thrustmargin.models.model.inferred.load_evidence import (
     spans_of,
     whole_flight_evidence,
 )
+from thrustmargin.models.model.inferred.output_speed import OutputCalibration, filled_speeds
+from thrustmargin.models.model.inferred.utilisation_error import INTERVAL, shared_error
 from thrustmargin.models.physics.airframe import Airframe
-from thrustmargin.models.physics.atmosphere import track_air
 from thrustmargin.models.provenance import Meaning, Provenance, Reason, Rejected, SourceKind
 from thrustmargin.models.statement import Statement, state
 
@@ -37,15 +44,56 @@ THEN_CHECK = "check gauge and empty mass, and with the battery off the propeller
 LOAD_FROM_SPEEDS = (
     "the load was inferred from these rotor speeds; state it with --load to compare them"
 )
-#: Standard errors as shares: a measured thrust curve on the aircraft, a guessed one; a weighed
-#: empty mass, a guessed one.
-CURVE_ERROR, MASS_ERROR, GUESSED_ERROR = 0.03, 0.005, 0.1
 #: Share of the aircraft's mass that the standard error may be for the load to be used.
 GOOD_ENOUGH = 0.15
 COVERED = 0.5  # share of a flight from which a gauge's reading is kept
 OVERLOAD = 0.25  # share of the full aircraft that may be on board beyond its tank
-NINETY = 1.645  # standard errors to either side of a 90 % interval
-SURELY = 2.6  # likewise for 99 %: a reported or stated load further off is contradicted
+#: Standard errors to either side of a 99 % interval: a load stated further off is contradicted.
+SURELY = 2.6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Inferred:
+    """The evidence of the earlier parts of a live flight, for inference in its next part."""
+
+    outputs: OutputCalibration = field(default_factory=OutputCalibration)
+    load: LoadEvidence = field(default_factory=LoadEvidence)
+
+
+def fill_channels(
+    track: FlightTrack,
+    airframe: Airframe | None,
+    parameters: Mapping[str, float],
+) -> FlightTrack:
+    """Return the track of a whole flight with the rotor speeds and the load that other channels
+    imply, where they are not reported.
+
+    Return the track unchanged if `airframe` is None. `parameters` are the autopilot's, by name.
+    """
+    if airframe is None:
+        return track
+    outputs = output_evidence(track, airframe, parameters)
+    track, _ = filled_speeds(track, airframe, parameters)
+    return with_load(track, airframe, outputs)
+
+
+def fill_channels_so_far(
+    track: FlightTrack,
+    airframe: Airframe | None,
+    parameters: Mapping[str, float],
+    so_far: Inferred,
+) -> tuple[FlightTrack, Inferred]:
+    """Fill in rotor speeds and load of the next rows of a live flight; also return the evidence so
+    far.
+
+    No row depends on later ones, so the load differs from that of `fill_channels` for the whole
+    flight. Return the arguments unchanged if `airframe` is None.
+    """
+    if airframe is None:
+        return track, so_far
+    track, outputs = filled_speeds(track, airframe, parameters, so_far.outputs)
+    track, load = with_load_so_far(track, airframe, so_far.load)
+    return track, Inferred(outputs=outputs, load=load)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -69,7 +117,7 @@ class ShownLoad:
 
     def note(self, lacks: str) -> Statement:
         """Return a statement that the inferred load, kg, is not used; `lacks` names the reason."""
-        within = NINETY * self.usual_error
+        within = INTERVAL * self.usual_error
         return state("load by thrust", lacks, "state load", load=self.usual, within=within)
 
     def beyond(self, tank_kg: Floats) -> float:
@@ -102,7 +150,7 @@ def with_load(
     if stated:
         if shown is None or not abs(shown.beyond(track.tank_kg)) > SURELY:
             return track
-        within = NINETY * shown.usual_error
+        within = INTERVAL * shown.usual_error
         disputed = source.remarked(state("but thrust shows", load=shown.usual, within=within))
         return replace(track, sources={**track.sources, "tank_kg": disputed})
     if gauge and (shown is None or shown.usual_error > _largest_error(airframe, shown.usual)):
@@ -112,10 +160,10 @@ def with_load(
     off, usual = shown.usual_error, shown.usual
     if off > _largest_error(airframe, usual):
         return _with_note(track, shown.note("too unsure"))
-    if usual < -NINETY * off:
+    if usual < -INTERVAL * off:
         return _with_note(track, shown.note("less than nothing"))
     most = airframe.tank_capacity_kg + OVERLOAD * (airframe.empty_mass + airframe.tank_capacity_kg)
-    if usual > most + NINETY * off:
+    if usual > most + INTERVAL * off:
         return _with_note(track, shown.note("more than carried"))
     by_thrust = _thrust_source(off, _fall(shown.fit))
     if gauge:
@@ -167,7 +215,11 @@ def with_load_for_verdict(
 def _shown_load(
     track: FlightTrack, airframe: Airframe, outputs: OutputEvidence | None = None
 ) -> ShownLoad | None:
-    """Infer the load from hover thrust; None without level flight with every rotor's speed."""
+    """Infer the load, kg, and its error from hover thrust; None without level flight with every
+    rotor's speed.
+
+    With `outputs` the error includes the thrust that motor outputs show beyond the rotor speeds.
+    """
     shown, legs, seconds = whole_flight_evidence(track, airframe)
     fit = load_fit(shown, airframe)
     if fit is None:
@@ -181,17 +233,19 @@ def _shown_load(
         return None
     if outputs is not None:
         mass = airframe.empty_mass + float(np.median(load[flying]))
-        error = np.hypot(error, outputs.more_than(mass) / NINETY)
+        error = np.hypot(error, outputs.more_than(mass) / INTERVAL)
     return ShownLoad(load=load, error=error, fit=fit, flying=flying)
 
 
 def with_load_so_far(
     track: FlightTrack, airframe: Airframe, so_far: LoadEvidence
 ) -> tuple[FlightTrack, LoadEvidence]:
-    """Fill in the load for the next rows of a flight in progress, from earlier time spans only.
+    """Fill in the load for the next rows of a flight in progress, without any row using later ones.
 
-    Also return the evidence including these rows. After a sudden change of load it is NaN until
-    enough rows show the new one.
+    Each row uses earlier spans of time only; `so_far` is the evidence from earlier rows. Also
+    return the evidence including these rows. NaN until the load is known well enough, and after a
+    sudden change of load until enough rows show the new one. Unchanged where a gauge reports the
+    load.
     """
     # A rejected gauge counts as not reported.
     still = so_far.gauged and not track.source("tank_kg").rejected
@@ -214,25 +268,12 @@ def with_load_so_far(
     error = np.hypot(error, shared_error(track, airframe, load))
     with np.errstate(invalid="ignore"):
         sure = error <= GOOD_ENOUGH * (airframe.empty_mass + np.maximum(load, 0.0))
-        sure &= load >= -NINETY * error
+        sure &= load >= -INTERVAL * error
     load[~sure] = np.nan
     if not np.any(sure) or fit is None:
         return track, so_far
     by_thrust = _thrust_source(float(error[sure][-1]), state("so far"), _fall(fit))
     return _with_load(track, load, error, by_thrust), so_far
-
-
-def shared_error(track: FlightTrack, airframe: Airframe, load: Floats) -> Floats:
-    """Return the part (T,) kg of an inferred load's standard error that cancels in its redundancy.
-
-    An error of thrust curve, air density or empty mass shifts the weight by thrust and the largest
-    thrust alike.
-    """
-    curve = GUESSED_ERROR if "thrust_coefficient" in airframe.guessed else CURVE_ERROR
-    mass = GUESSED_ERROR if "empty_mass" in airframe.guessed else MASS_ERROR
-    air = track_air(track)
-    of_thrust = np.hypot(curve, air.density_error / air.density) * (airframe.empty_mass + load)
-    return np.hypot(of_thrust, mass * airframe.empty_mass)
 
 
 def _has_load(track: FlightTrack, airframe: Airframe) -> bool:
@@ -265,7 +306,7 @@ def _thrust_source(error: float, *remarks: Statement) -> Provenance:
     return Provenance(
         kind=SourceKind.INFERRED,
         meaning=Meaning.HOVER_THRUST,
-        remarks=(state("load within", within=NINETY * error), *remarks),
+        remarks=(state("load within", within=INTERVAL * error), *remarks),
     )
 
 

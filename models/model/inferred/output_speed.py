@@ -80,12 +80,18 @@ class OutputCalibration:
         return bool(self.bins) and not self.heard.rotors
 
     def seconds(self, kind: int) -> float:
-        """Return the s of evidence of one kind."""
+        """Return the total time, s, of evidence of one kind: by weight, by power or by measured
+        rotors.
+        """
         return float(sum(sums[kind, 0] for sums in self.bins.values()))
 
     def fit(self, airframe: Airframe, curve: OutputCurve) -> tuple[Floats, Floats]:
-        """Fit a, s, n and the power factor (4,) from priors and evidence; also return their
-        covariance."""
+        """Fit (a, s, n, p) to the bins and the priors; return the estimate (4,) and covariance (4,
+        4).
+
+        ln N² = a + s ln(f/f_hover) + n ln(V/V_c), with f the thrust share of an output and V_c the
+        ceiling voltage; p is the offset of evidence by power.
+        """
         full = np.log(airframe.max_rotor_speed_rpm**2)
         before = np.array([full + np.log(HOVER_SHARE), 1.0, 1.0, 0.0])
         spread = np.array([CEILING_ERROR, curve.steepness_error, VOLTAGE_ERROR, 100.0])
@@ -198,10 +204,10 @@ def _add_evidence(
 ) -> dict[int, Floats]:
     """Return a copy of `bins` with the level, finite rows of a track added.
 
-    A bin holds SPAN seconds, its key their number: sums (3, 5) of 1, ln N^2 by the evidence, ln f,
-    ln V and squared error, by weight, by power and by measured rotors. `share` (T, R) is
-    ln f/f_hover with f the thrust share of an output, `volts` (T,) ln V/V_c, `seconds` (T,) s that
-    each row counts.
+    A bin is SPAN seconds of the flight, its key their number. It holds sums (3, 5): one row of
+    evidence by weight, by power, by measured rotors; columns 1, ln N², ln(f/f_hover), ln(V/V_c),
+    squared error. `share` (T, R) is ln(f/f_hover) with f the thrust share of an output, `volts`
+    (T,) is ln(V/V_c), `seconds` (T,) s that each row counts.
     """
     density = track_air(track).density
     density = density / airframe.reference_density
@@ -237,7 +243,10 @@ def _add_evidence(
 
 
 def _speed_through_air(track: FlightTrack) -> Floats:
-    """Return m/s (T,): airspeed, else ground speed less wind, else ground speed; 0 if unknown."""
+    """Return the speed through the air (T,), m/s.
+
+    It is airspeed, else ground speed less wind, else ground speed; 0 if unknown.
+    """
     ground = np.hypot(*track.velocity_ned[:, :2].T)
     wind = np.hypot(*(track.velocity_ned - track.wind_ned)[:, :2].T)
     speed = np.where(np.isfinite(track.airspeed), track.airspeed, wind)
@@ -259,8 +268,9 @@ def _speed_source(
 ) -> Provenance:
     """Return the provenance of rotor speeds inferred from motor outputs, flagged in `put` (T, R).
 
-    Its remarks say how they are calibrated. `lost_s` (n,) are the times, s, without a measured
-    speed of any rotor.
+    Its remarks say how they are calibrated (by measured rotors, else by weight, else by full
+    thrust), and for which rotors and times all speeds are inferred. `lost_s` (n,) are the times, s,
+    without a measured speed of any rotor.
     """
     outputs = track.source("throttle")
     by_weight, by_rotors = calibration.seconds(_WEIGHT), calibration.seconds(_ROTORS)
@@ -298,13 +308,15 @@ def _speed_source(
 def full_output_speed(
     flights: Sequence[tuple[FlightTrack, Mapping[str, float]]], airframe: Airframe
 ) -> tuple[Estimate, float]:
-    """Estimate the rotor speed, rpm, at full output, and the battery voltage, V, at which it is
-    reached.
+    """Estimate the rotor speed at full output, rpm, with its 95 % interval; also return its
+    voltage, V.
 
-    Each flight comes with its autopilot's parameters. The estimate is by measured speeds if there
-    are any, else by weight; the curve extrapolates from the outputs flown, which widens the
-    interval. The airframe's own ceiling is the prior. Raises DataError when no flight has evidence,
-    or the rows found as hover need very different thrust.
+    The voltage is the median over the flights, in flight; the airframe's nominal one where none is
+    reported. Each flight comes with its autopilot's parameters; flights without outputs or with
+    another number of rotors are left out. The estimate is by measured speeds if there are SPAN s of
+    them, else by weight; the curve extrapolates from the outputs flown, which widens the interval.
+    The airframe's own ceiling is the prior. Raise DataError with less evidence than SPAN s, or if
+    hover rows need very different thrust.
     """
     curve, bins, volts = None, {}, []
     for number, (track, parameters) in enumerate(flights):
@@ -346,11 +358,12 @@ def full_output_speed(
 def reached_full_output(
     flights: Sequence[tuple[FlightTrack, Mapping[str, float]]], airframe: Airframe
 ) -> tuple[Estimate, float] | None:
-    """Estimate the rotor speed, rpm, at full output and its voltage, V, from climbs near full
+    """Estimate the rotor speed at full output, rpm, and its voltage, V, from rows near full
     throttle.
 
-    With measured speeds: the mean N² of all rotors over their mean share of full thrust, in rows
-    where the share is NEAR_FULL or more for longer than HELD s. None where no flight has any.
+    By measured speeds: median of the mean N² of the rotors over their mean share of full thrust, in
+    rows in which that share has been NEAR_FULL or more for longer than HELD s. The interval is of
+    95 %. None where no flight has such rows.
     """
     squares, shares, volts, steepness = [], [], [], 0.0
     for track, parameters in flights:

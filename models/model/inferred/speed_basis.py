@@ -29,7 +29,11 @@ class SpeedBasis(StrEnum):
 
 
 def speed_basis(track: FlightTrack) -> SpeedBasis:
-    """Classify the rotor speeds of a flight as measured, from motor outputs, or some of each."""
+    """Classify the rotor speeds of a flight as measured, from motor outputs, or some of each.
+
+    A known speed with a standard error above 0 is from outputs. A flight without any known speed
+    counts as measured.
+    """
     known = np.isfinite(track.rotor_speed_rpm)
     error = track.standard_errors.get("rotor_speed_rpm", np.zeros_like(known))
     inferred = known & (error > 0.0)
@@ -85,11 +89,12 @@ class HeardSpeeds:
 def heard_speeds(
     track: FlightTrack, before: HeardSpeeds | None
 ) -> tuple[Bools, Bools, HeardSpeeds]:
-    """Flag rotors (T, R) with current speed reports, and those (T, R) in which telemetry was lost.
+    """Flag rotors with current speed reports (T, R), and rotors of which telemetry was lost (T, R).
 
-    Only rotors of the first mask get no speed from outputs. Telemetry is lost if several rotors
-    stop reporting together, in flight, for more than LOST s. Also return the last report of each
-    rotor, for the next call. With `before`, the one of the last call, no row depends on later ones.
+    A rotor that no mask flags has its speed inferred from its output. A speed of 0 is no report.
+    Telemetry is lost if several rotors stop reporting together, in flight, for more than LOST s.
+    Also return the last report of each rotor, to pass as `before` with the flight's next rows.
+    Without `before` later rows are used too, with it no row depends on later ones.
     """
     # Zero is no reading: on the ground an ESC that measures and one that does not both report 0.
     known = np.abs(track.rotor_speed_rpm) > 0.0

@@ -23,9 +23,9 @@ import numpy as np
 
 from thrustmargin.models.checks.output_evidence import OutputEvidence
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.model.inferred.load_inference import shared_error
 from thrustmargin.models.model.rotor_model import Prediction
 from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.atmosphere import track_air
 from thrustmargin.models.provenance import Meaning
 
 #: Standard errors on either side of the 90 % interval that every screen shows.
@@ -37,6 +37,22 @@ GUESS = 0.1
 DERIVED = 0.02
 #: Share by which a battery of unknown voltage may be off its nominal one: 3.4 to 4.2 V a cell.
 VOLTAGE_ERROR = 0.05
+#: Standard errors as shares, where not guessed: of a thrust curve, and of an empty mass.
+CURVE_ERROR, MASS_ERROR = 0.03, 0.005
+
+
+def shared_error(track: FlightTrack, airframe: Airframe, load: Floats) -> Floats:
+    """Return the part (T,), kg, of an inferred load's standard error that cancels in the
+    redundancy.
+
+    An error of thrust curve, air density or empty mass shifts the weight inferred by thrust and the
+    largest thrust alike, so their ratio does not change. `load` (T,) is in kg.
+    """
+    curve = GUESS if "thrust_coefficient" in airframe.guessed else CURVE_ERROR
+    mass = GUESS if "empty_mass" in airframe.guessed else MASS_ERROR
+    air = track_air(track)
+    of_thrust = np.hypot(curve, air.density_error / air.density) * (airframe.empty_mass + load)
+    return np.hypot(of_thrust, mass * airframe.empty_mass)
 
 
 def guessed_variance(airframe: Airframe, *names: str) -> float:
@@ -53,10 +69,12 @@ def guessed_variance(airframe: Airframe, *names: str) -> float:
 
 
 def from_data_sheet(airframe: Airframe) -> bool:
-    """Return True if the largest thrust, coefficient times N_max², is that of the data sheet.
+    """Return True if the largest thrust, coefficient times N_max², is that of the data sheet,
+    within DERIVED.
 
-    The airframe file then guesses the thrust coefficient, and the largest rotor speed was computed
-    from it: both errors cancel in the largest thrust, and only the data sheet's remains.
+    The airframe file then guesses thrust coefficient and largest rotor speed, but not the maker's
+    thrust, from which the speed was computed: both errors cancel in the largest thrust, and only
+    the data sheet's remains.
     """
     quantities = airframe.quantities
     reached = airframe.thrust_coefficient * airframe.max_rotor_speed_rpm**2
@@ -91,8 +109,13 @@ def _voltage_variance(airframe: Airframe, voltage: Floats) -> Floats:
 
 
 def load_error(track: FlightTrack, airframe: Airframe) -> Floats:
-    """Return the standard error (T,) of ln(weight over largest thrust); redundancy and
-    prediction use it."""
+    """Return the standard error (T,) of ln(weight over largest thrust).
+
+    It combines, as independent, the load's error (left out where the track states none), the
+    guessed quantities of the airframe, and a voltage that is unknown (not above 0). A load that
+    hover thrust shows shares the thrust curve's error with the largest thrust: the shared part is
+    subtracted. NaN for an unknown aircraft.
+    """
     guesses = guessed_variance(airframe, "empty_mass") + largest_thrust_variance(airframe)
     guesses += _voltage_variance(airframe, track.voltage)
     if "tank_kg" not in track.standard_errors:
@@ -129,10 +152,11 @@ def redundancy_error(
     density_share: Floats,
     outputs: OutputEvidence | None = None,
 ) -> Floats:
-    """Return the standard error (T,) of ln redundancy to the low side, including `beyond_load`.
+    """Return the standard error (T,) of ln redundancy towards lower values.
 
-    `density_share` (T,) is the standard error of ln density. Where hover thrust shows the load,
-    density shifts load and largest thrust alike, and cancels.
+    It includes the surplus of `beyond_load`. `density_share` (T,) is the standard error of ln
+    density; it is left out where hover thrust shows the load, because density then shifts load and
+    largest thrust alike.
     """
     shared = track.source("tank_kg").meaning is Meaning.HOVER_THRUST
     error = np.hypot(load_error(track, airframe), 0.0 if shared else density_share)

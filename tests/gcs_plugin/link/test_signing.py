@@ -21,8 +21,7 @@ from thrustmargin.gcs_plugin.link.signing import (
     read_signing_key,
     signing_time,
 )
-from thrustmargin.gcs_plugin.mavlink.frame import Frame
-from thrustmargin.gcs_plugin.mavlink.scan import FrameSplitter
+from thrustmargin.gcs_plugin.mavlink.frame import Frame, FrameSplitter
 from thrustmargin.models.errors import LinkError
 
 NEW_STREAM_LAG = 6_000_000  # a minute in ticks of 10 µs

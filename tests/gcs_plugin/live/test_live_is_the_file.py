@@ -25,7 +25,7 @@ from tests.gcs_plugin.logs.log_files import with_rotor_speeds
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.tank_balance import virtual_gauge
-from thrustmargin.gcs_plugin.live.rows.vehicle_state import MISSION_MESSAGES, VehicleState, fold
+from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState, fold
 from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows
 from thrustmargin.gcs_plugin.live.watch.outlook import LookAhead
 from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
@@ -35,10 +35,9 @@ from thrustmargin.gcs_plugin.logs.tlog import tlog_boots
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap, motor_map
-from thrustmargin.gcs_plugin.telemetry.resample import last_before
 from thrustmargin.gcs_plugin.telemetry.rows import FlightRows, flight_rows
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
-from thrustmargin.gcs_plugin.telemetry.signals import Signals, best, mavlink_signals
+from thrustmargin.gcs_plugin.telemetry.signals import Signals, best, last_before, mavlink_signals
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
 from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.effects.compose import EffectRecord, Identified
@@ -50,6 +49,8 @@ from thrustmargin.models.physics.airframe import Airframe
 LOGS = ("campaign/v4_m16_q2.5", "onset/worn_prop_onset", "dev/climb_1", "dev/windy_1")
 #: Of the parameters, those that rows depend on.
 OF_ROWS = ("SERVO", "MOT_PWM", "FRAME_CLASS", "BATT", "ARSPD", "WP", "RC3_", "RCMAP")
+OF_MISSION = {"MISSION_ITEM_INT", "MISSION_ITEM", "MISSION_COUNT"}
+OF_MISSION |= {"MISSION_CLEAR_ALL", "MISSION_ACK"}
 EFFECTS = {effect.key: effect for effect in CATALOGUE}
 #: A swinging load takes as long as all others together, and has a test below.
 APART = [effect for effect in CATALOGUE if effect.name != "slung_load"]
@@ -169,7 +170,7 @@ def live(frames, model, cuts):
         for frame in frames[first:end]:
             if frame.system == 1:
                 monitor.take(frame)
-            elif layouts()[frame.id].name in MISSION_MESSAGES and fields(frame) is not None:
+            elif layouts()[frame.id].name in OF_MISSION and fields(frame) is not None:
                 monitor.overhear(frame)
         made += monitor.updates()
     return made + monitor.updates(final=True)

@@ -4,6 +4,7 @@ import struct
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -232,8 +233,14 @@ class DataFlashWriter:
         return bytes((0xA3, 0x95, number)) + struct.pack(self._codes(letters), *cells)
 
 
-def with_rotor_speeds(path: Path, change: Callable[[np.ndarray], np.ndarray]) -> bytes:
-    """The telemetry log with the speeds (n, 4) of ESC_TELEMETRY_1_TO_4 as `change` makes them."""
+def with_rotor_speeds(
+    path: Path,
+    change: Callable[[np.ndarray], np.ndarray],
+    *,
+    field: Literal["rpm", "count"] = "rpm",
+) -> bytes:
+    """The telemetry log with the speeds (n, 4) of ESC_TELEMETRY_1_TO_4 as `change` makes them, or
+    another of its fields."""
     data, size = read_bytes(path, PADDING)
     data = data.copy()
     found = frames.scan(data, size)
@@ -242,7 +249,7 @@ def with_rotor_speeds(path: Path, change: Callable[[np.ndarray], np.ndarray]) ->
     fields = layout.dtype.fields
     assert fields is not None
     assert np.all(data[start + 1] == layout.dtype.itemsize), "a payload is shortened"
-    at = start + 10 + fields["rpm"][1]
+    at = start + 10 + fields[field][1]
     speeds = frames.gather(data, at, 8).view("<u2").reshape(-1, 4)
     for rotor, column in enumerate(change(speeds.astype(np.float64)).T):
         _write(data, at + 2 * rotor, column, "<u2")

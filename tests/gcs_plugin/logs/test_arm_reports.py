@@ -5,9 +5,11 @@ import pytest
 from pymavlink import mavutil
 
 from tests.gcs_plugin.live.live_vehicle import ROOT
+from tests.gcs_plugin.logs.log_files import DataFlashWriter
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import RULES as DATAFLASH_RULES
 from thrustmargin.gcs_plugin.logs.ulog_topics import ulog_motors, ulog_signals, with_vectors
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import EventKind
 
 BINARY = ROOT / "sitl_logs" / "formats" / "v4_m10_q2.5.BIN"
 TIME_US = np.arange(0, 50) * 100_000
@@ -34,6 +36,30 @@ def test_an_error_rate_of_dataflash_is_in_per_cent():
     (rule,) = (rule for rule in DATAFLASH_RULES if rule.channel == "esc_error_rate")
     assert rule.convert is not None
     assert rule.convert(Columns()).tolist() == [0.0, 0.125]  # type: ignore[arg-type]
+
+
+def test_a_warning_of_extended_telemetry_is_the_vehicles_own_report_of_that_esc(tmp_path):
+    """The third ESC: an alert, a warning, stress alone, the same warning again, an error."""
+    made = DataFlashWriter()
+    made.parameters(FRAME_CLASS=1, **{f"SERVO{k}_FUNCTION": 32 + k for k in (1, 2, 3, 4)})
+    made.message("ATT", "Qccc", "TimeUS,Roll,Pitch,Yaw")
+    made.message("ESC", "QBff", "TimeUS,Instance,RPM,RawRPM")
+    made.message("EDT2", "QBBBB", "TimeUS,Instance,Stress,MaxStress,Status")
+    for row in range(200):
+        at = 1_000_000 + 100_000 * row
+        made.row("ATT", at, 0, 0, 0)
+        for esc in range(4):
+            made.row("ESC", at + 1, esc, 2000.0 + row % 7, 2000.0 + row % 7)
+    statuses = {3: 2 | 4, 5: 2 | 8, 7: 1, 8: 2 | 8, 10: 2, 12: 1 | 2 | 16}
+    for second, status in statuses.items():
+        made.row("EDT2", second * 1_000_000, 2, 10, 3, status)
+    path = tmp_path / "edt2.BIN"
+    path.write_bytes(made.binary())
+    events = [e for e in read_log(path).events if e.kind is EventKind.ESC_FAILURE]
+    assert [(e.subject, e.text) for e in events] == [
+        ("3", "EDT2 status 0x8"),
+        ("3", "EDT2 status 0x10"),
+    ]
 
 
 def test_px4_has_its_metric_the_sum_of_three_axes_and_a_counter_of_each_esc():

@@ -8,10 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from tests.flight_channels import assert_same_channels, reported_channels
 from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.cli import run
-from thrustmargin.gcs_plugin.commands.shared.inputs import log_lines
+from thrustmargin.gcs_plugin.commands.shared.log_flights import log_lines
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.csv_table import COLUMNS, read_csv
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
@@ -26,8 +27,7 @@ NUMBERS = st.floats(allow_nan=True, allow_infinity=False, width=64)
 def same_numbers(a: FlightTrack, b: FlightTrack) -> None:
     np.testing.assert_array_equal(a.time_s, b.time_s)
     np.testing.assert_array_equal(a.flying, b.flying)
-    for channel in TRACK_CHANNELS:
-        np.testing.assert_array_equal(getattr(a, channel), getattr(b, channel), err_msg=channel)
+    assert_same_channels(a, b)
 
 
 def same(a: FlightTrack, b: FlightTrack) -> None:
@@ -39,7 +39,7 @@ def same(a: FlightTrack, b: FlightTrack) -> None:
 def test_a_recorded_flight_reads_back_to_the_last_digit(sitl_logs, tmp_path):
     track = read_log(sitl_logs / "campaign/v4_m10_q2.5.tlog").track
     write_csv(track, tmp_path / "flight.csv")
-    again = read_csv(tmp_path / "flight.csv")
+    again = read_csv(tmp_path / "flight.csv", 0)[0]
     same(track, again)
     assert source_words(again.sources["tank_kg"]) == "NAMED_VALUE_FLOAT TANK"
 
@@ -66,7 +66,7 @@ def test_any_track_reads_back_to_the_last_digit(tmp_path_factory, data, rotors, 
     )
     path = tmp_path_factory.getbasetemp() / "any.csv"
     write_csv(track, path)
-    same(track, read_csv(path))
+    same(track, read_csv(path, 0)[0])
 
 
 def test_the_documented_names_are_the_ones_that_are_read(tmp_path):
@@ -200,9 +200,9 @@ def test_the_csv_of_a_report_is_the_flight_again_to_the_last_digit(sitl_logs, tm
     log = str(sitl_logs / "campaign/v4_m16_q2.5.tlog")
     assert run(["report", log, "--out", str(tmp_path / "one.html")]) == 0
     track, again = read_log(log).track, read_log(tmp_path / "one.csv").track
-    reported = {name for name in TRACK_CHANNELS if track.reports(name)}
+    reported = reported_channels(track)
     assert {"position_ned", "velocity_ned", "attitude", "specific_force_frd"} <= reported
-    assert {name for name in TRACK_CHANNELS if again.reports(name)} == reported
+    assert reported_channels(again) == reported
     same_numbers(again, track)
     assert run(["report", log, log, "--out", str(tmp_path / "two.html")]) == 0
     two = read_log(tmp_path / "two.csv").track
@@ -216,7 +216,7 @@ def test_the_csv_of_a_report_is_the_flight_again_to_the_last_digit(sitl_logs, tm
 def test_a_heading_may_have_our_unit_behind_it_and_no_other(tmp_path):
     path = tmp_path / "t.csv"
     path.write_text("time_s [s],voltage [V],current [mA],flying [0/1]\n0,50,3,1\n1,51,3,0\n")
-    track = read_csv(path, rotor_count=4)
+    track = read_csv(path, 4)[0]
     np.testing.assert_array_equal(track.voltage, [50.0, 51.0])
     np.testing.assert_array_equal(track.flying, [True, False])
     assert not track.reports("current")
@@ -234,14 +234,14 @@ def test_a_heading_may_have_our_unit_behind_it_and_no_other(tmp_path):
 def test_a_date_that_no_flight_has_is_none(tmp_path, start, known):
     path = tmp_path / "t.csv"
     path.write_text(f'# {{"start_unix_s": {start}}}\ntime_s,airspeed\n0,1\n1,2\n')
-    assert read_csv(path).start_unix_s == known
+    assert read_csv(path, 0)[0].start_unix_s == known
 
 
 def test_columns_that_only_another_flight_of_the_file_fills_are_none_of_the_first(tmp_path):
     path = tmp_path / "t.csv"
     rotors = ",".join(f"rotor_speed_rpm_{k} [rpm]" for k in range(1, 7))
     path.write_text(f"flight_number,time_s [s],{rotors}\n1,0,9,9,9,9,,\n2,0,9,9,9,9,9,9\n")
-    assert read_csv(path).rotor_count == 4
+    assert read_csv(path, 0)[0].rotor_count == 4
 
 
 @pytest.mark.parametrize(
@@ -280,7 +280,7 @@ def test_time_in_milliseconds_is_refused_with_what_showed_it(sitl_logs, tmp_path
     write_csv(replace(track, time_s=track.time_s * 1000.0), path)
     said = "rows 100 s apart: time_s must be in s; a file columns.toml beside it states other units"
     with pytest.raises(LogError, match=said):
-        read_csv(path)
+        read_csv(path, 0)
 
 
 def test_a_column_of_another_unit_is_not_used_and_said(tmp_path):

@@ -5,6 +5,7 @@ import pytest
 
 from thrustmargin.gcs_plugin.mavlink.frame import (
     FrameKind,
+    FrameSplitter,
     Header,
     checksum,
     checksum_rows,
@@ -14,7 +15,7 @@ from thrustmargin.gcs_plugin.mavlink.frame import (
     header,
 )
 from thrustmargin.gcs_plugin.mavlink.layouts import layout_table, layouts
-from thrustmargin.gcs_plugin.mavlink.scan import FrameSplitter, columns, scan
+from thrustmargin.gcs_plugin.mavlink.scan import columns, scan
 
 ID_LIMIT = 65536  # of message ids that can have a layout
 PADDING = 512  # bytes behind the data that a scan may look at

@@ -6,6 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from thrustmargin.gcs_plugin.mavlink.frame import (
     FrameKind,
+    FrameSplitter,
     Walk,
     examine,
     fields,
@@ -13,7 +14,7 @@ from thrustmargin.gcs_plugin.mavlink.frame import (
     header,
 )
 from thrustmargin.gcs_plugin.mavlink.layouts import layout_table
-from thrustmargin.gcs_plugin.mavlink.scan import FrameSplitter, scan
+from thrustmargin.gcs_plugin.mavlink.scan import scan
 
 ID_LIMIT = 65536  # of message ids that can have a layout
 PADDING = 512  # bytes behind the data that a scan may look at

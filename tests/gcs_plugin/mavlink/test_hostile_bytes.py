@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle
-from thrustmargin.gcs_plugin.mavlink.frame import FrameKind, examine
-from thrustmargin.gcs_plugin.mavlink.scan import FrameSplitter, scan
+from thrustmargin.gcs_plugin.mavlink.frame import FrameKind, FrameSplitter, examine
+from thrustmargin.gcs_plugin.mavlink.scan import scan
 
 PADDING = 512  # bytes behind the data that a scan may look at
 HEADER_PADDING = 10  # bytes behind the data that a header may reach into

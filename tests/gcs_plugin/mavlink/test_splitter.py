@@ -11,9 +11,9 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect2
 from pymavlink.generator import mavparse
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle, log_frames
-from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
+from thrustmargin.gcs_plugin.mavlink.frame import Frame, FrameSplitter, fields
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
-from thrustmargin.gcs_plugin.mavlink.scan import FrameSplitter, scan
+from thrustmargin.gcs_plugin.mavlink.scan import scan
 
 PADDING = 512  # bytes behind the data that a scan may look at
 

@@ -8,8 +8,12 @@ from thrustmargin.gcs_plugin.store.hangar import AircraftFlight, Event, KnownAir
 from thrustmargin.gcs_plugin.store.learnt_flight import bad_arms
 from thrustmargin.models.checks.arms.arm_causes import Cause
 from thrustmargin.models.checks.arms.arm_figures import ArmFigure, ArmFigures, ArmQuantity
-from thrustmargin.models.checks.arms.arm_posterior import AIRCRAFT as AIRCRAFT_ITSELF
-from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer, ArmFinding, PossibleCause
+from thrustmargin.models.checks.arms.arm_posterior import (
+    ArmAnswer,
+    ArmFinding,
+    PossibleCause,
+    Shaken,
+)
 
 
 def row(k, **more):
@@ -52,10 +56,11 @@ def test_of_a_shaken_aircraft_any_arm_may_be_bad_and_of_a_wrong_reading_none():
         one = PossibleCause(cause=cause, probability=1.0, size=0.5, lower=0.4, upper=0.6)
         return ArmFinding(arm=arm, probability=0.99, causes=(one,), shown=())
 
-    def bad(arms, aircraft=None):
-        answer = ArmAnswer(findings=arms, quantities=(), flights=5, days=3, aircraft=aircraft)
+    def bad(arms, shaken=None):
+        answer = ArmAnswer(findings=arms, quantities=(), flights=5, days=3, shaken=shaken)
         return bad_arms(replace(ADVICE, arms=answer), 4)
 
     assert bad((finding(2, Cause.MOTOR), finding(1, Cause.TELEMETRY))) == (2,)
-    assert bad((), finding(AIRCRAFT_ITSELF, Cause.SHAKEN)) == (0, 1, 2, 3)
+    shaken = Shaken(ratio=3.0, lower=2.0, upper=4.5, deviations=6.0)
+    assert bad((), shaken) == (0, 1, 2, 3)
     assert bad_arms(replace(ADVICE, arms=None), 4) == ()

@@ -59,7 +59,7 @@ def test_a_late_log_takes_its_place_by_its_date(hangar: Hangar):
     for name, day, offset in (("b", 4.2, 0.05), ("a", 3.2, 0.01)):
         hangar.add_flight("north", row(name, day, offset))
     known = hangar.load("north")
-    assert [step.flight.flight for step in known.walk()] == ["a", "b"]
+    assert [flight.flight for flight in known.lessons] == ["a", "b"]
     assert known.state_before(4.0 * DAY, 4).offset[0] < 0.0101
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.position import GroundContact, airborne_so_far
+from thrustmargin.gcs_plugin.telemetry.airborne import GroundContact, airborne_so_far
 from thrustmargin.gcs_plugin.telemetry.signals import signals_by_channel
 from thrustmargin.gcs_plugin.wording.check_words import source_words
 from thrustmargin.models.checks.held import HeldSoFar

@@ -22,7 +22,7 @@ def speeds(*times):
 
 def shares(signals, reported):
     """Mean share of each motor."""
-    found = lost_frames(signals, MOTORS, reported)
+    found, _ = lost_frames(signals, MOTORS, reported)
     return [None if one is None else float(one.values.mean()) for one in found]
 
 
@@ -34,6 +34,37 @@ def test_a_pause_of_reports_is_lost_and_reports_that_a_logger_skips_are_not():
     paused = TIME_S[(TIME_S < 40.0) | (TIME_S > 50.0)]
     skipped = np.sort(np.concatenate([TIME_S[::2], TIME_S[1:400:2]]))
     assert shares({}, speeds(paused, skipped)) == pytest.approx([0.105, 0.0], abs=0.006)
+
+
+def test_steps_that_are_short_and_long_in_turn_are_no_pauses():
+    """10 and 90 ms, of which for some seconds the short ones are more."""
+    uneven = np.cumsum(np.tile([0.01, 0.09], 1000))
+    bursts = np.cumsum(np.tile([*[0.01] * 4, *[0.09] * 3], 322))
+    assert shares({}, speeds(uneven, bursts)) == [0.0, 0.0]
+
+
+def test_shares_of_a_link_that_is_heard_in_pieces_are_those_of_the_whole():
+    """Rows of every 2.3 s, from the reports of the 8 s before; the ESC pauses for 12 s."""
+    paused = TIME_S[(TIME_S < 40.0) | (TIME_S > 52.0)]
+    whole, _ = lost_frames({}, MOTORS, speeds(paused, TIME_S))
+    pieces: dict[float, float] = {}
+    usual, heard_s = (), -np.inf
+    for until_s in np.arange(2.3, 100.0, 2.3):
+        kept = [
+            t[max(int(np.searchsorted(t, heard_s - 8.0)) - 1, 0) : np.searchsorted(t, until_s)]
+            for t in (paused, TIME_S)
+        ]
+        found, usual = lost_frames({}, MOTORS, speeds(*kept), heard_s=heard_s, usual_s=usual)
+        if (one := found[0]) is not None:
+            pieces |= dict(zip(one.time_s.tolist(), one.values.tolist(), strict=True))
+        heard_s = until_s
+    first = whole[0]
+    assert first is not None
+    known = first.time_s <= max(pieces)
+    assert pieces == dict(
+        zip(first.time_s[known].tolist(), first.values[known].tolist(), strict=True)
+    )
+    assert max(pieces.values()) == 1.0
 
 
 def test_an_error_rate_goes_to_the_motor_of_its_esc():

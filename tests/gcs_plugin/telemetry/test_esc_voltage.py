@@ -7,7 +7,7 @@ import pytest
 
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.power import esc_voltage_offsets
+from thrustmargin.gcs_plugin.telemetry.battery_and_tank import esc_voltage_offsets
 from thrustmargin.gcs_plugin.telemetry.signals import signals_by_channel
 
 TIME = np.arange(0.0, 60.0, 0.1)

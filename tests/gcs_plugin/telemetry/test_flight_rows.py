@@ -9,11 +9,21 @@ import pytest
 
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.flight_log import assemble, log_of_track, with_track
+from thrustmargin.gcs_plugin.telemetry.flight_log import (
+    log_of_rows,
+    log_of_track,
+    tabulate,
+    with_track,
+)
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap
-from thrustmargin.gcs_plugin.telemetry.recording import LogQuality, Recording, channel_source
+from thrustmargin.gcs_plugin.telemetry.recording import (
+    FlightLog,
+    LogQuality,
+    Recording,
+    channel_source,
+)
 from thrustmargin.gcs_plugin.telemetry.rows import FlightRows, RowState, flight_rows, row_times
-from thrustmargin.gcs_plugin.telemetry.signals import signals_by_channel
+from thrustmargin.gcs_plugin.telemetry.signals import Signals, signals_by_channel
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import Options
 from thrustmargin.gcs_plugin.wording.check_words import (
     source_words,
@@ -44,6 +54,10 @@ FOUR = MotorMap(4, (0, 1, 2, 3), 4, state("as written", text="as numbered"), (),
 def reports(channel: str, times, values, index=None, source: str = "") -> Signal:
     values = np.asarray(values, float)
     return Signal(channel, sent(source or f"{channel} x"), np.asarray(times, float), values, index)
+
+
+def assemble(recording: Recording, signals: Signals, options: Options) -> FlightLog:
+    return log_of_rows(tabulate(recording, signals, options), recording, signals)
 
 
 def rotor(number: int, times, speed: float = 900.0) -> Signal:

@@ -8,8 +8,8 @@ import pytest
 from tests.made_sources import pulses as pulses_of
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
+from thrustmargin.gcs_plugin.telemetry.battery_and_tank import power
 from thrustmargin.gcs_plugin.telemetry.motors import motor_map
-from thrustmargin.gcs_plugin.telemetry.power import power
 from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
 from thrustmargin.gcs_plugin.telemetry.signals import signals_by_channel
 from thrustmargin.gcs_plugin.wording.check_words import source_words, statement_words

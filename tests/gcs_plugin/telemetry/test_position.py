@@ -7,7 +7,7 @@ import pytest
 
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.position import PlaceOfZero, place_of_zero, position_sources
+from thrustmargin.gcs_plugin.telemetry.rows import PlaceOfZero, place_of_zero, position_sources
 from thrustmargin.gcs_plugin.telemetry.signals import signals_by_channel
 from thrustmargin.gcs_plugin.wording.check_words import source_words
 from thrustmargin.models.flight import Origin

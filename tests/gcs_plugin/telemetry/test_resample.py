@@ -7,14 +7,8 @@ from hypothesis import strategies as st
 
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.recording import (
-    pauses,
-    restarts,
-    stretches,
-    without_leaps,
-)
-from thrustmargin.gcs_plugin.telemetry.resample import sample, thinned
-from thrustmargin.gcs_plugin.telemetry.signals import best
+from thrustmargin.gcs_plugin.telemetry.recording import pauses, restarts, stretches, without_leaps
+from thrustmargin.gcs_plugin.telemetry.signals import best, sample, thinned
 from thrustmargin.gcs_plugin.wording.check_words import source_words
 
 ROW_SPACING = 0.09  # s, least between two rows

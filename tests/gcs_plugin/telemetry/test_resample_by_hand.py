@@ -14,7 +14,10 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     stretches,
     without_leaps,
 )
-from thrustmargin.gcs_plugin.telemetry.resample import (
+from thrustmargin.gcs_plugin.telemetry.signals import (
+    airspeed_sources,
+    best,
+    by_index,
     coverage,
     first_known,
     in_time_order,
@@ -22,13 +25,8 @@ from thrustmargin.gcs_plugin.telemetry.resample import (
     last_before,
     plausible,
     sample,
-    thinned,
-)
-from thrustmargin.gcs_plugin.telemetry.signals import (
-    airspeed_sources,
-    best,
-    by_index,
     signals_by_channel,
+    thinned,
 )
 from thrustmargin.gcs_plugin.wording.check_words import source_words
 from thrustmargin.models.errors import LogError

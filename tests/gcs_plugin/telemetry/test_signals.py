@@ -14,13 +14,13 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     Damage,
     FlightLog,
     LogQuality,
-    Stream,
     damage_of,
     mission_item,
     serial_digits,
 )
 from thrustmargin.gcs_plugin.telemetry.signals import (
     SignalBuffer,
+    Stream,
     by_index,
     hud_airspeed,
     mavlink_signals,

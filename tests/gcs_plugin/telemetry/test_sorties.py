@@ -7,7 +7,7 @@ import pytest
 
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.sorties import flight_spans, has_flight, is_sortie
+from thrustmargin.gcs_plugin.telemetry.flight_log import flight_spans, has_flight, is_sortie
 from thrustmargin.models.flight import FlightTrack
 
 BOOT = 1000.0  # s of the vehicle's clock at the first row

@@ -8,17 +8,16 @@ import pytest
 
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.position import airborne
-from thrustmargin.gcs_plugin.telemetry.power import spraying_sources
-from thrustmargin.gcs_plugin.telemetry.resample import Sampling
-from thrustmargin.gcs_plugin.telemetry.signals import signals_by_channel
-from thrustmargin.gcs_plugin.telemetry.tank_source import (
+from thrustmargin.gcs_plugin.telemetry.airborne import airborne
+from thrustmargin.gcs_plugin.telemetry.battery_and_tank import (
     TankContext,
     first_level,
     flight_battery,
     pump_share,
+    spraying_sources,
     tank_levels,
 )
+from thrustmargin.gcs_plugin.telemetry.signals import Sampling, signals_by_channel
 from thrustmargin.gcs_plugin.wording.check_words import source_words, statement_words
 from thrustmargin.models.flight import FlyingBy
 from thrustmargin.models.physics.airframe import Airframe, load_airframe

@@ -16,7 +16,7 @@ from tests.models.made_flights import curve_model, made_flight, made_flights, ta
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
 from thrustmargin.gcs_plugin.view.scene.overlays import before_and_after, overlays_of
 from thrustmargin.models.errors import DataError
-from thrustmargin.models.identification.answer.model_update import with_effects
+from thrustmargin.models.identification.answer.model_update import update_model
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import save_model
@@ -28,7 +28,7 @@ def closed() -> RotorModel:
     """The curve with the worn rotor that was found on two flights."""
     flights = made_flights(2, loss=0.1)
     worn = table(["rotor_degradation"])
-    return with_effects(curve_model(), identify(flights, curve_model(), catalogue=worn))
+    return update_model(curve_model(), identify(flights, curve_model(), catalogue=worn)).model
 
 
 def test_before_and_after_share_one_scale_and_differ_in_their_values(closed):

@@ -14,7 +14,7 @@ from tests.gcs_plugin.view.view_flight import flight
 from thrustmargin.gcs_plugin.view.figures.charts import ReplayClock
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
-from thrustmargin.gcs_plugin.wording.palette import MARGIN
+from thrustmargin.gcs_plugin.wording.palette import thrust_left
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.fault_test import RotorFault
 
@@ -45,7 +45,7 @@ def opened(analysis) -> Iterator[tuple[ReplayView, Page]]:
     try:
         with open_page(view.url, width=1366, height=768) as page:
             page.wait_for_selector("[data-rotor]")
-            until(page, lambda: seen(page, MARGIN.screen(analysis.margin.min())) > 50)
+            until(page, lambda: seen(page, thrust_left().screen(analysis.margin.min())) > 50)
             yield view, page
     finally:
         view.stop()
@@ -224,11 +224,11 @@ def test_the_route_has_the_colours_of_the_legend_and_a_click_on_it_goes_to_its_t
     view.seek(0.0)
     least = view._trail.route.worst(view._trail.values(0), "min")
     for value in np.quantile(least, [0.1, 0.9]):
-        assert seen(page, MARGIN.screen(value)) > 30
+        assert seen(page, thrust_left().screen(value)) > 30
     assert "50 % limit" in page.inner_text("#tm-legend")
     assert "no data" in page.inner_text("#tm-legend")
     scene = box_of(page, "#root")
-    spots = alike(page, MARGIN.screen(np.quantile(least, 0.9)), within=3)
+    spots = alike(page, thrust_left().screen(np.quantile(least, 0.9)), within=3)
     row, column = spots[len(spots) // 2]
     page.mouse.click(float(scene["x"] + column), float(scene["y"] + row))
     until(page, lambda: clock(view).now() > 0.0)

@@ -15,7 +15,7 @@ from tests.waiting import until
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.view.live_view import LiveView
 from thrustmargin.gcs_plugin.view.page import view_page
-from thrustmargin.gcs_plugin.wording.palette import MARGIN
+from thrustmargin.gcs_plugin.wording.palette import thrust_left
 from thrustmargin.models.errors import LinkError
 from thrustmargin.models.model.rotor_model import physics_model
 
@@ -67,7 +67,7 @@ def test_what_is_heard_is_drawn_and_greyed_out_when_it_is_old(heard):
     trail = view._aircraft[1].trail
     left = trail.route.worst(trail.values(0), "min")
     assert left.min() == pytest.approx(1 - (2400 * 58.8 / 50 / 3000) ** 2, rel=1e-3)
-    wanted = MARGIN.screen(left).astype(int)
+    wanted = thrust_left().screen(left).astype(int)
     drawn = seen_for(heard.node("/world/route_1").colors[:, 0]).astype(int)
     assert np.abs(drawn - wanted).max() <= 4
 

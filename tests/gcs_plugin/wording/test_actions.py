@@ -10,7 +10,6 @@ from thrustmargin.gcs_plugin.office.season import fleet_words
 from thrustmargin.gcs_plugin.wording import actions, alarm_words, effect_sentences
 from thrustmargin.gcs_plugin.wording.actions import Action, When
 from thrustmargin.models.effects import CATALOGUE
-from thrustmargin.models.identification.season.flight_sums import LOSS_NAME
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.model_misfit import Caveat
 from thrustmargin.models.model.rotor_faults import RotorFault
@@ -90,7 +89,12 @@ def test_every_effect_and_every_value_of_a_season_takes_its_action_from_the_tabl
     for effect in CATALOGUE:
         words = effect_sentences.WORDS.get(effect.key) or effect_sentences.WORDS[effect.name]
         assert words.action in known
-    for name in (*fleet_words.VALUES, *fleet_words.TRENDS, f"{LOSS_NAME}3", "parasite_drag.area"):
+    for name in (
+        *fleet_words.VALUES,
+        *fleet_words.TRENDS,
+        "rotor_degradation.loss@3",
+        "parasite_drag.area",
+    ):
         assert fleet_words.value_words(name).action in known
 
 

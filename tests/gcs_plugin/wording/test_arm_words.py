@@ -11,15 +11,16 @@ from thrustmargin.gcs_plugin.wording.arm_words import (
     amount_words,
     arm_sentence,
     arm_sentences,
+    shaken_sentence,
     trend_sentence,
 )
 from thrustmargin.gcs_plugin.wording.language import speaking
 from thrustmargin.models.checks.arms.arm_causes import PATTERNS, Cause
 from thrustmargin.models.checks.arms.arm_posterior import (
-    AIRCRAFT,
     ArmAnswer,
     ArmFinding,
     PossibleCause,
+    Shaken,
 )
 from thrustmargin.models.checks.arms.arm_trend import PowerTrend
 
@@ -49,6 +50,9 @@ def test_the_others_that_it_may_be_are_listed_with_their_probability():
     )
 
 
+SHAKEN = Shaken(ratio=1.65, lower=1.4, upper=1.9, deviations=5.0)
+
+
 def test_the_sign_of_a_size_changes_the_words():
     assert "less thrust" in amount_words(possible(Cause.PROPELLER))
     assert "6 % (4 to 8) more thrust" in amount_words(possible(Cause.PROPELLER, size=-0.06))
@@ -61,9 +65,9 @@ def test_every_cause_has_words_in_every_language(language):
     with speaking(language):
         said = {cause: arm_sentence(finding(possible(cause))) for cause in Cause}
         assert len(set(said.values())) == len(Cause)
-        aircraft = arm_sentence(finding(possible(Cause.SHAKEN, size=0.5), arm=AIRCRAFT))
+        aircraft = shaken_sentence(SHAKEN)
         assert ("das Fluggerät" if language == "de" else "the aircraft") in aircraft
-        assert "65 %" in aircraft  # of a size that is the ln of a ratio
+        assert "65 % (40 to 90)" in aircraft or "65 % (40 bis 90)" in aircraft
         for cause, pattern in PATTERNS.items():
             assert bool(AMOUNTS[cause][1]) == pattern.both_ways
     assert ("Arm 3" if language == "de" else "arm 3") in said[Cause.MOTOR]
@@ -84,9 +88,8 @@ def test_a_voltage_reading_alone_is_left_to_the_check_of_every_log():
 
 
 def test_what_shakes_the_aircraft_comes_after_its_arms():
-    shaken = finding(possible(Cause.SHAKEN), arm=AIRCRAFT)
     arms = (finding(possible(Cause.MOTOR)),)
-    answer = ArmAnswer(findings=arms, quantities=(), flights=5, days=2, aircraft=shaken)
+    answer = ArmAnswer(findings=arms, quantities=(), flights=5, days=2, shaken=SHAKEN)
     assert [words[:12] for words in arm_sentences(answer)] == ["arm 3: its m", "the aircraft"]
 
 

@@ -12,7 +12,7 @@ from thrustmargin.gcs_plugin.wording.check_words import (
     remedy_words,
     statement_words,
 )
-from thrustmargin.gcs_plugin.wording.language import VARIABLE, translations
+from thrustmargin.gcs_plugin.wording.language import translations
 from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.statement import state
 
@@ -53,7 +53,7 @@ def test_every_kind_has_a_sentence_and_every_sentence_is_translated():
 def test_numbers_are_written_as_the_language_does(monkeypatch):
     speed = state("speed", speed=2043.4, of=state("for mass", mass=34.0, percent=1.0))
     assert statement_words(speed) == "rotors at 2,043 rpm for 34 kg within 1 %"
-    monkeypatch.setenv(VARIABLE, "de")
+    monkeypatch.setenv("THRUSTMARGIN_LANGUAGE", "de")
     assert statement_words(speed) == "Rotoren mit 2 043 U/min für 34 kg auf 1 %"
     assert statement_words(state("volts", volts=55.52)) == "55,5 V"
 
@@ -83,6 +83,6 @@ def test_a_kind_without_a_sentence_is_an_error():
 def test_names_are_kept_and_the_grounds_of_a_claim_are_translated(monkeypatch):
     given = AirframeMatch(airframe="octo-v1.5", guessed=("empty_mass",), source="a.1.tlog")
     assert airframe_match_words(given) == "airframe octo-v1.5, given; guessed in it: mass"
-    monkeypatch.setenv(VARIABLE, "de")
+    monkeypatch.setenv("THRUSTMARGIN_LANGUAGE", "de")
     assert airframe_match_words(given) == "Fluggerät octo-v1.5, angegeben; geschätzt darin: Masse"
     assert "airframe new --from a.1.tlog`" in remedy_words(given)

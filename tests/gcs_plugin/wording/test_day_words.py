@@ -3,13 +3,13 @@
 import pytest
 
 from thrustmargin.gcs_plugin.wording.day_words import ask_words, day_briefly, day_line
-from thrustmargin.models.physics.day import UNKNOWN_DAY, Day, DaySource, DayValue, complete_day
+from thrustmargin.models.physics.day import Day, DaySource, DayValue, complete_day
 
 MORNING = {"source": DaySource.REMEMBERED, "given_at": "09:12"}
 
 
 def test_nothing_known_is_nothing_said():
-    assert day_briefly(UNKNOWN_DAY) == ""
+    assert day_briefly(Day()) == ""
 
 
 @pytest.mark.parametrize(

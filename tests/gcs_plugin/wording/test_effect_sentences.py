@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.models.known_effects import known_curve, known_effect
 from tests.models.made_flights import curve_model, made_flights, table
-from thrustmargin.gcs_plugin.wording.actions import KEEP
 from thrustmargin.gcs_plugin.wording.effect_sentences import (
     WORDS,
     effect_sentence,
@@ -16,12 +16,11 @@ from thrustmargin.gcs_plugin.wording.effect_sentences import (
 from thrustmargin.models.effects import BY_KEY, CATALOGUE
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.compose import EffectRecord, Identified
+from thrustmargin.models.effects.instrument_effects import FOLLOWED_WIND
 from thrustmargin.models.effects.thrust_effects import (
     ROTOR_DEGRADATION_SINCE,
     ROTOR_DEGRADATION_UNTIL,
 )
-from thrustmargin.models.effects.unnamed import UNNAMED
-from thrustmargin.models.identification.answer.acceptance import FOLLOWED_WIND
 from thrustmargin.models.identification.answer.result import Identification, ReportedEffect
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.candidates import Term
@@ -38,7 +37,7 @@ def whole() -> Identification:
 
 
 def found(key: str | Effect, values: list, half: list, *, rotor=None) -> ReportedEffect:
-    effect = BY_KEY[key] if isinstance(key, str) else key
+    effect = known_effect(key) if isinstance(key, str) else key
     value = np.atleast_2d(np.array(values, dtype=np.float64))
     width = np.atleast_2d(np.array(half, dtype=np.float64))
     return ReportedEffect(
@@ -287,7 +286,7 @@ def test_climb_is_told_as_thrust_lost_at_two_metres_a_second(whole):
     ratio = 2.0 * 60.0 / (rpm * whole.model.airframe.propeller_diameter)
     said = effect_sentence(found("climb_inflow", [1.0], [0.1]), whole)
     assert said.startswith(f"Climbing at 2 m/s the rotors make {100 * ratio:.1f} % less thrust (")
-    assert said.endswith(KEEP.text)
+    assert said.endswith("nothing to repair; keep it in the model with --out-model")
 
 
 def test_lift_is_told_at_a_speed_that_was_flown(whole):
@@ -309,7 +308,7 @@ def test_the_wind_of_each_flight_is_told_as_where_it_comes_from(whole):
 
 def changed_inertia() -> Effect:
     """What of the moments of turning may change on an aircraft whose model has them."""
-    turning = BY_KEY["manoeuvre_moment"]
+    turning = known_effect("manoeuvre_moment")
     assert turning.change is not None
     changed = turning.change(turning, [{p.name: 1.0 for p in turning.parameters}], {})
     assert changed is not None
@@ -345,7 +344,7 @@ class _Knowing:
 
 
 def test_an_effect_without_a_sentence_is_told_by_its_parameters(whole):
-    stranger = replace(BY_KEY["extra_mass"], name="barnacles")
+    stranger = replace(known_effect("extra_mass"), name="barnacles")
     said = effect_sentence(found(stranger, [2.5], [0.01]), whole)
     assert said == "Barnacles: mass 2.5 kg (2.49 to 2.51)"
 
@@ -390,7 +389,7 @@ def test_a_repaired_rotor_is_of_the_flights_in_a_row_by_their_clock(whole):
     ],
 )
 def test_a_cause_without_a_name_is_told_from_another_by_where_it_acts(place, rotor, thing):
-    term = Term(effect=UNNAMED[place], rotor=rotor)
+    term = Term(effect=known_curve(*place), rotor=rotor)
     assert effect_thing(term, ("front", "rear")) == f"a cause without a name in {thing}"
 
 

@@ -8,9 +8,9 @@ import pytest
 
 from tests.gcs_plugin.live.live_vehicle import first_part, log_frames
 from thrustmargin.gcs_plugin.cli import run
-from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
+from thrustmargin.gcs_plugin.logs.log_answer import matched_flights
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
 from thrustmargin.gcs_plugin.wording.actions import Phase, Urgency, bad_rotor
 from thrustmargin.gcs_plugin.wording.alarm_words import episode_words, fault_words
@@ -138,7 +138,7 @@ def test_the_report_says_what_the_live_alarm_said(sitl_logs, worn, tmp_path, cap
 
 def test_the_replay_shows_it_from_when_it_was_found(worn):
     model = shipped_model()
-    ((log, airframe_match),) = read_flights(worn, model, given=False)
+    ((log, airframe_match),) = matched_flights(worn, model, given=False)
     view = ReplayView(analyse(log.track, model, airframe_match=airframe_match), port=0, paused=True)
     shown = {at: view._summary_at(at).first_line[0] for at in (100.0, 147.0, 200.0)}
     assert shown[100.0] == ""

@@ -21,7 +21,6 @@ from thrustmargin.gcs_plugin.wording.forecast_words import (
     way_back_words,
     weakest_words,
 )
-from thrustmargin.gcs_plugin.wording.language import VARIABLE
 from thrustmargin.mission.forecast.battery import FlightBattery
 from thrustmargin.mission.forecast.experience import Correction, Experience
 from thrustmargin.mission.forecast.plan_forecast import TakeOff, forecast
@@ -136,7 +135,7 @@ def test_whatever_is_assumed_has_words():
 
 
 def test_numbers_of_what_is_assumed_have_the_decimal_sign_of_the_language(monkeypatch):
-    monkeypatch.setenv(VARIABLE, "de")
+    monkeypatch.setenv("THRUSTMARGIN_LANGUAGE", "de")
     item = PlanItem(number=0, command=16, frame=3, parameters=(0, 0, 0, 0, 47.0, 8.0, 5.0))
     plan = plan_from_items([item, replace(item, number=1)], home_first=True)
     found = forecast(replace(plan_of(*TWO_LINES), notes=plan.notes), MODEL, TakeOff(fill_kg=6.0))
@@ -222,7 +221,7 @@ def test_power_is_said_with_what_it_rests_on():
 
 
 def test_power_is_said_in_german(monkeypatch):
-    monkeypatch.setenv(VARIABLE, "de")
+    monkeypatch.setenv("THRUSTMARGIN_LANGUAGE", "de")
     (words,) = power_words(with_power(5))
     assert words.startswith("Landet mit ")
     assert words.endswith("Leistung wie auf 5 Flügen dieses Fluggeräts gemessen, ± 5 %.")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from thrustmargin.gcs_plugin import cli
-from thrustmargin.gcs_plugin.wording.language import VARIABLE, translations
+from thrustmargin.gcs_plugin.wording.language import translations
 
 LOGS = Path(__file__).resolve().parents[3] / "sitl_logs"
 #: A log of each kind: DataFlash, a worn propeller, a fault on the way, and another airframe.
@@ -39,7 +39,7 @@ def left_in_english(text: str) -> list[str]:
 
 
 def told(argv: list[str], capsys, monkeypatch) -> str:
-    monkeypatch.setenv(VARIABLE, "de")
+    monkeypatch.setenv("THRUSTMARGIN_LANGUAGE", "de")
     monkeypatch.setenv("COLUMNS", "5000")
     with pytest.raises(SystemExit) as ended:
         cli.main(argv)

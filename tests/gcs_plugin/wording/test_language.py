@@ -24,8 +24,11 @@ from thrustmargin.gcs_plugin.wording.answer import answer_of
 from thrustmargin.gcs_plugin.wording.language import (
     LANGUAGES,
     VARIABLE,
+    clean,
     number,
+    piece,
     place,
+    printable,
     say,
     speaking,
     spoken,
@@ -59,7 +62,6 @@ OTHERS = [language for language in LANGUAGES if language != "en"]
 #: Data that looks like a text; what commands for engineers say.
 NOT_SPOKEN = {
     *("take-off mass", "as flown", "first part", "not known", "hidden mass"),
-    *("holds height and heading", "holds height, but it will spin", "WOULD DESCEND"),
     *("in the air in this log", "in this log"),  # ends of sentences that are translated whole
     *("the start", "Home is taken where the first line starts; give --home for another."),
     "; the load that you state is taken for each of them",
@@ -273,3 +275,12 @@ def test_a_page_is_answered_in_its_own_language_and_nothing_else_changes():
         with speaking("xx"):
             assert spoken() == "en"
     assert spoken() == "en"
+
+
+def test_texts_end_at_a_zero_byte_and_cannot_steer_a_terminal():
+    assert printable(b"  TANK\0junk") == "TANK"
+    assert piece(b" part \0x") == " part "
+    assert piece(b"a\x1b[31mb\x07") == "a [31mb "
+    assert piece(b"\xff\xc3\xa9") == "\ufffd\u00e9"
+    assert clean("plain, \u00e9") == "plain, \u00e9"
+    assert clean("a\tb\nc\u202e") == "a b c "

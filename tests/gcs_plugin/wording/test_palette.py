@@ -6,7 +6,6 @@ import pytest
 from tests.gcs_plugin.wording.seen_colours import seen_for
 from thrustmargin.gcs_plugin.wording.palette import (
     GROUND_SPEED,
-    MARGIN,
     REDUNDANCY,
     css,
     ink_on,
@@ -20,6 +19,7 @@ from thrustmargin.gcs_plugin.wording.palette import (
 #: As the code has them, written down by hand: a change there is to be seen here.
 NO_DATA = (165, 165, 165)
 
+MARGIN = thrust_left()
 SCALES = [MARGIN, thrust_left(0.35), REDUNDANCY, residual_scale(300.0)]
 # Machado, Oliveira and Fernandes 2009, severity 1.0, on linear RGB.
 BLINDNESS = {

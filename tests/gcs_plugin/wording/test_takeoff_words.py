@@ -84,11 +84,15 @@ def test_every_finding_has_words_in_german(kind: TakeoffKind):
 
 def test_the_line_of_a_run_up_says_what_is_known_and_what_is_not():
     sound = only(flight())
-    assert check_line(sound).startswith("4 of 4 motors turn, all within 0.0 s; 58.8 V at rest")
+    assert check_line(sound).startswith(
+        "4 of 4 motors turn, started within 0.0 s of each other; 58.8 V at rest"
+    )
     assert "% of the yaw authority left" in check_line(sound)
     part = only(flight(silent=[2]))
-    assert check_line(part).startswith("3 of 4 motors turn, all within 0.0 s, 1 not known")
+    assert check_line(part).startswith(
+        "3 of 4 motors turn, started within 0.0 s of each other, 1 not known"
+    )
     blind = only(flight(silent=[0, 1, 2, 3]))
     assert check_line(blind).startswith("no rotor speed is reported: not known whether the motors")
     bare = replace(sound, rest_voltage=float("nan"), mass_kg=float("nan"), yaw_reserve=float("nan"))
-    assert check_line(bare) == "4 of 4 motors turn, all within 0.0 s"
+    assert check_line(bare) == "4 of 4 motors turn, started within 0.0 s of each other"

@@ -9,8 +9,8 @@ import time
 from collections.abc import Callable
 
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
-from thrustmargin.gcs_plugin.mavlink.frame import fields
-from thrustmargin.gcs_plugin.mavlink.scan import FrameSplitter, stamped_frames
+from thrustmargin.gcs_plugin.mavlink.frame import FrameSplitter, fields
+from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.models.model.model_file import shipped_model
 
 ROUND_US = 1_000_000

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle
-from thrustmargin.gcs_plugin.mavlink.scan import FrameSplitter, scan
+from thrustmargin.gcs_plugin.mavlink.frame import FrameSplitter
+from thrustmargin.gcs_plugin.mavlink.scan import scan
 
 PADDING = 512  # bytes behind the data that a scan may look at
 #: Long frames of unknown id over each other, version 1 and 2; and of a known id, 131.

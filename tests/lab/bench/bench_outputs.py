@@ -23,7 +23,7 @@ from tests.stripped_logs import is_tank, without
 from thrustmargin.gcs_plugin.logs import FlightLog, read_log
 from thrustmargin.gcs_plugin.reports.margin.summary import report_flight
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
-from thrustmargin.models.model.inferred.prepared import fill_channels
+from thrustmargin.models.model.inferred.load_inference import fill_channels
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 

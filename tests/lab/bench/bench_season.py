@@ -30,7 +30,7 @@ from thrustmargin.models.identification.season.change_points import SeasonEntry
 from thrustmargin.models.identification.season.flight_sums import season_sums
 from thrustmargin.models.identification.season.season_changes import season_changes
 from thrustmargin.models.model.model_file import shipped_model
-from thrustmargin.models.physics.resistance import battery_resistance
+from thrustmargin.models.physics.known_battery import battery_resistance
 
 FLIGHTS, FIRST, LEARNT = 100, 60, 30
 RATES, AGEING = (0.0005, 0.001, 0.002, 0.005), (0.005, 0.01, 0.02)

@@ -3,7 +3,7 @@
     python tests/lab/bench/load_without_gauge.py GROUP=LOG... [GROUP=LOG...] [--airframe NAME]
 
 Each log is read with its gauge and again without one (as with `--tank none`), as a file and as a
-listener has it; prints the rows of the table in docs/load.md. A GROUP is any word.
+listener has it; prints the rows of the table in docs/measured.md. A GROUP is any word.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.logs import FlightLog, read_log
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.inferred.prepared import (
+from thrustmargin.models.model.inferred.load_inference import (
     Inferred,
     fill_channels,
     fill_channels_so_far,

@@ -19,8 +19,7 @@ from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.gcs_plugin.logs.test_ulog import px4_log
 from tests.lab.fuzz.live_link import watched
 from tests.mission.plans_made import TWO_LINES, plan_of
-from thrustmargin.gcs_plugin.commands.shared.analysed import with_recorded
-from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs, ReadingOptions
+from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs, ReadingOptions, with_recorded
 from thrustmargin.gcs_plugin.commands.shared.plan_source import read_assumed, read_plan
 from thrustmargin.gcs_plugin.link.signing import read_signing_key
 from thrustmargin.gcs_plugin.logs import read_log
@@ -31,7 +30,7 @@ from thrustmargin.gcs_plugin.office.season.parts import read_parts
 from thrustmargin.mission.field_file import read_field
 from thrustmargin.mission.plan import write_plan
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.model_file import METADATA_KEY, load_model, save_model
+from thrustmargin.models.model.model_file import load_model, save_model
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -113,7 +112,7 @@ def _without_digest(model: bytes) -> bytes:
     tensors = safetensors.numpy.load(model)
     size = int.from_bytes(model[:8], "little")
     metadata = json.loads(model[8 : 8 + size])["__metadata__"]
-    return safetensors.numpy.save(tensors, {METADATA_KEY: metadata[METADATA_KEY]})
+    return safetensors.numpy.save(tensors, {"thrustmargin": metadata["thrustmargin"]})
 
 
 def _options(path: Path) -> Any:

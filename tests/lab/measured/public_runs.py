@@ -11,8 +11,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
-
 PROGRAM = (sys.executable, "-m", "thrustmargin.gcs_plugin.cli")
 LIMIT = 900.0  # s that one command may take
 
@@ -105,7 +103,7 @@ def _rotors(effects: Sequence[Any]) -> tuple[int, ...]:
             for one in effects
             if isinstance(one, dict)
             and one.get("rotor")
-            and one.get("name", ROTOR_DEGRADATION.name) == ROTOR_DEGRADATION.name
+            and one.get("name", "rotor_degradation") == "rotor_degradation"
         )
     )
 

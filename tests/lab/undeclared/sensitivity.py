@@ -33,7 +33,7 @@ FIXED = ("sets.evidence.LOG_2_PI", "sets.evidence.IMPOSSIBLE", "sets.evidence.ST
 FIXED += ("rows.noise.ORDER",)
 #: below 1
 SHARES = ("certainty.SURE", "certainty.CHOICE", "rows.noise.MOST_MEMORY")
-SHARES += ("answer.acceptance.MAIN_SHARE", "answer.model_update.COVERAGE")
+SHARES += ("answer.model_update.COVERAGE",)
 QUANTILES = "rows.candidates.RANGE"
 SAME_ERROR = 0.01
 

@@ -91,10 +91,10 @@ def closed(
     model: RotorModel, fit: Sequence[FlightTrack], held_out: Sequence[FlightTrack]
 ) -> tuple[RotorModel, dict[str, Any]]:
     """The model with the effects that the loop finds on good flights, and its answer."""
-    from thrustmargin.models.identification.answer.model_update import with_effects
+    from thrustmargin.models.identification.answer.model_update import update_model
 
     found = tm.identify(fit, model, held_out=held_out)
-    return with_effects(model, found), found.to_json()
+    return update_model(model, found).model, found.to_json()
 
 
 def run_identify(

@@ -8,9 +8,9 @@ from scipy.ndimage import uniform_filter1d
 
 from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.checks.speed_readings import (
-    _band_pass,
-    _lagged_correlation,
+    band_pass,
     delays,
+    lagged_correlation,
     late_speeds,
 )
 from thrustmargin.models.flight import FlightTrack, Floats
@@ -105,11 +105,11 @@ def test_rows_in_flight_count_however_many_stand_on_the_ground():
 
 def test_what_drifts_is_marginalised_and_neighbours_are_smoothed():
     ramp: Floats = np.arange(300.0)
-    assert _band_pass(ramp, STEP)[100:200] == pytest.approx(np.zeros(100), abs=1e-9)
+    assert band_pass(ramp, STEP)[100:200] == pytest.approx(np.zeros(100), abs=1e-9)
     lone = np.zeros(301)
     lone[150] = 1.0
     # of its own third, less its 51st; two rows on only that 51st is left
-    quick = _band_pass(lone, STEP)
+    quick = band_pass(lone, STEP)
     assert quick[149:153] == pytest.approx([1 / 3 - 1 / 51] * 3 + [-1 / 51])
 
 
@@ -117,13 +117,13 @@ def test_independent_samples_are_fewer_where_neighbours_are_alike():
     values = np.array([1.0, 1.0, -1.0, -1.0, 1.0, 1.0])
     other = np.array([1.0, 1.0, 1.0, 1.0, -1.0, 1.0])
     # products: 1, 1, -1, -1, -1, 1 = 0: nothing shared
-    assert _lagged_correlation(values, other) == pytest.approx((0.0, 0.0))
+    assert lagged_correlation(values, other) == pytest.approx((0.0, 0.0))
     ones = np.ones(4)
     half = np.array([1.0, 1.0, 1.0, -1.0])
     # 2 of 4; neighbours 3/4 and 1/4 (1 + 1 - 1): both 3/16, 4 (13/16)/(19/16) = 52/19 samples
-    assert _lagged_correlation(ones, half) == pytest.approx((0.5, -0.5 * 52 / 19 * np.log(0.75)))
+    assert lagged_correlation(ones, half) == pytest.approx((0.5, -0.5 * 52 / 19 * np.log(0.75)))
     # longer ones count from their first row, as far as both go
-    assert _lagged_correlation(np.append(ones, 9.0), half) == _lagged_correlation(ones, half)
+    assert lagged_correlation(np.append(ones, 9.0), half) == lagged_correlation(ones, half)
     # the other way round is no delay
-    assert _lagged_correlation(ones, -half) == pytest.approx((-0.5, 0.0))
-    assert _lagged_correlation(ones, np.zeros(4)) == (0.0, 0.0)
+    assert lagged_correlation(ones, -half) == pytest.approx((-0.5, 0.0))
+    assert lagged_correlation(ones, np.zeros(4)) == (0.0, 0.0)

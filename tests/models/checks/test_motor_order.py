@@ -11,11 +11,11 @@ from scipy.ndimage import uniform_filter1d
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.checks.motor_order import (
-    _correlations,
-    _decide,
-    _likelihood,
-    _samples,
     check_motor_order,
+    decide_order,
+    order_likelihood,
+    response_correlations,
+    response_samples,
 )
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import Airframe, airframe_names, load_airframe
@@ -262,12 +262,14 @@ def test_the_likelihood_of_an_order_is_that_of_three_correlations():
     airframe = load_airframe("topxgun-f16-sitl")
     arms = mixer(airframe)[1:] * airframe.rotor_effectiveness
     places = np.array([[0, 1, 2, 3], [1, 0, 2, 3], [3, 2, 1, 0]])
-    found, correlation = _likelihood(track, places, arms)
-    acceleration, rate, squares, step = _samples(track)
+    found, correlation = order_likelihood(track, places, arms)
+    acceleration, rate, squares, step = response_samples(track)
     of_axis, r = [], []
     for axis in range(3):
         weights = arms[axis][places]
-        each, samples = _correlations(acceleration[:, axis], rate[:, axis], squares, weights, step)
+        each, samples = response_correlations(
+            acceleration[:, axis], rate[:, axis], squares, weights, step
+        )
         r.append(each)
         of_axis.append([-0.5 * samples * np.log(1 - np.maximum(s * each, 0) ** 2) for s in (1, -1)])
     by_hand = [sum(of_axis[axis][spin * (axis == 2)] for axis in range(3)) for spin in (0, 1)]
@@ -280,12 +282,12 @@ def test_reversed_spins_of_rotors_without_torque_are_the_same_aircraft():
     without = replace(F16, torque_ratio=0.0)
     places = np.array([[0, 1, 2, 3], [1, 0, 2, 3]])
     likelihood = np.array([[30.0, 19.0], [30.0, 19.0]])
-    found = _decide(without, places, likelihood, (0.9, 0.9, 0.0), 500)
+    found = decide_order(without, places, likelihood, (0.9, 0.9, 0.0), 500)
     assert (found.verdict, found.lead, found.places) == ("agrees", 11.0, (0, 1, 2, 3))
     # With torque the reversed ones are as likely, and another aircraft.
-    assert _decide(F16, places, likelihood, (0.9, 0.9, 0.0), 500).verdict == "unclear"
+    assert decide_order(F16, places, likelihood, (0.9, 0.9, 0.0), 500).verdict == "unclear"
     likelihood[1] = 0.0
-    assert _decide(F16, places, likelihood, (0.9, 0.9, 0.9), 500).lead == 11.0
+    assert decide_order(F16, places, likelihood, (0.9, 0.9, 0.9), 500).lead == 11.0
 
 
 def simulator_like(rates: str, seed: int) -> FlightTrack:

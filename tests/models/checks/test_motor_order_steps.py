@@ -9,13 +9,12 @@ import pytest
 from tests.models.checks.test_motor_order import made_flight
 from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.checks.motor_order import (
-    _assignments,
-    _correlations,
-    _detrend,
-    _difference,
-    _exchange,
-    _samples,
+    assignments,
     check_motor_order,
+    decide_order,
+    detrend,
+    response_correlations,
+    response_samples,
 )
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import load_airframe
@@ -29,10 +28,10 @@ F16 = load_airframe("topxgun-f16-sitl")
 
 def test_all_orders_of_up_to_eight_rotors_and_two_exchanges_beyond():
     for rotors in (3, 4, 8):
-        found = list(_assignments(rotors))
+        found = list(assignments(rotors))
         assert found[0] == tuple(range(rotors))
         assert len(set(found)) == len(found) == factorial(rotors)
-    found = list(_assignments(9))
+    found = list(assignments(9))
     assert found[0] == tuple(range(9))
     # One exchange: 9 over 2; two that share no rotor: (9 over 2)(7 over 2)/2.
     count = 1 + comb(9, 2) + comb(9, 2) * comb(7, 2) // 2
@@ -41,8 +40,11 @@ def test_all_orders_of_up_to_eight_rotors_and_two_exchanges_beyond():
 
 
 def test_an_exchange_and_its_words():
-    assert _exchange((0, 1, 2, 3), (1, 3)) == (0, 3, 2, 1)
-    two, three = (_difference(np.array(p), F16) for p in ((0, 3, 2, 1), (1, 2, 0, 3)))
+    places = np.array([(0, 1, 2, 3), (0, 3, 2, 1), (1, 2, 0, 3)])
+    two, three = (
+        decide_order(F16, places, np.array([likely, [0.0] * 3]), (0.9, 0.9, 0.9), 500).found
+        for likely in ([0.0, 30.0, 0.0], [0.0, 0.0, 30.0])
+    )
     against = " against airframe topxgun-f16-sitl"
     assert statement_words(two) == f"motors 2 and 4 look swapped{against}"
     assert statement_words(three) == (
@@ -59,20 +61,18 @@ def samples_flight(rows=FEWEST_ROWS + 2, **given) -> FlightTrack:
 
 
 def test_acceleration_is_the_central_difference_without_its_running_mean():
-    acceleration, rate, squares, step = _samples(samples_flight())
+    acceleration, rate, squares, step = response_samples(samples_flight())
     inner = np.arange(1, FEWEST_ROWS + 1) / 10.0
     np.testing.assert_allclose(step, 0.2)
-    np.testing.assert_allclose(
-        acceleration[:, 0], _detrend((2.0 * inner)[:, None])[:, 0], atol=1e-9
-    )
-    np.testing.assert_allclose(rate[:, 0], _detrend((inner**2)[:, None])[:, 0], atol=1e-9)
+    np.testing.assert_allclose(acceleration[:, 0], detrend((2.0 * inner)[:, None])[:, 0], atol=1e-9)
+    np.testing.assert_allclose(rate[:, 0], detrend((inner**2)[:, None])[:, 0], atol=1e-9)
     np.testing.assert_allclose(squares, 0.0, atol=1e-12)  # 4e6 rpm² throughout
 
 
 def test_squared_speeds_are_smoothed_by_a_quarter_a_half_and_a_quarter():
     speeds = np.zeros((FEWEST_ROWS + 2, 4))
     speeds[60, 2] = 3000.0  # 9e6 rpm²
-    squares = _samples(samples_flight(rotor_speed_rpm=speeds))[2]
+    squares = response_samples(samples_flight(rotor_speed_rpm=speeds))[2]
     # A row of 9 becomes 2.25, 4.5, 2.25; the mean of 51 rows about it has 9/51 of it.
     np.testing.assert_allclose(
         squares[58:61, 2], np.array([2.25, 4.5, 2.25]) - 9.0 / 51.0, atol=1e-12
@@ -82,33 +82,33 @@ def test_squared_speeds_are_smoothed_by_a_quarter_a_half_and_a_quarter():
 
 @pytest.mark.parametrize("channel", ["angular_rate_frd", "rotor_speed_rpm"])
 def test_a_gap_in_any_channel_takes_three_rows(channel):
-    full = _samples(samples_flight(140))[3].size
+    full = response_samples(samples_flight(140))[3].size
     values = getattr(samples_flight(140), channel).copy()
     values[70, 1] = np.nan
-    assert _samples(samples_flight(140, **{channel: values}))[3].size == full - 3
+    assert response_samples(samples_flight(140, **{channel: values}))[3].size == full - 3
     flying = np.ones(140, dtype=bool)
     flying[70] = False
-    assert _samples(samples_flight(140, flying=flying))[3].size == full - 3
+    assert response_samples(samples_flight(140, flying=flying))[3].size == full - 3
 
 
 def test_rows_far_apart_are_not_differentiated_and_too_few_rows_are_none():
     track = samples_flight(140)
     time_s = track.time_s.copy()
     time_s[70:] += 0.85  # a step of 0.95 s, and 1.05 s over two rows
-    assert _samples(replace(track, time_s=time_s))[3].size == 138 - 2
+    assert response_samples(replace(track, time_s=time_s))[3].size == 138 - 2
     time_s[70:] -= 0.1  # 0.95 s over two rows is still differentiated
-    assert _samples(replace(track, time_s=time_s))[3].size == 138
-    assert _samples(samples_flight(FEWEST_ROWS + 1))[3].size == 0
-    assert _samples(samples_flight(2))[3].size == 0
+    assert response_samples(replace(track, time_s=time_s))[3].size == 138
+    assert response_samples(samples_flight(FEWEST_ROWS + 1))[3].size == 0
+    assert response_samples(samples_flight(2))[3].size == 0
 
 
 def test_the_trend_of_five_seconds_is_marginalised():
     ramp = np.arange(200.0)[:, None]
-    np.testing.assert_allclose(_detrend(ramp)[25:-25], 0.0, atol=1e-9)
+    np.testing.assert_allclose(detrend(ramp)[25:-25], 0.0, atol=1e-9)
     alternating = np.where(np.arange(201) % 2 == 0, 1.0, -1.0)[:, None]
     # 51 rows about a +1 hold 25 or 26 of each sign: a mean of -+ 1/51.
-    assert abs(_detrend(alternating)[100, 0]) == pytest.approx(1.0 + 1.0 / 51.0, abs=2.1 / 51.0)
-    assert _detrend(np.empty((0, 3))).shape == (0, 3)
+    assert abs(detrend(alternating)[100, 0]) == pytest.approx(1.0 + 1.0 / 51.0, abs=2.1 / 51.0)
+    assert detrend(np.empty((0, 3))).shape == (0, 3)
 
 
 def test_correlations_are_those_of_least_squares_residuals():
@@ -118,7 +118,9 @@ def test_correlations_are_those_of_least_squares_residuals():
     rate = rng.normal(size=rows).cumsum() * 0.1
     weights = np.array([[1.0, -1.0, 1.0, -1.0], [0.3, 0.2, -0.5, 0.4]])
     acceleration = squares @ weights[0] + 0.5 * rate + 0.2 * rng.normal(size=rows)
-    told, effective = _correlations(acceleration, rate, squares, weights, np.full(rows, 0.2))
+    told, effective = response_correlations(
+        acceleration, rate, squares, weights, np.full(rows, 0.2)
+    )
     known = np.column_stack([np.ones(rows), rate, squares.sum(axis=1)])
 
     def rest(values):
@@ -139,7 +141,7 @@ def test_correlations_are_those_of_least_squares_residuals():
 def test_speeds_that_do_not_move_tell_nothing_and_alternating_ones_are_not_worth_more_than_all():
     rows = 200
     rng = np.random.default_rng(2)
-    told, effective = _correlations(
+    told, effective = response_correlations(
         rng.normal(size=rows),
         rng.normal(size=rows),
         np.full((rows, 4), 4.0),
@@ -150,7 +152,7 @@ def test_speeds_that_do_not_move_tell_nothing_and_alternating_ones_are_not_worth
     flip = np.where(np.arange(rows) % 2 == 0, 1.0, -1.0)
     slow = np.sin(np.arange(rows) / 30.0)
     squares = np.outer(flip, [1.0, -1.0, 0.0, 0.0])
-    _, effective = _correlations(
+    _, effective = response_correlations(
         slow, rng.normal(size=rows), squares, np.array([[1.0, -1.0, 0.0, 0.0]]), np.full(rows, 0.2)
     )
     assert effective[0] == pytest.approx(0.5 * rows)  # a negative product counts as none
@@ -202,5 +204,7 @@ def test_however_alike_neighbouring_rows_are_they_count_for_something():
     squares = np.outer(slow, [1.0, -1.0, 0.0, 0.0])
     step = np.full(rows, 0.2)
     rate = np.random.default_rng(1).normal(size=rows)
-    _, effective = _correlations(slow, rate, squares, np.array([[1.0, -1.0, 0.0, 0.0]]), step)
+    _, effective = response_correlations(
+        slow, rate, squares, np.array([[1.0, -1.0, 0.0, 0.0]]), step
+    )
     assert effective[0] == pytest.approx(0.5 * rows * 0.001 / 1.999)

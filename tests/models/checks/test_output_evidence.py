@@ -14,7 +14,7 @@ from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.advice import advise
 from thrustmargin.models.model.airframe_match import match_airframe
 from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
-from thrustmargin.models.model.inferred.prepared import fill_channels
+from thrustmargin.models.model.inferred.load_inference import fill_channels
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.provenance import Reason, SourceKind

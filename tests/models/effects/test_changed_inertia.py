@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.models.known_effects import known_effect
 from tests.models.made_flights import F16, NOISE_RPM, curve_model, made_flight, table
 from thrustmargin.gcs_plugin.wording.effect_sentences import effect_sentence
-from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import Effect, Values
 from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.answer.model_update import with_effects
+from thrustmargin.models.identification.answer.model_update import update_model
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -21,7 +21,7 @@ from thrustmargin.models.physics.margin import mixer
 USUAL_ARM = 0.9595439
 USUAL_MASS = 21.1
 
-TURNING = BY_KEY["manoeuvre_moment"]
+TURNING = known_effect("manoeuvre_moment")
 HAS = {
     **{p.name: p.start for p in TURNING.parameters},
     **{"inertia_roll": 1.5, "inertia_pitch": 1.6, "inertia_yaw": 3.0},
@@ -128,7 +128,7 @@ def test_a_heavier_boom_is_found_described_and_kept_in_the_new_model():
     said = effect_sentence(one, found)
     assert said.startswith("The aircraft turns as if its inertia were ")
     assert " % larger (" in said
-    new = with_effects(model, found)
+    new = update_model(model, found).model
     assert [e.name for e in new.effects] == ["manoeuvre_moment"] * 2
     assert new.effects[1].parameters["inertia_yaw"].value == pytest.approx(1.5, abs=0.3)
     low, high = new.effects[1].parameters["inertia_yaw"].ci95

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.models.known_effects import known_effect
 from tests.models.made_flights import F16, made_flight
-from thrustmargin.models.effects import CATALOGUE, Placed
+from thrustmargin.models.effects import Placed
 from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.effects.compose import base_table, rotor_speed_rpm
 from thrustmargin.models.flight import Floats
@@ -17,13 +18,12 @@ from thrustmargin.models.model.rotor_model import (
     table_of,
 )
 
-EFFECTS = {effect.key: effect for effect in CATALOGUE}
-LIFT = Placed(effect=EFFECTS["translational_lift"], values={"gain": 0.2})
-DRAG = Placed(effect=EFFECTS["parasite_drag"], values={"drag_area": 2.0})
-TANK_FORWARD = Placed(effect=EFFECTS["cg_offset:tank"], values={"x_full": 0.05, "y_full": 0.0})
-MASS = Placed(effect=EFFECTS["extra_mass"], values={"mass": 2.0})
-WIND = Placed(effect=EFFECTS["wind"], values={"wind_north": 3.0, "wind_east": -2.0})
-HALF_SHOWN = Placed(effect=EFFECTS["tank_scale"], values={"gain": 2.0})
+LIFT = Placed(effect=known_effect("translational_lift"), values={"gain": 0.2})
+DRAG = Placed(effect=known_effect("parasite_drag"), values={"drag_area": 2.0})
+TANK_FORWARD = Placed(effect=known_effect("cg_offset:tank"), values={"x_full": 0.05, "y_full": 0.0})
+MASS = Placed(effect=known_effect("extra_mass"), values={"mass": 2.0})
+WIND = Placed(effect=known_effect("wind"), values={"wind_north": 3.0, "wind_east": -2.0})
+HALF_SHOWN = Placed(effect=known_effect("tank_scale"), values={"gain": 2.0})
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def multirotor(bearings_deg, spin, effectiveness=None) -> RotorModel:
 
 def worn(rotor: int, loss: float, torque_share: float) -> Placed:
     values = {"loss": loss, "torque_share": torque_share}
-    return Placed(effect=EFFECTS["rotor_degradation"], values=values, rotor=rotor)
+    return Placed(effect=known_effect("rotor_degradation"), values=values, rotor=rotor)
 
 
 def squares(model: RotorModel, *placed: Placed) -> Floats:
@@ -146,7 +146,7 @@ def test_three_rotors_share_what_a_weak_one_leaves():
 
 
 def test_what_all_rotors_lose_alike_is_made_up_by_each_of_them():
-    drift = Placed(effect=EFFECTS["thrust_drift"], values={"rate": 0.001})
+    drift = Placed(effect=known_effect("thrust_drift"), values={"rate": 0.001})
     model = LAYOUTS["octo of pairs"]
     x = model_channels(model, made_flight(1))
     row = int(np.argmin(np.abs(x.time_s - 50.0)))
@@ -157,7 +157,7 @@ def test_what_all_rotors_lose_alike_is_made_up_by_each_of_them():
 def test_the_lower_rotors_of_pairs_bear_their_share_of_the_moment():
     """0.02 m ahead: sum of x A over effectiveness is 0.02 of the thrust, whatever each makes."""
     model = LAYOUTS["octo of pairs"]
-    ahead = Placed(effect=EFFECTS["cg_offset"], values={"x": 0.02, "y": 0.0})
+    ahead = Placed(effect=known_effect("cg_offset"), values={"x": 0.02, "y": 0.0})
     made = model.airframe.rotor_effectiveness * squares(model, ahead)
     moment = model.airframe.rotor_position_frd[:, 0] @ made
     assert moment == pytest.approx(0.02 * made.sum(), rel=1e-9)
@@ -182,7 +182,7 @@ def test_the_base_table_is_read_between_its_grid_and_held_beyond_it():
 
 def test_a_report_of_a_fall_at_more_than_g_asks_for_no_thrust_and_is_known(model):
     """Thrust below none to a power would be no number, and a warning."""
-    turning_effect = [EFFECTS["manoeuvre_moment"]]
+    turning_effect = [known_effect("manoeuvre_moment")]
     x = model_channels(model, made_flight(1, speed=6.0), effects=turning_effect)
     down, still = np.full(x.load_factor_shifts.shape, -0.5), np.zeros(x.load_factor_shifts.shape)
     falling = x.with_changed(
@@ -192,11 +192,11 @@ def test_a_report_of_a_fall_at_more_than_g_asks_for_no_thrust_and_is_known(model
         acceleration_shifts=(still,) * 3,
     )
     felt = {"gain": 1.0, "imu_share": 1.0, "derivative_correction": 0.0, "lag": 0.0}
-    names = [p.name for p in EFFECTS["manoeuvre_moment"].parameters]
+    names = [p.name for p in known_effect("manoeuvre_moment").parameters]
     turning = dict.fromkeys(names, 0.0) | {"inertia_roll": 1.0, "load_exponent": 0.5}
     placed = [
-        Placed(effect=EFFECTS["load_factor"], values=felt),
-        Placed(effect=EFFECTS["manoeuvre_moment"], values=turning),
+        Placed(effect=known_effect("load_factor"), values=felt),
+        Placed(effect=known_effect("manoeuvre_moment"), values=turning),
     ]
     with np.errstate(invalid="raise"):
         found = speeds(model, falling, *placed)

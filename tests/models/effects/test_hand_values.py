@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from thrustmargin.models.effects import CATALOGUE
+from tests.models.known_effects import known_effect
 from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.effects.demand_effects import force_ned
 from thrustmargin.models.flight import FlightTrack
@@ -24,7 +24,6 @@ from thrustmargin.models.physics.airframe import Airframe, load_airframe
 USUAL_ARM = 0.9595439
 USUAL_MASS = 21.1
 
-EFFECTS = {effect.key: effect for effect in CATALOGUE}
 X, Y, K = 0.5, 0.4, 0.05
 ARMS = np.array([[X, Y, 0.0], [-X, -Y, 0.0], [X, -Y, 0.0], [-X, Y, 0.0]])
 SPIN = np.array([1.0, 1.0, -1.0, -1.0])
@@ -71,7 +70,7 @@ def moving(north: np.ndarray | float, east: np.ndarray | float = 0.0, **given) -
 
 
 def effect(key: str, rotor: int | None = None, **values: float) -> EffectRecord:
-    known = EFFECTS[key]
+    known = known_effect(key)
     given = {
         p.name: values.get(p.name, p.absent if p.absent is not None else 0.0)
         for p in known.parameters
@@ -483,7 +482,7 @@ def test_a_rotor_that_makes_no_thrust_counts_as_making_a_twentieth():
 
 def test_thin_air_weighs_as_its_rms_over_one_percent():
     """Half the rows 10 % thinner, half 10 % denser than the model's air: 0.1 RMS, 10 hundredths."""
-    effect = EFFECTS["air_density"]
+    effect = known_effect("air_density")
     x = model_channels(physics_model(AIRFRAME), steady())
     density = np.where(np.arange(60) < 30, 0.9, 1.1) * x.reference_density
     values = {"temperature_offset": 0.0, "torque_share": 1.0}
@@ -493,7 +492,7 @@ def test_thin_air_weighs_as_its_rms_over_one_percent():
 
 def test_a_wind_weighs_as_the_airspeed_that_it_moves():
     """5 m/s over ground and by the sensor; a tail wind of 2.4 m/s leaves 2.6: off by 3 x 0.8."""
-    effect = EFFECTS["wind"]
+    effect = known_effect("wind")
     x = model_channels(physics_model(AIRFRAME), moving(5.0, airspeed=np.full(60, 5.0)))
     assert effect.weight is not None
     weight = effect.weight({"wind_north": 2.4, "wind_east": 0.0}, x)
@@ -501,7 +500,7 @@ def test_a_wind_weighs_as_the_airspeed_that_it_moves():
 
 
 def test_an_aircraft_of_the_usual_mass_on_longer_arms_gets_moments_of_its_arms():
-    moment = next(p for p in EFFECTS["yaw_trim"].parameters if p.unit == "N m")
+    moment = next(p for p in known_effect("yaw_trim").parameters if p.unit == "N m")
     longer = ARMS * 2.0 * USUAL_ARM / np.hypot(X, Y)
     same = replace(AIRFRAME, empty_mass=USUAL_MASS, rotor_position_frd=longer)
     assert moment.scaled(same).upper == pytest.approx(2.0 * moment.upper)
@@ -534,7 +533,7 @@ def test_a_gauge_whose_zero_is_off_and_one_that_drifts():
 )
 def test_an_airspeed_that_reads_wrong_is_set_right_before_the_drag(key, shown, value):
     track = moving(3.0, airspeed=np.full(60, shown))
-    (parameter,) = EFFECTS[key].parameters
+    (parameter,) = known_effect(key).parameters
     wrong = effect(key, **{parameter.name: value})
     area = effect("parasite_drag", drag_area=0.5)  # at 10 m/s: 295.7892 N as above
     np.testing.assert_allclose(share(track, wrong, area), 295.7892 / THRUST, rtol=1e-6)

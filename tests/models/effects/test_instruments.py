@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.models.known_effects import known_effect
 from tests.models.made_flights import F16, made_flight
-from thrustmargin.models.effects import BY_KEY, Placed
+from thrustmargin.models.effects import Placed
 from thrustmargin.models.effects.compose import rotor_speed_rpm
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.rotor_model import model_channels, physics_model, table_of
@@ -16,7 +17,7 @@ def moved(track: FlightTrack, key: str, **values: float) -> Floats:
     """(T,) rpm by which an effect moves the mean of the rotors."""
     model = physics_model(F16)
     x = model_channels(model, track)
-    item = Placed(effect=BY_KEY[key], values=values)
+    item = Placed(effect=known_effect(key), values=values)
     speeds = [rotor_speed_rpm(table_of(model), placed, x) for placed in ([item], [])]
     return (speeds[0] - speeds[1]).mean(axis=1)
 
@@ -45,7 +46,7 @@ def test_flights_with_a_full_and_an_empty_tank_tell_them_apart():
 
 
 def test_a_gauge_set_to_zero_anew_is_seen_only_in_how_flights_differ():
-    zero = BY_KEY["tank_zero"]
+    zero = known_effect("tank_zero")
     x = model_channels(physics_model(F16), made_flight(1))
     assert zero.by_flights
     assert zero.weight is not None
@@ -64,15 +65,19 @@ def test_no_voltage_that_stands_still_explains_a_payload():
     """The effect is not looked for where the voltage does not move, however low it is."""
     track = made_flight(1)
     x = model_channels(physics_model(F16), replace(track, voltage=np.full(track.time_s.size, 40.0)))
-    assert any(not np.isfinite(x.read(name)).all() for name in BY_KEY["battery_voltage"].needs)
+    assert any(
+        not np.isfinite(x.read(name)).all() for name in known_effect("battery_voltage").needs
+    )
     moving = model_channels(physics_model(F16), track)
-    assert all(np.isfinite(moving.read(name)).all() for name in BY_KEY["battery_voltage"].needs)
+    assert all(
+        np.isfinite(moving.read(name)).all() for name in known_effect("battery_voltage").needs
+    )
 
 
 @pytest.mark.parametrize("key", ["airspeed_bias", "airspeed_gain", "sensor_lag"])
 def test_an_airspeed_that_is_velocity_minus_wind_is_of_no_sensor(key):
     """|v - w| with v = (6, 0, -2), w = (-2, 0, -1) m/s is sqrt(64 + 1); messages round it."""
-    make = BY_KEY[key].own_channel
+    make = known_effect(key).own_channel
     assert make is not None
 
     def sensor(airspeed: Floats, wind=(-2.0, 0.0, -1.0)) -> Floats:

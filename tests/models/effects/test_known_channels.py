@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import pytest
 
-from thrustmargin.models.effects import BY_KEY, CATALOGUE, with_known_channels
+from tests.models.known_effects import known_effect
+from thrustmargin.models.effects import with_known_channels
 from thrustmargin.models.errors import ModelError
 
 
 def test_a_misspelt_channel_is_refused_with_the_one_that_is_meant():
-    tank = BY_KEY["tank_scale"]
+    tank = known_effect("tank_scale")
     with pytest.raises(
         ModelError, match="tank_scale: no channel 'tank_kgs' is known; is it tank_kg"
     ):
@@ -19,8 +20,8 @@ def test_a_misspelt_channel_is_refused_with_the_one_that_is_meant():
 
 
 def test_what_an_effect_makes_for_itself_is_known_to_others():
-    made = next(effect for effect in CATALOGUE if effect.own_channel is not None)
-    asks = replace(BY_KEY["tank_scale"], needs=(made.name,))
+    made = known_effect("drag_moment")
+    asks = replace(known_effect("tank_scale"), needs=(made.name,))
     assert with_known_channels([made, asks]) == [made, asks]
     with pytest.raises(ModelError):
         with_known_channels([asks])

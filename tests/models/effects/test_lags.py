@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.models.known_effects import known_effect
 from tests.models.made_flights import F16, made_flight
-from thrustmargin.models.effects import BY_KEY, CATALOGUE
+from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.effects.base import Placed, look_of
 from thrustmargin.models.effects.channels import derivative_look, lag_weights, shifts_look
 from thrustmargin.models.model.rotor_model import model_channels, physics_model
@@ -68,8 +69,8 @@ def test_how_far_effects_look():
 
 @pytest.mark.parametrize(("lag", "look"), [(0.4, (0.9, 0.5)), (-0.1, (0.5, 0.6))])
 def test_speeds_that_are_reported_late_move_all_looks_back(lag, look):
-    late = Placed(effect=BY_KEY["sensor_lag:rotor speed"], values={"lag": lag})
-    drag = Placed(effect=BY_KEY["parasite_drag"], values={"drag_area": 0.1})
+    late = Placed(effect=known_effect("sensor_lag:rotor speed"), values={"lag": lag})
+    drag = Placed(effect=known_effect("parasite_drag"), values={"drag_area": 0.1})
     assert look_of([late, drag]) == pytest.approx(look)
     assert look_of([]) == (0.0, 0.0)
 
@@ -78,7 +79,7 @@ def test_a_delay_over_a_gap_is_unknown_near_the_row_and_held_far_from_it():
     rising = np.arange(60) / 10.0
     rising[30] = np.nan
     track = replace(made_flight(1, duration=6.0), airspeed=rising)
-    late = [BY_KEY["sensor_lag:rotor speed"]]
+    late = [known_effect("sensor_lag:rotor speed")]
     table = model_channels(physics_model(F16), track, effects=late).airspeed_shifts
     column = {lag: k for k, lag in enumerate(TIMES.tolist())}
     assert np.isnan(table[28, column[0.2]])
@@ -92,7 +93,7 @@ def test_a_delay_over_a_gap_is_unknown_near_the_row_and_held_far_from_it():
 def test_a_shifted_channel_is_known_from_the_first_row_to_the_last():
     track = made_flight(1, duration=6.0)
     track = replace(track, airspeed=track.time_s.copy())
-    late = [BY_KEY["sensor_lag:rotor speed"]]
+    late = [known_effect("sensor_lag:rotor speed")]
     found = model_channels(physics_model(F16), track, effects=late).airspeed_shifts
     at = track.time_s[:, None] + TIMES
     inside = (at >= track.time_s[0]) & (at <= track.time_s[-1])

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thrustmargin.models.effects import BY_KEY, CATALOGUE, effects_for
+from tests.models.known_effects import known_effect
+from thrustmargin.models.effects import CATALOGUE, effects_for
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.effects.channels import froude_time_scale
 from thrustmargin.models.effects.compose import rotor_speed_rpm
-from thrustmargin.models.effects.moment_effects import FLOW_MOMENT
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.rotor_model import model_channels, physics_model, table_of
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
@@ -95,8 +95,10 @@ def forward_flight(heading_deg: float, north: float, east: float) -> FlightTrack
 def test_forward_flight_slows_the_front_rotors_whatever_the_heading(heading_deg: float):
     model = physics_model(load_airframe("topxgun-f16"))
     speed = 5.0 * np.array([np.cos(np.radians(heading_deg)), np.sin(np.radians(heading_deg))])
-    placed = [Placed(effect=FLOW_MOMENT, values={"roll": 0.1, "pitch": 0.1})]
-    x = model_channels(model, forward_flight(heading_deg, *speed), effects=[FLOW_MOMENT])
+    placed = [Placed(effect=known_effect("flow_moment"), values={"roll": 0.1, "pitch": 0.1})]
+    x = model_channels(
+        model, forward_flight(heading_deg, *speed), effects=[known_effect("flow_moment")]
+    )
     front_right, rear_left, front_left, rear_right = rotor_speed_rpm(table_of(model), placed, x)[0]
     assert front_right == pytest.approx(front_left)
     assert rear_left == pytest.approx(rear_right)
@@ -105,8 +107,8 @@ def test_forward_flight_slows_the_front_rotors_whatever_the_heading(heading_deg:
 
 def test_sideways_flight_slows_the_rotors_that_lead():
     model = physics_model(load_airframe("topxgun-f16"))
-    placed = [Placed(effect=FLOW_MOMENT, values={"roll": 0.1, "pitch": 0.1})]
-    x = model_channels(model, forward_flight(0.0, 0.0, 5.0), effects=[FLOW_MOMENT])
+    placed = [Placed(effect=known_effect("flow_moment"), values={"roll": 0.1, "pitch": 0.1})]
+    x = model_channels(model, forward_flight(0.0, 0.0, 5.0), effects=[known_effect("flow_moment")])
     front_right, rear_left, front_left, rear_right = rotor_speed_rpm(table_of(model), placed, x)[0]
     assert front_right == pytest.approx(rear_right)
     assert front_right < front_left - 10.0
@@ -114,7 +116,7 @@ def test_sideways_flight_slows_the_rotors_that_lead():
 
 
 def test_every_effect_can_be_read_from_a_model_file():
-    assert all(BY_KEY[effect.key] is effect for effect in CATALOGUE)
+    assert all(known_effect(effect.key) is effect for effect in CATALOGUE)
 
 
 #: kg empty -> m of arm, m of propeller: a palm-sized quad to a large sprayer

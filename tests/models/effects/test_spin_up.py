@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.models.effects.test_hand_values import AIRFRAME, EFFECTS, HOVER, SPIN, effect, steady
+from tests.models.effects.test_hand_values import AIRFRAME, HOVER, SPIN, effect, steady
+from tests.models.known_effects import known_effect
 from thrustmargin.models.effects.channels import lag_weights
 from thrustmargin.models.effects.compose import placed_from
 from thrustmargin.models.effects.moment_effects import slowed_yaw_rate
@@ -94,5 +95,5 @@ def test_the_weights_of_a_lag_are_a_mean_over_what_came_before():
 
 
 def test_how_fast_rotors_spin_up_shapes_the_moments_of_turning():
-    shape = {p.name: p for p in EFFECTS["manoeuvre_moment"].parameters}["spin_up"]
+    shape = {p.name: p for p in known_effect("manoeuvre_moment").parameters}["spin_up"]
     assert (shape.detail, shape.absent, shape.start, shape.unit) == (True, 0.0, 0.0, "s")

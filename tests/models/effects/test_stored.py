@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thrustmargin.models.effects import BY_KEY
+from tests.models.known_effects import known_effect
 from thrustmargin.models.effects.compose import EffectRecord, Identified, losses_of, placed_from
 from thrustmargin.models.errors import ModelError
 
@@ -29,9 +29,9 @@ ALONG = EffectRecord(
 
 def test_rotors_count_from_one_in_files_and_variants_have_their_own_form():
     worn, along = placed_from([WORN, ALONG], 4)
-    assert worn.effect is BY_KEY["rotor_degradation"]
+    assert worn.effect is known_effect("rotor_degradation")
     assert (worn.rotor, dict(worn.values)) == (3, {"loss": 0.1, "torque_share": 0.5})
-    assert along.effect is BY_KEY["cg_offset:tank"]
+    assert along.effect is known_effect("cg_offset:tank")
     assert (along.rotor, dict(along.values)) == (None, {"x_full": 0.02, "y_full": -0.01})
     assert placed_from([replace(WORN, rotor=1)], 4)[0].rotor == 0
 

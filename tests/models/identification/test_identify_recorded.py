@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.models.identification.answer.model_update import with_effects
+from thrustmargin.models.identification.answer.model_update import update_model
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.model.model_file import shipped_model
 
@@ -51,7 +51,7 @@ def test_a_wind_that_the_airspeed_follows_is_told_and_not_added(sitl_logs):
         assert low <= truth <= high
         assert high - low < 2.0
     assert effect["rmse_after_rpm"] < 0.9 * effect["rmse_before_rpm"]
-    assert with_effects(model, found).effects == model.effects
+    assert update_model(model, found).model.effects == model.effects
 
 
 @pytest.mark.slow

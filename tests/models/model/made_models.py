@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from thrustmargin.models.effects import BY_KEY
+from tests.models.known_effects import known_effect
 from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.network.network import RotorNetwork
@@ -32,7 +32,7 @@ def network(rotors=4, members=2, seed=0) -> RotorNetwork:
 
 def worn_rotor(**given) -> EffectRecord:
     """Rotor 1 with 8 % less thrust, with every parameter that the effect has."""
-    effect = BY_KEY["rotor_degradation"]
+    effect = known_effect("rotor_degradation")
     parameters = {
         p.name: Identified(value=p.start, unit=p.unit, ci95=(p.lower, p.upper))
         for p in effect.parameters

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.flight_channels import with_rotor_count
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.wording.check_words import (
     airframe_match_words,
@@ -14,7 +15,6 @@ from thrustmargin.gcs_plugin.wording.check_words import (
     remedy_words,
     statement_words,
 )
-from thrustmargin.models.flight import TRACK_CHANNELS
 from thrustmargin.models.model.airframe_match import AirframeMatch, match_airframe, unknown_aircraft
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import physics_model
@@ -103,9 +103,7 @@ def test_a_voltage_of_no_battery_of_the_airframe_asks_for_voltmeter_and_cells():
 def test_no_number_of_a_withheld_analysis_needs_an_airframe(rotors):
     track = LOG.track
     if rotors != 4:
-        wide = np.resize(track.rotor_speed_rpm, (track.time_s.size, rotors))
-        changed = {n: wide for n, channel in TRACK_CHANNELS.items() if channel.per_rotor}
-        track = replace(track, **changed | {"throttle": wide / 3000.0})
+        track = with_rotor_count(track, rotors)
     facts = VehicleFacts(rotor_count=rotors, rotor_evidence="a test")
     doubted = match_airframe(SMALL, F16, facts, {}, given=True)
     flight = analyse(

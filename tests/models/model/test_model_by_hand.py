@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from tests.models.known_effects import known_effect
 from thrustmargin.gcs_plugin.wording.check_words import statement_words
-from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import FlightTrack
@@ -99,7 +99,7 @@ def flight(airspeed, tank_kg, **given) -> FlightTrack:
 
 
 def recorded(key: str, rotor: int | None = None, **values: float) -> EffectRecord:
-    known = next(e for e in CATALOGUE if e.key == key)
+    known = known_effect(key)
     return EffectRecord(
         name=known.name,
         variant=known.variant,

@@ -10,7 +10,7 @@ from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.model.advice import advise
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.fault_test import RotorFault
-from thrustmargin.models.model.inferred.prepared import fill_channels
+from thrustmargin.models.model.inferred.load_inference import fill_channels
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.output_faults import of_outputs, square_of_outputs
 from thrustmargin.models.model.rotor_faults import fault_episodes, fault_history

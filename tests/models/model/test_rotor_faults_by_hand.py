@@ -16,12 +16,12 @@ from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_faults import (
     RotorFaults,
     RowLimit,
-    _motor_test,
-    _propeller_test,
     fault_model,
     fault_signals,
     loss_steps,
     mode_directions,
+    motor_test,
+    propeller_test,
 )
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.network.records import GoodFlights
@@ -100,12 +100,12 @@ def test_a_motor_that_nearly_idles_shows_no_part():
 
 
 def test_a_motor_s_prior():
-    prior = _motor_test(MODEL)._prior
+    prior = motor_test(MODEL)._prior
     np.testing.assert_allclose(prior.trim, 0.1)
     np.testing.assert_allclose(prior.noise, 0.01)
     np.testing.assert_allclose(prior.inputs, [[0.15, 0.2]] * 4)  # steepness of the curve, lag in s
     assert (prior.flights, prior.alone) == (0, False)
-    test = _motor_test(MODEL)
+    test = motor_test(MODEL)
     # A speed short by s moves ln N² of its own motor, known to half of the step from size to size.
     step = 2.0 * np.log(1.0 - FAULT_SIZES)
     np.testing.assert_allclose(test._steps[2, 1:, 2], step)
@@ -124,7 +124,7 @@ def turns() -> np.ndarray:
 
 
 def test_a_propellers_prior():
-    prior = _propeller_test(MODEL, MODES)._prior
+    prior = propeller_test(MODEL, MODES)._prior
     # A mode of four rotors, each a tenth of its thrust off: 0.1 x 2.
     np.testing.assert_allclose(prior.trim, 0.2)
     np.testing.assert_allclose(prior.noise, 0.02)
@@ -133,9 +133,9 @@ def test_a_propellers_prior():
     # What a model knows of a manoeuvre looks ahead, and is not asked for: the whole of it is left.
     for key in ("load_factor", "manoeuvre_moment"):
         known = replace(MODEL, effects=(recorded(key),))
-        np.testing.assert_allclose(_propeller_test(known, MODES)._prior.inputs, prior.inputs)
+        np.testing.assert_allclose(propeller_test(known, MODES)._prior.inputs, prior.inputs)
     steps, torque = (a @ MODES for a in loss_steps(MODEL))
-    widths = _propeller_test(MODEL, MODES)._widths[:, 1:]
+    widths = propeller_test(MODEL, MODES)._widths[:, 1:]
     np.testing.assert_allclose(widths, np.sqrt(torque**2 + (0.03 * steps) ** 2))
 
 
@@ -148,13 +148,13 @@ def test_good_flights_say_how_far_a_trim_may_be_off():
         (replace(MODEL, good_flights=good), 7),
         (replace(MODEL, background_rpm=shown), 0),
     ):
-        prior = _propeller_test(model, MODES)._prior
+        prior = propeller_test(model, MODES)._prior
         np.testing.assert_allclose(prior.trim, 2.0 * np.array(shown) / hover)
         assert prior.flights == flights
 
 
 def named(posterior: np.ndarray, *, begins: bool = False):
-    test = _motor_test(MODEL)
+    test = motor_test(MODEL)
     test._set_fault(1, posterior, begins=begins)
     return test.faults.get(1)
 
@@ -185,7 +185,7 @@ def test_sound_again_is_as_likely_before_as_all_sizes_together(sound, bad):
 def test_a_repair_is_believed_when_two_blocks_on_end_show_it():
     """While it begins one block says sound, the next a smaller size, and then two say sound: the
     fault has the size that it had, until it is over."""
-    test = _motor_test(MODEL)
+    test = motor_test(MODEL)
     sound, small = np.zeros((2, SIZES + 1))
     sound[0], small[5] = 1.0, 1.0
     large = np.roll(small, 15)
@@ -205,7 +205,7 @@ def test_a_repair_is_believed_when_two_blocks_on_end_show_it():
 
 
 def test_of_a_rotor_that_stands_no_alternative_is_named():
-    test = _motor_test(MODEL)
+    test = motor_test(MODEL)
     share = np.full((4, SIZES + 1), 0.5 / SIZES)
     share[2:] = 0.0
     suspect = test._ambiguous_fault(share, 0, 1, None)
@@ -366,7 +366,7 @@ def test_a_block_is_the_mean_of_its_rows_and_its_slopes_from_first_to_last():
 def test_a_start_that_looks_like_a_part_may_be_a_turn_of_once_a_minute():
     # A block of 0.7 s in 60 s: e^4.451 to one.
     assert math.exp(LIKE_A_TURN) == pytest.approx(60.0 / 0.7)
-    assert _motor_test(MODEL)._sound_probability == 1.0
+    assert motor_test(MODEL)._sound_probability == 1.0
 
 
 def test_a_part_can_have_been_changed_in_half_a_minute_on_the_ground():

@@ -13,7 +13,7 @@ from thrustmargin.models.json_values import to_json_values
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import load_model, save_model, shipped_model
 from thrustmargin.models.model.rotor_model import Basis, predict
-from thrustmargin.models.model.training import TrainSettings, _slow_rows, train
+from thrustmargin.models.model.training import TrainSettings, slow_rows, train
 from thrustmargin.models.network.network import NetConfig, fit_network
 from thrustmargin.models.network.records import (
     gather,
@@ -72,7 +72,7 @@ def test_a_network_learns_from_twenty_five_rows_a_second_at_most(rate, every):
     first, slow = sortie(), sortie(1, name="slow")
     fast = replace(first, time_s=first.time_s * 10.0 / rate)
     samples = gather([fast, slow])
-    keep = _slow_rows([fast, slow], samples)
+    keep = slow_rows([fast, slow], samples)
     of_fast = np.flatnonzero(samples.flight == 0)
     assert np.flatnonzero(keep[of_fast]).tolist() == list(range(0, of_fast.size, every))
     assert keep[samples.flight == 1].all()

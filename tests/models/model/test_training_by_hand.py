@@ -11,10 +11,9 @@ from thrustmargin.models.errors import DataError
 from thrustmargin.models.model import training
 from thrustmargin.models.model.training import (
     TrainSettings,
-    _held_out_speeds,
-    _range,
-    _split_score,
     condition_scores,
+    held_out_speeds,
+    split_score,
     train,
     training_domain,
 )
@@ -70,7 +69,7 @@ def leaving_out(*flights: int) -> Split:
 def test_a_flight_is_predicted_by_the_mean_of_the_members_that_left_it_out():
     members = [constant(1000.0), constant(1100.0), constant(1400.0)]
     splits = [leaving_out(0), leaving_out(1), leaving_out(1, 2)]
-    found = _held_out_speeds(TABLE, members, splits)
+    found = held_out_speeds(TABLE, members, splits)
     # flight 0 by the first, flight 1 by the second and third, flight 2 by the third
     by_hand = np.repeat([1000.0, 1250.0, 1400.0], [3, 3, 2])
     np.testing.assert_allclose(found, np.stack([by_hand, by_hand + 2.0], axis=1))
@@ -78,7 +77,7 @@ def test_a_flight_is_predicted_by_the_mean_of_the_members_that_left_it_out():
 
 def test_scores_of_a_split_are_of_its_own_rows():
     split = Split(training=np.arange(4), validation=np.array([4, 5]), test=np.array([6, 7]))
-    found = _split_score("flights", TABLE, split, constant(1000.0))
+    found = split_score("flights", TABLE, split, constant(1000.0))
     # Rotor 1 is 0, 2, .. 14 above 1000 and rotor 2 one less than that plus two.
     for scored, rows in (
         (found.training, (0, 4)),
@@ -130,7 +129,8 @@ def test_the_training_domain_is_from_the_lowest_to_the_highest_known():
     assert domain.wind_speed == (1.0, 3.0)
     assert np.isnan(domain.height_agl).all()
     assert domain.flights == ("a", "b", "c")
-    assert _range(np.array([NAN, 7.0])) == (7.0, 7.0)
+    one_height = replace(TABLE, height_agl=np.array([7.0] + [NAN] * 7))
+    assert training_domain(one_height).height_agl == (7.0, 7.0)
 
 
 def test_what_the_paper_prints_and_the_usual_settings():
@@ -172,7 +172,7 @@ def test_settings_reach_the_training():
     assert model.interval.flights == 10
     assert model.interval.measured is not None
     assert (model.training.seed, model.training.members) == (4, 3)
-    assert model.network.hidden == (3,)
+    assert [w.shape[2] for w in model.network.weights[:-1]] == [3]
     # The interval is that of flights left out, about the spread of all members.
     samples = gather(tracks)
     left_out = np.full(samples.rotor_speed_rpm.shape, NAN)
@@ -194,7 +194,7 @@ def test_settings_reach_the_training():
     assert other.network is not None
     assert not np.array_equal(other.network.weights[0], model.network.weights[0])
     # Members differ by their seeds and rows.
-    first, second, third = (model.network.member(k).weights[0] for k in range(3))
+    first, second, third = model.network.weights[0]
     assert not np.array_equal(first, second)
     assert not np.array_equal(second, third)
 
@@ -230,6 +230,10 @@ def test_each_network_begins_from_its_own_seed(monkeypatch):
     settings = TrainSettings(members=3, seed=4, net=NetConfig(hidden=(2,), max_epochs=1))
     train(sorties(4), load_airframe("topxgun-f16-sitl"), settings, date="", version="")
     assert seeds == [4, 4, 5, 6, 7]  # two splits, then the members
+    seeds.clear()
+    members = replace(settings, splits=())
+    train(sorties(4), load_airframe("topxgun-f16-sitl"), members, date="", version="")
+    assert seeds == [5, 6, 7]  # the same members, as `learn` makes them
 
 
 def test_a_fold_knows_nothing_of_the_flights_that_it_leaves_out():

@@ -104,7 +104,7 @@ def test_a_flight_in_windows_is_the_flight_in_one_piece(effect):
         done = analyse(track.rows(slice(first, ends)), model, start=state, airframe_match=GIVEN)
         judged = slice(row_at(track, cut) + 1, row_at(track, cut + 3.9))
         here = slice(judged.start - first, judged.stop - first)
-        for of in ("rotor_speed_rpm", "thrust", "partial"):
+        for of in ("rotor_speed_rpm", "thrust"):
             np.testing.assert_allclose(
                 getattr(done.prediction, of)[here],
                 getattr(whole.prediction, of)[judged],

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.physics.airframe import airframe_names, load_airframe
-from thrustmargin.models.physics.atmosphere import isa_density
+from thrustmargin.models.physics.atmosphere import air_density, isa_pressure, isa_temperature
 from thrustmargin.models.physics.margin import (
     ceiling,
     holdable,
@@ -133,8 +133,10 @@ masses = st.floats(1.0, 60.0)
 @settings(max_examples=40, deadline=None)
 @given(masses, st.floats(0.1, 20.0), st.floats(0.0, 3000.0), st.floats(1.0, 2000.0))
 def test_margin_falls_with_mass_and_with_altitude(tank, more, altitude, climb):
-    low = ceiling(F16, isa_density(altitude), 51.8)
-    high = ceiling(F16, isa_density(altitude + climb), 51.8)
+    low, high = (
+        ceiling(F16, air_density(isa_pressure(height), isa_temperature(height)), 51.8)
+        for height in (altitude, altitude + climb)
+    )
     load, heavier = weight(F16, tank), weight(F16, tank + more)
     margin = 1.0 - hover_use(F16, low, load)
     assert 1.0 - hover_use(F16, low, heavier) < margin

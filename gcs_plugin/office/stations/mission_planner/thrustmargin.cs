@@ -89,7 +89,7 @@ namespace ThrustMargin
             if (!made.Live)
             {
                 double age = Age("MARGIN", now);
-                made.First = "Margin unknown";
+                made.First = "Thrust left unknown";
                 if (age <= Forgotten)
                     made.Second = "was " + Percent(values["MARGIN"]) + ", " + Seconds(age) + " ago";
                 else
@@ -101,7 +101,7 @@ namespace ThrustMargin
             made.LimitShare = double.IsNaN(limit) ? limit : Math.Max(0.0, Math.Min(1.0, limit / 100.0));
             if (!double.IsNaN(limit)) made.Fill = margin < limit ? Bad : Good;
             double rotor = Now("MARGIN_ROT", now), act = Now("MARGIN_DO", now);
-            made.First = (made.Measured ? "Margin " : "Predicted margin ") + Percent(margin);
+            made.First = (made.Measured ? "Thrust left " : "Predicted thrust left ") + Percent(margin);
             if (made.Measured && rotor >= 1.0) made.First += ", rotor " + Whole(rotor);
             made.Second = Seconds(Age(made.Measured ? "MARGIN" : "MARGIN_PRE", now)) + " old";
             if (act >= 1.0 && act < Actions.Length)

@@ -2,19 +2,21 @@
 -- it to APM/scripts of the vehicle's card and set SCR_ENABLE 1.
 --
 -- From arming to lift-off it compares the motors with each other, ten times a second: each turns,
--- none is late, and at a common output none is too slow or too fast. It counts the ESCs that report,
--- and reads their temperatures and the battery. What it finds it says to every ground station, as
--- "DO NOT LIFT: motor 3 does not turn". It never touches the flight.
+-- none is late, at a common output none is too slow or too fast, and no two follow each other's
+-- output. It counts the ESCs that report, and reads their temperatures and the battery. What it finds
+-- it says to every ground station, as "DO NOT LIFT: motor 3 does not turn". It never touches the
+-- flight.
 --
 -- Its limits and its sums are those of thrustmargin's own check (models/checks/takeoff.py). It needs
--- ESC telemetry; a motor without a speed is not spoken for. Yaw, two exchanged motors, leads and
--- weight are left to the ground.
+-- ESC telemetry; a motor without a speed is not spoken for. Yaw, leads and weight show in the first
+-- seconds of hover, and an aircraft's own history is not on its card: they are left to the ground.
 
 local DRIVEN, TURNING, FLOOR = 0.03, 30, 0.2  -- share of output; rpm; share of output
 local LATE_S, ASKED_SHARE = 0.5, 0.5
 local LEAST_POWER, MOST_POWER = 0.5, 1.5
 local MEAN_S, LASTS_S, READINGS, LAG_S = 0.3, 0.3, 3, 0.5
 local SLOW, FAST = 0.6, 1.25
+local FEWEST_TO_EXCHANGE, EXCHANGE_EXPLAINS = 4, 0.25
 local REST_S = 1.0
 local HOT_ESC = 363.0  -- K
 
@@ -136,6 +138,41 @@ local function means(from)
   return rpm, out
 end
 
+-- Largest deviation of ln speed from a power of output that rotors have.
+local function off_output(rpm, out)
+  local x, y, mean_x, mean_y = {}, {}, 0, 0
+  for k = 1, #motors do
+    x[k], y[k] = math.log(out[k]), math.log(rpm[k])
+    mean_x, mean_y = mean_x + x[k] / #motors, mean_y + y[k] / #motors
+  end
+  local xy, xx, most = 0, 1e-12, 0
+  for k = 1, #motors do
+    x[k], y[k] = x[k] - mean_x, y[k] - mean_y
+    xy, xx = xy + x[k] * y[k], xx + x[k] * x[k]
+  end
+  local power = math.max(LEAST_POWER, math.min(MOST_POWER, xy / xx))
+  for k = 1, #motors do most = math.max(most, math.abs(y[k] - power * x[k])) end
+  return most
+end
+
+-- The motor whose speed must be swapped with that of motor k to match all outputs; nil for none.
+local function exchanged_with(k, rpm, out)
+  for j = 1, #motors do
+    if not (rpm[j] and rpm[j] > 0 and out[j]) then return nil end
+  end
+  if #motors < FEWEST_TO_EXCHANGE then return nil end
+  local best, least = nil, EXCHANGE_EXPLAINS * off_output(rpm, out)
+  for j = 1, #motors do
+    if j ~= k then
+      rpm[k], rpm[j] = rpm[j], rpm[k]
+      local left = off_output(rpm, out)
+      if left < least then best, least = j, left end
+      rpm[k], rpm[j] = rpm[j], rpm[k]
+    end
+  end
+  return best
+end
+
 -- A motor slower or faster than the others at what its output allows beside theirs.
 local function common_output(seen)
   local rpm, out = means(seen.s)
@@ -172,7 +209,14 @@ local function common_output(seen)
       else
         since.count = since.count + 1
         if since.count >= READINGS and seen.s - since.s >= LASTS_S - 1e-6 then
-          forbid("motor %d %s", motor.number, name)
+          local other = exchanged_with(k, rpm, out)
+          if other then
+            run.explained[k], run.explained[other] = true, true
+            local a, b = motor.number, motors[other].number
+            forbid("motors %d and %d are exchanged", math.min(a, b), math.max(a, b))
+          elseif not run.explained[k] then
+            forbid("motor %d %s", motor.number, name)
+          end
         end
       end
     end
@@ -209,7 +253,7 @@ local function lifted()
 end
 
 local function begin(now_s)
-  run = { kept = {}, heard = {}, before = {}, first = {}, asked = {}, wrong = {}, said = {},
+  run = { kept = {}, heard = {}, before = {}, first = {}, asked = {}, wrong = {}, said = {}, explained = {},
           sound = true, volts = rest_volts, least = nil, begin_s = now_s, driven_s = now_s }
   for k = 1, #motors do run.asked[k], run.wrong[k] = {}, {} end
 end

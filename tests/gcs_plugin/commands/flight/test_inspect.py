@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.flight_channels import with_rotor_count
 from tests.gcs_plugin.logs.csv_files import write_csv
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.logs import FlightLog, read_log
 from thrustmargin.gcs_plugin.logs.inspection import as_json, inspect_log
-from thrustmargin.models.flight import TRACK_CHANNELS
 from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.physics.airframe import Airframe, airframe_names, load_airframe
 from thrustmargin.models.statement import state
@@ -205,14 +205,7 @@ def test_the_default_airframe_gives_way_to_another_rotor_count(capsys, log, tmp_
     six = load_airframe(OTHER)
     rotors = six.rotor_count
     track = log.track
-    wide = replace(
-        track,
-        **{
-            name: np.tile(getattr(track, name)[:, :1], (1, rotors))
-            for name, channel in TRACK_CHANNELS.items()
-            if channel.per_rotor
-        },
-    )
+    wide = with_rotor_count(track, rotors)
     write_csv(wide, tmp_path / "wide.csv")
     assert run(["inspect", str(tmp_path / "wide.csv")]) == 0
     assert f"{rotors} rotors" in capsys.readouterr().out

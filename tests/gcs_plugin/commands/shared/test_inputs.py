@@ -9,14 +9,8 @@ from rich.console import Console
 
 from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.models.made_flights import F16, made_flight
-from thrustmargin.gcs_plugin.commands.shared.inputs import (
-    Inputs,
-    chosen_model,
-    claimed,
-    listed,
-    read_logs,
-    starting_model,
-)
+from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs, chosen_model, starting_model
+from thrustmargin.gcs_plugin.commands.shared.log_flights import listed, matching_logs, read_logs
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.model_file import save_model, shipped_model
@@ -106,7 +100,7 @@ def test_what_follows_a_loss_of_control_is_not_learnt_from_and_that_is_said(tmp_
     console = Console(file=told, width=200)
     inputs = Inputs(logs=(tmp_path / "flight.csv",), airframe="topxgun-f16-sitl")
     read = read_logs(inputs, unused, console, model=model)
-    (log,) = claimed(read, unused, console)
+    (log,) = matching_logs(read, unused, console)
     assert unused == []
     assert log.track.time_s[log.track.flying].max() == pytest.approx(58.9 if lost else 89.9)
     words = (
@@ -125,7 +119,7 @@ def test_a_log_that_ends_in_flight_is_learnt_from_and_its_end_is_named(tmp_path)
         console = Console(file=said, width=200)
         inputs = Inputs(logs=(tmp_path / f"{name}.csv",), airframe="topxgun-f16-sitl")
         read = read_logs(inputs, [], console, model=physics_model(F16))
-        assert len(list(claimed(read, [], console))) == 1
+        assert len(list(matching_logs(read, [], console))) == 1
         printed[name] = said.getvalue()
     assert "ends in flight, at 1:29: the rest is unseen" in printed["cut"]
     assert "ends in flight" not in printed["landed"]
@@ -140,7 +134,7 @@ def test_a_log_without_a_flight_says_so_and_asks_for_no_airframe(tmp_path, given
     airframe = "topxgun-f16-sitl" if given else None
     inputs = Inputs(logs=(tmp_path / "bench.csv",), airframe=airframe)
     read = read_logs(inputs, unused, console, model=physics_model(F16))
-    assert list(claimed(read, unused, console)) == []
+    assert list(matching_logs(read, unused, console)) == []
     assert [one.reason for one in unused] == [
         "by this log it never left the ground: as the table says"
     ]

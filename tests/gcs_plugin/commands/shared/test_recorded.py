@@ -9,8 +9,7 @@ import pytest
 
 from tests.gcs_plugin.live.live_vehicle import first_part
 from thrustmargin.gcs_plugin.cli import run
-from thrustmargin.gcs_plugin.commands.shared.analysed import with_recorded
-from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs, ReadingOptions
+from thrustmargin.gcs_plugin.commands.shared.inputs import Inputs, ReadingOptions, with_recorded
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import DataError
 

@@ -19,6 +19,14 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import (
 )
 from thrustmargin.gcs_plugin.live.alarms.alarm_rules import RULES
 from thrustmargin.gcs_plugin.live.rows.tank_balance import BalanceWatch, DeliveryMeter
+from thrustmargin.models.checks.arms.arm_causes import Cause
+from thrustmargin.models.checks.arms.arm_figures import ArmQuantity
+from thrustmargin.models.checks.arms.arm_posterior import (
+    ArmAnswer,
+    ArmFinding,
+    PossibleCause,
+    Shaken,
+)
 from thrustmargin.models.checks.arms.arm_watch import ArmHeat
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 
@@ -50,6 +58,8 @@ def test_the_times_are_those_of_the_table_that_users_read():
         "heat": (3.0, 10.0, "cleared"),
         "lead": (5.0, 10.0, "cleared"),
         "desync": (0.0, 10.0, "cleared"),
+        "frames": (0.0, 60.0, "kept"),
+        "shaking": (0.0, 60.0, "kept"),
         "rotor": (0.0, 0.0, "kept"),
         "motor": (0.0, 0.0, "kept"),
         "stopped": (0.0, 3.0, "kept"),
@@ -164,6 +174,52 @@ def test_a_lead_that_loses_ten_watts_more_than_the_others_is_hot():
         heat = ArmHeat(esc_s=nothing, motor_s=nothing, lead_watts=lost, desyncs=nothing)
         assert said(rules.lead, using([0.3] * 4), heat=heat)[3] == (on, off, WARNING, 4)
     assert said(rules.lead, using([0.3] * 4))[0][:2] == (False, False)
+
+
+def arms(*findings: tuple[int, tuple[Cause, ...]], shaken: Shaken | None = None) -> ArmAnswer:
+    """An answer with findings of these arms and causes, all of the size 12 %."""
+    return ArmAnswer(
+        findings=tuple(
+            ArmFinding(
+                arm=arm,
+                probability=0.99,
+                causes=tuple(
+                    PossibleCause(cause=one, probability=0.9, size=0.12, lower=0.1, upper=0.14)
+                    for one in causes
+                ),
+                shown=(),
+            )
+            for arm, causes in findings
+        ),
+        quantities=(ArmQuantity.LOST, ArmQuantity.SHAKING),
+        flights=8,
+        days=4,
+        shaken=shaken,
+    )
+
+
+def test_an_esc_that_loses_frames_by_the_reports_answer_is_a_notice():
+    either = (0, (Cause.ESC, Cause.TELEMETRY)), (1, (Cause.TELEMETRY, Cause.ESC))
+    lossy = arms((2, (Cause.TELEMETRY,)), *either)
+    shown = said(rules.frames, using([0.3] * 4), arms=[lossy])
+    assert shown[2] == (True, False, NOTICE, 3)
+    assert [one[:2] for one in shown[:2]] == [(False, True)] * 2  # it may be the ESC
+    now = RowsNow(analysis=using([0.3] * 4), rows=slice(None), arms=[lossy])
+    assert rules.frames(USUAL, now).text(0, 2) == (
+        "ESC 3 loses 12% of its telemetry: check its plug"
+    )
+    assert said(rules.frames, using([0.3] * 4), arms=[arms()])[2][:2] == (False, True)
+    assert said(rules.frames, using([0.3] * 4), arms=[None])[2][:2] == (False, False)
+
+
+def test_an_aircraft_that_is_shaken_by_the_reports_answer_is_said():
+    shaken = arms(shaken=Shaken(ratio=4.6, lower=3.0, upper=7.0, deviations=5.0))
+    assert said(rules.shaking, using([0.3] * 4), arms=[shaken]) == [(True, False, WARNING, None)]
+    now = RowsNow(analysis=using([0.3] * 4), rows=slice(None), arms=[shaken])
+    words = rules.shaking(USUAL, now).text(0, 0)
+    assert words == "Shakes 4.6 times as usual: check propellers"
+    assert said(rules.shaking, using([0.3] * 4), arms=[arms()])[0][:2] == (False, True)
+    assert said(rules.shaking, using([0.3] * 4), arms=[None])[0][:2] == (False, False)
 
 
 def test_a_motor_that_falls_out_of_step_twice_in_twenty_seconds_is_said():

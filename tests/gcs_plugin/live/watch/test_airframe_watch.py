@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.flight_channels import with_rotor_count
 from tests.gcs_plugin.live.live_vehicle import ROOT, log_frames
 from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL, metrics_of
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings, RowsNow
@@ -28,7 +29,7 @@ from thrustmargin.gcs_plugin.wording.check_words import (
     no_verdict_words,
     statement_words,
 )
-from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
+from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.statement import state
 
@@ -163,8 +164,7 @@ def test_two_looks_on_end_speak_against_an_airframe_and_four_for_it_again(monkey
 
 def test_another_number_of_rotors_is_certain_at_once():
     six = LOG.track.rows(slice(0, 5))
-    wide = np.tile(six.rotor_speed_rpm[:, :1], 6)
-    six = replace(six, **{n: wide for n, one in TRACK_CHANNELS.items() if one.per_rotor})
+    six = with_rotor_count(six, 6)
     watch = watched(given=True)
     assert watch.look(six, LOG.facts, LOG.parameters).no_verdict
     assert not watch.look(LOG.track.rows(slice(5, 10)), LOG.facts, LOG.parameters).no_verdict

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tests.import_graph import ROOT
-from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState
 from thrustmargin.gcs_plugin.live.watch.flight_so_far import FlightSoFar
+from thrustmargin.gcs_plugin.logs.log_answer import matched_flights
 from thrustmargin.models.checks.output_evidence import OutputEvidence
 from thrustmargin.models.model.advice import advise
 from thrustmargin.models.model.analysis import analyse, analysis_for_verdict
@@ -33,7 +33,7 @@ def flown_so_far(log, airframe_match, **more) -> FlightSoFar:
 
 
 def test_a_gauge_that_stood_still_is_left_out_of_the_whole_flight():
-    ((log, airframe_match),) = read_flights(LOG, MODEL, given=False)
+    ((log, airframe_match),) = matched_flights(LOG, MODEL, given=False)
     stuck = flown_so_far(log, airframe_match, tank_kg=np.zeros_like(log.track.tank_kg))
     # The rotors carried 16 kg at first, so nothing is asked about the gauge and the empty mass.
     assert stuck.beyond_gauge_kg == 0.0
@@ -42,7 +42,7 @@ def test_a_gauge_that_stood_still_is_left_out_of_the_whole_flight():
 
 @pytest.mark.parametrize("outputs", [None, CLIMB])
 def test_the_fill_rests_on_the_outputs_of_the_whole_flight_not_of_its_first_climb(outputs):
-    ((log, airframe_match),) = read_flights(LOG, MODEL, given=False)
+    ((log, airframe_match),) = matched_flights(LOG, MODEL, given=False)
     so_far = flown_so_far(log, replace(airframe_match, outputs=outputs))
     reported = advise(
         analysis_for_verdict(analyse(log.track, MODEL, airframe_match=airframe_match)), limit=0.5

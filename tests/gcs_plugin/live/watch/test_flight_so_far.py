@@ -10,16 +10,16 @@ import pytest
 
 from tests.gcs_plugin.live.live_vehicle import ROOT
 from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL
+from tests.made_sources import sent
 from thrustmargin.gcs_plugin.live.alarms.listed_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState
 from thrustmargin.gcs_plugin.live.watch.flight_so_far import SortieRows
 from thrustmargin.gcs_plugin.live.watch.landed_flight import as_reported
 from thrustmargin.gcs_plugin.live.watch.update import WatchSettings, in_background
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.sorties import flight_spans
+from thrustmargin.gcs_plugin.telemetry.flight_log import flight_spans
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_match import AirframeMatch
-from thrustmargin.models.provenance import NOT_REPORTED
 
 FLOWN, DOWN = 40.0, 20.0  # s of each flight, and of the stay between them
 
@@ -73,8 +73,13 @@ def test_a_refill_while_armed_divides_the_flight_as_it_divides_a_file(
     began = begins(track, armed=armed)
     state = ((track.time_s < FLOWN) | track.flying | armed).astype(float)
     said = [
-        Signal("armed", NOT_REPORTED, track.time_s, state),
-        Signal("landed", NOT_REPORTED, track.time_s, 2.0 - (~track.flying).astype(np.float64)),
+        Signal("armed", sent("HEARTBEAT base_mode"), track.time_s, state),
+        Signal(
+            "landed",
+            sent("EXTENDED_SYS_STATE landed_state"),
+            track.time_s,
+            2.0 - (~track.flying).astype(np.float64),
+        ),
     ]
     spans = flight_spans(track, 0.0, {one.channel: (one,) for one in said})
     assert len(spans) == 1 + other

@@ -1,5 +1,6 @@
 """A figure that is unknown has its reason and what helps, live, on flights that lack messages."""
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -112,7 +113,10 @@ def test_once_a_rotor_is_found_bad_no_screen_says_what_one_more_lost_would_mean(
     now = reading(last, 0.0)
     assert fields_of_console(now, 0.5, 0.0)["OneOut"] == ("OneOut --", "grey")
     assert any(dash in line for line in summary(now, 0.5, 0.0))
-    assert not {"REDUND", "NEXT_FILL"} & {*figures(last)}
+    # Predictions are of sound rotors.
+    assert not {"REDUND", "NEXT_FILL", "MARGIN_PRE", "MARGIN_AHD"} & {*figures(last)}
+    assert math.isnan(now.margin_predicted)
+    assert math.isnan(last.outlook.margin_ahead)
     shown = aircraft_figures(ShownRow(last.analysis, -1), 0.0)
     assert (shown["lost"]["code"], shown["lost"]["ratio"]) == ("bad_part", None)
     advice = FillAdvice(0.5)

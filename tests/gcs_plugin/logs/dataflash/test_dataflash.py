@@ -9,6 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pymavlink import DFReader
 
+from tests.flight_channels import assert_same_channels
 from tests.gcs_plugin.logs.log_files import as_text
 from thrustmargin.gcs_plugin.logs import read_log, read_sorties
 from thrustmargin.gcs_plugin.logs.dataflash import message_scan as dataflash_scan
@@ -328,14 +329,7 @@ def test_the_text_form_gives_the_same_flight(tmp_path):
     assert text.format == "DataFlash text"
     assert text.quality.bytes_skipped == 0
     np.testing.assert_allclose(text.track.time_s, binary.track.time_s, atol=1e-6)
-    for channel in TRACK_CHANNELS:
-        np.testing.assert_allclose(
-            getattr(text.track, channel),
-            getattr(binary.track, channel),
-            rtol=1e-5,
-            atol=1e-5,
-            err_msg=channel,
-        )
+    assert_same_channels(text.track, binary.track, rtol=1e-5, atol=1e-5)
     assert text.track.sources == binary.track.sources
     assert len(text.waypoints) == 29
 

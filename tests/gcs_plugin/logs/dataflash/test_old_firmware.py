@@ -14,8 +14,9 @@ from thrustmargin.gcs_plugin.logs.dataflash.binary import dataflash_boots
 from thrustmargin.gcs_plugin.logs.dataflash.columns import DataFlashColumns
 from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import dataflash_signals
 from thrustmargin.gcs_plugin.logs.dataflash.text_log import dataflash_text_boots
-from thrustmargin.gcs_plugin.telemetry.recording import Stream, channel_source
+from thrustmargin.gcs_plugin.telemetry.recording import channel_source
 from thrustmargin.gcs_plugin.telemetry.settings.reported_airframe import reported_airframe
+from thrustmargin.gcs_plugin.telemetry.signals import Stream
 from thrustmargin.gcs_plugin.wording.check_words import value_words
 from thrustmargin.models.errors import LogError, ThrustMarginError
 

@@ -17,11 +17,11 @@ from thrustmargin.gcs_plugin.office.season.aircraft_season import (
     WATCH,
     aircraft_season,
     change_level,
+    group_by_frame,
 )
 from thrustmargin.gcs_plugin.office.season.fleet_page import rank_aircraft
 from thrustmargin.gcs_plugin.office.season.part_history import with_parts
 from thrustmargin.gcs_plugin.office.season.parts import Part
-from thrustmargin.gcs_plugin.office.season.same_aircraft import group_by_frame
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.models.identification.season.change_points import SeasonEntry
 

@@ -22,6 +22,7 @@ from thrustmargin.gcs_plugin.office.season.stored_words import (
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, query
 from thrustmargin.gcs_plugin.store.staging import SeasonFlight, merge, stage, staged_partitions
 from thrustmargin.gcs_plugin.workshop.learn.season_flight import IngestSettings, season_flights
+from thrustmargin.models.model.advice import Caveat
 
 #: A rotor that wears, and a load too heavy to lose a rotor.
 LOGS = ("onset/worn_prop_onset.tlog", "campaign/v4_m16_q2.5.tlog")
@@ -177,3 +178,15 @@ def test_weeks_later_a_bad_rotor_is_named_and_nobody_is_asked_to_land(
         "a rotor or motor was bad in 1 of the last 1 flights: rotor 3, front left: 12 % less thrust"
     )
     assert flight_alarms(row) == ["Rotor 3 front left 12% (11-13) less thrust"]
+
+
+def test_an_open_caveat_of_the_last_flight_does_not_count_flights_without_verdict(taken_in):
+    """One of 12 flights has no verdict: too few for a finding, whatever the last one left open."""
+    answer = json.loads(taken_in["en"][1].summary["answer"])
+    answer["advice"]["caveats"] = [Caveat.GAUGE.value]
+    rows = rows_of(12)
+    rows[0].update(verdict="unknown", verdict_reason="why it has none")
+    rows[-1]["answer"] = json.dumps(answer)
+    found = aircraft_season.aircraft_season("a", rows, []).findings
+    assert [one.sentence for one in found if "have no verdict" in one.sentence] == []
+    assert any("1 of the last" in one.sentence for one in found)

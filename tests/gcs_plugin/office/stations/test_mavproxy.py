@@ -255,11 +255,10 @@ class TestInMavproxy:
         assert mavproxy.ask(name, f"{name} (.*)")[1] == "50%"
         for wrong in ("x", "50", "0", "1", "-1", "nan"):
             mavproxy.ask(f"{name} {wrong}", f"{name} {wrong} is not a share")
-        mavproxy.ask("margin limit 45", "is now max-utilisation.* margin of 45 % write 55%")
         assert mavproxy.ask(name, f"{name} (.*)")[1] == "50%"
         mavproxy.ask(f"{name} 80%", f"{name} 80%")
         with playing(flight, mavproxy.port, 50.0, 140.0, 1.0):
-            mavproxy.wait_for_field("Margin", {"green"}, r"^Margin [34]\d % R[1-4]$")
+            mavproxy.wait_for_field("Margin", {"green"}, r"^Left [34]\d % R[1-4]$")
             assert not [line for line in mavproxy.printed if line.startswith("Thrust left")]
             mavproxy.ask(f"{name} 0.4", f"{name} 40%")
             mavproxy.wait(r"Thrust left [345]\d% below 60%(, rotor [1-4])?: fly gently")
@@ -298,7 +297,7 @@ class TestInMavproxy:
         mavproxy.wait("Telemetry lost in flight: fly by sight")
         old = r"vehicle 1, flying, OLD: \d+ s ago: thrust left [34]\d %"
         mavproxy.ask_until("margin", old, "^margin: no|^vehicle 1")
-        mavproxy.wait_for_field("Margin", {"grey"}, "^Margin --$")
+        mavproxy.wait_for_field("Margin", {"grey"}, "^Left --$")
         with playing(flight, mavproxy.port, 58.0, 140.0, 1.0):
             # Which of the two ended is by whether whole reports or parts of them came first.
             mavproxy.wait("over: (Telemetry lost|Reports unusable) in flight")
@@ -450,7 +449,7 @@ def test_a_silent_esc_hides_no_margin_of_the_other_rotors():
     assert now.basis == "predicted"
     assert now.margin == now.margin_predicted
     text, colour = fields(now, 0.9, 0.1)["Margin"]
-    assert text == f"Margin ≈ {100 * now.margin:.0f} % R{now.rotor}"
+    assert text == f"Left ≈ {100 * now.margin:.0f} % R{now.rotor}"
     assert colour == "orange"  # never green without a measurement
     assert now.margin_predicted == pytest.approx(silent.margin_predicted[-1].min())
 
@@ -469,7 +468,7 @@ def test_a_margin_below_nothing_has_no_degrees():
     lines = summary(beyond, 0.5, 0.1)
     assert "thrust left beyond the ceiling (rotor 2)" in lines[0]
     assert lines[2].endswith("thrust left when refilled beyond the ceiling")
-    assert fields(beyond, 0.5, 0.0)["Margin"] == ("Margin beyond the ceiling R2", "red")
+    assert fields(beyond, 0.5, 0.0)["Margin"] == ("Left beyond the ceiling R2", "red")
 
 
 def test_what_is_not_known_is_two_dashes():
@@ -493,7 +492,7 @@ def test_the_rest_of_the_route_and_alarms_have_lines_of_their_own():
 def test_a_problem_takes_the_place_of_numbers():
     stopped = replace(NOW, problem="two vehicles send as system 3")
     assert summary(stopped, 0.5, 0.0) == ["vehicle 3: two vehicles send as system 3"]
-    assert fields(stopped, 0.5, 0.0)["Margin"] == ("Margin --", "grey")
+    assert fields(stopped, 0.5, 0.0)["Margin"] == ("Left --", "grey")
     assert summary(NewestFigures(vehicle=3), 0.5, 0.0) == ["vehicle 3: no rotor speeds yet"]
 
 

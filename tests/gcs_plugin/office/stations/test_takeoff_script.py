@@ -53,7 +53,7 @@ def forbidden(track: FlightTrack) -> set[str]:
     """Alarms of the ground's check before lift-off, about what the script knows of."""
     (check,) = takeoff.takeoff_checks(track)
     kinds = (takeoff.TakeoffKind.STANDS, takeoff.TakeoffKind.LATE)
-    kinds += (takeoff.TakeoffKind.SLOW, takeoff.TakeoffKind.FAST)
+    kinds += (takeoff.TakeoffKind.SLOW, takeoff.TakeoffKind.FAST, takeoff.TakeoffKind.EXCHANGED)
     found = [one for one in check.forbidding if one.kind in kinds]
     # While a motor stands nobody knows that it will be late.
     found = [replace(one, kind=kinds[0]) if one.kind is kinds[1] else one for one in found]
@@ -69,7 +69,7 @@ def test_its_limits_are_those_of_the_ground():
     assert {name: known[name] for name in stated.keys() - own} == {
         name: value for name, value in stated.items() if name not in own
     }
-    assert len(stated.keys() - own) == 15
+    assert len(stated.keys() - own) == 17
 
 
 def test_of_a_sound_run_up_one_line_says_what_was_well():
@@ -91,6 +91,14 @@ def test_it_says_what_the_ground_says(changed, said):
     assert {severity for severity, _ in texts} == {CRITICAL}
     assert {text for _, text in texts} == forbidden(track)
     assert texts[0] == (CRITICAL, said)
+
+
+def test_two_exchanged_motors_are_named_together_and_none_of_them_alone():
+    track = flight(output=(1.0, 1.3, 0.55, 1.0))
+    exchanged = replace(track, rotor_speed_rpm=track.rotor_speed_rpm[:, [0, 2, 1, 3]])
+    texts = run_up(exchanged)
+    assert texts == [(CRITICAL, "DO NOT LIFT: motors 2 and 3 are exchanged")]
+    assert {text for _, text in texts} == forbidden(exchanged)
 
 
 def test_a_motor_half_a_second_late_is_said_and_one_a_third_is_not():

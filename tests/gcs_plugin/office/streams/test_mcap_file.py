@@ -185,8 +185,8 @@ def test_margins_their_interval_and_basis_by_hand():
 
 def test_a_grave_finding_is_fatal_to_foxglove():
     report, log = report_flight(*flight(), max_utilisation=0.5), flight()[1]
-    grave = replace(report.answer.findings[0], level=Severity.GRAVE)
-    lines = messages_of(replace(report, answer=replace(report.answer, findings=(grave,))), log)
+    grave = replace(report.json["findings"][0], level=Severity.GRAVE)
+    lines = messages_of(replace(report, json={**report.json, "findings": (grave,)}), log)
     (level,) = {m.content["level"] for m in lines if m.content.get("name") == grave.check}
     assert level == 5
 

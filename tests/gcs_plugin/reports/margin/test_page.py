@@ -38,7 +38,7 @@ from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, with_heads
 from thrustmargin.gcs_plugin.reports.shared.plot_style import keep_extremes, keep_worst, single
 from thrustmargin.gcs_plugin.reports.shared.route_map import plotly_scale
 from thrustmargin.gcs_plugin.wording.margin_verdict import estimate
-from thrustmargin.gcs_plugin.wording.palette import MARGIN, css, thrust_left
+from thrustmargin.gcs_plugin.wording.palette import css, thrust_left
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import physics_model
@@ -226,7 +226,7 @@ def test_the_strip_has_the_colours_of_the_replay_and_the_worst_moment(report):
     assert made is not None
     assert made.worst_at == 75.0
     colours = [colour for _, colour in made.parts]
-    low, high, none = (css(MARGIN.screen(1 - value)) for value in (0.3, 0.8, np.nan))
+    low, high, none = (css(thrust_left().screen(1 - value)) for value in (0.3, 0.8, np.nan))
     # 120 parts: the first, the one of 50 s, the one of 75 s; between them and at the end no data.
     assert colours == [low, none, low, none, high, none]
 

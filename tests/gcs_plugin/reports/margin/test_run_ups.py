@@ -54,7 +54,7 @@ def test_a_late_motor_is_in_the_findings_and_on_the_page(tmp_path):
     words = "motor 3 front left turned 1.3 s after the others: check its ESC, leads and bearing"
     assert found["words"] == words
     report = build_report([flown])
-    (finding,) = [f for f in report.flights[0].answer.findings if f.check == "take-off"]
+    (finding,) = [f for f in report.flights[0].json["findings"] if f.check == "take-off"]
     assert (finding.level, finding.words) == (Severity.GRAVE, words)
     page = html_text(report, written(tmp_path))
     assert "Before take-off" in page

@@ -9,7 +9,7 @@ import pytest
 from tests.gcs_plugin.view.view_flight import ROWS, flight
 from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures, rotor_places
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
-from thrustmargin.gcs_plugin.wording.palette import MARGIN, css
+from thrustmargin.gcs_plugin.wording.palette import css, thrust_left
 from thrustmargin.models.physics.airframe import airframe_from_table, airframe_table, load_airframe
 from thrustmargin.models.statement import state
 
@@ -27,7 +27,7 @@ def test_each_rotor_has_its_own_thrust_left_and_the_worst_is_marked():
         assert rotor["left"] == pytest.approx(margin[i], abs=1e-4)
         assert rotor["place"] == analysis.model.airframe.rotor_names[i]
         assert rotor["basis"] == "measured"
-        assert rotor["paper"] == css(MARGIN.screen(margin[i]))
+        assert rotor["paper"] == css(thrust_left().screen(margin[i]))
     assert figures["worst"] == int(np.argmin(margin))
     assert [r["worst"] for r in figures["rotors"]].count(True) == 1
 

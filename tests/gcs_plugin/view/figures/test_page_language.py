@@ -12,12 +12,12 @@ from tests.gcs_plugin.live.live_vehicle import log_frames
 from thrustmargin.gcs_plugin.live.watch.update import WatchSettings
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.view.live_view import LiveView
-from thrustmargin.gcs_plugin.wording.language import VARIABLE, Sentence, in_spoken, say, speaking
+from thrustmargin.gcs_plugin.wording.language import Sentence, in_spoken, say, speaking
 from thrustmargin.models.model.model_file import shipped_model
 
 
 def test_a_sentence_is_in_the_language_of_who_reads_it(monkeypatch):
-    monkeypatch.setenv(VARIABLE, "de")
+    monkeypatch.setenv("THRUSTMARGIN_LANGUAGE", "de")
     made = Sentence.of(lambda: say("fly gently"))
     assert made == "sanft fliegen"
     with speaking("en"):

@@ -21,7 +21,7 @@ from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording.alarm_words import margin_words
 from thrustmargin.gcs_plugin.wording.answer import FlightAnswer
 from thrustmargin.gcs_plugin.wording.check_words import remedy_words
-from thrustmargin.gcs_plugin.wording.palette import MARGIN, css
+from thrustmargin.gcs_plugin.wording.palette import css, thrust_left
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.airframe_match import AirframeMatch
@@ -240,15 +240,15 @@ def test_number_colour_and_alarm_of_a_margin_agree(left: float, percent: int, lo
     assert (percent < 50) == low
     said = margin_words("Thrust left", left, 0.5, ends=(left, left), rotor=None)
     assert f"{percent}%" in said
-    papers = {side: css(MARGIN.screen(side)) for side in (0.496, 0.5, 0.5004)}
+    papers = {side: css(thrust_left().screen(side)) for side in (0.496, 0.5, 0.5004)}
     assert (papers[left] == papers[0.496]) == low
     row = standing_of(hover(2.0, tank=0.0)).row
     assert row is not None
-    use = np.full_like(row.track.rotor_speed_rpm, 1.0 - left)
+    use = np.full_like(row.analysis.track.rotor_speed_rpm, 1.0 - left)
     at = replace(row, analysis=replace(row.analysis, utilisation=use), low=None)
     (shown, *_) = aircraft_figures(at, 0.0)["rotors"]
     assert shown["percent"] == percent
-    assert shown["paper"] == css(MARGIN.screen(left))
+    assert shown["paper"] == css(thrust_left().screen(left))
 
 
 def test_no_alarm_is_green_only_over_thrust_that_is_measured_and_enough():

@@ -25,7 +25,11 @@ def on_ground(check: TakeoffCheck | None, **changes: Any) -> VehicleSummary:
 
 def test_the_run_up_is_the_line_while_motors_run_and_not_after():
     running = replace(only(flight()), ended=False)
-    assert on_ground(running).first_line[1].startswith("4 of 4 motors turn, all within 0.0 s")
+    assert (
+        on_ground(running)
+        .first_line[1]
+        .startswith("4 of 4 motors turn, started within 0.0 s of each other")
+    )
     assert on_ground(replace(running, ended=True)).first_line[1] == ""
     assert on_ground(None).first_line[1] == ""
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from tests.gcs_plugin.view.view_flight import ROWS, flight
 from thrustmargin.gcs_plugin.view.figures.charts import timeline_colours
-from thrustmargin.gcs_plugin.wording.palette import MARGIN, css
+from thrustmargin.gcs_plugin.wording.palette import css, thrust_left
 
 NO_DATA = (165, 165, 165)  # grey
 
@@ -18,7 +18,7 @@ def test_one_bad_row_colours_its_stretch_and_no_other():
     colours = timeline_colours(analysis)
     changed = [k for k, pair in enumerate(zip(calm, colours, strict=True)) if len(set(pair)) > 1]
     assert changed == [len(colours) // 2]
-    assert colours[changed[0]] == css(MARGIN.screen(analysis.margin[200].min()))
+    assert colours[changed[0]] == css(thrust_left().screen(analysis.margin[200].min()))
 
 
 def test_the_ground_is_grey_and_one_row_is_a_timeline():

@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
+from tests.models.known_effects import known_effect
 from thrustmargin.gcs_plugin.workshop.identify.identify_result import effect_rows
-from thrustmargin.models.effects.moment_effects import EFFECTS
 
 
 def found(largest: float) -> Any:
     """An identification whose only effect has inertias of `largest` and a millionth of it."""
-    (effect,) = (e for e in EFFECTS if e.key == "manoeuvre_moment")
+    effect = known_effect("manoeuvre_moment")
     value = np.full((1, len(effect.parameters)), 1e-6 * largest)
     value[0, 0] = largest
     one = SimpleNamespace(

@@ -14,17 +14,16 @@ import numpy as np
 import pytest
 
 from tests.gcs_plugin.logs.csv_files import write_csv
+from tests.models.identification.known_terms import known_term
 from tests.models.made_flights import F16, made_flight, made_flights, table
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.workshop.identify.identify import show, write_result
 from thrustmargin.gcs_plugin.workshop.identify.identify_result import Result, make_result
 from thrustmargin.mission.plan import read_plan
-from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer.result import OneOf
 from thrustmargin.models.identification.loop import identify
-from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import load_model, save_model
 from thrustmargin.models.model.rotor_model import physics_model
@@ -168,7 +167,7 @@ def test_the_page_is_written_and_names_the_flights(done, worn_logs):
 def undecided(tracks: list[FlightTrack]) -> Result:
     """Hidden mass named, and a gauge that would do as well."""
     found = identify(tracks, physics_model(F16), catalogue=table(["extra_mass"]))
-    terms = [Term(effect=BY_KEY[key]) for key in ("extra_mass", "tank_scale")]
+    terms = [known_term(key) for key in ("extra_mass", "tank_scale")]
     one = OneOf(terms=tuple(terms), probabilities=(0.6, 0.4))
     return make_result(replace(found, one_of=(one,)), tracks=tracks, mission="next.plan")
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.models.identification.known_terms import curve_term, known_term
 from tests.models.made_flights import curve_model, made_flights, table
 from thrustmargin.gcs_plugin.wording.language import chance
 from thrustmargin.gcs_plugin.workshop.identify.asked_words import unnamed_causes_words
@@ -25,7 +26,6 @@ from thrustmargin.gcs_plugin.workshop.identify.identify_words import (
 )
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.compose import EffectRecord, Identified
-from thrustmargin.models.effects.unnamed import UNNAMED
 from thrustmargin.models.identification.answer.model_update import MarginChange, margin_changes
 from thrustmargin.models.identification.answer.result import (
     Excluded,
@@ -44,11 +44,11 @@ from thrustmargin.models.network.records import GoodFlights
 
 NAMES = ("front right", "rear left", "front left", "rear right")
 INSPECT = "with the battery off, inspect its propeller or fit a new one of the same kind"
-MASS, GAUGE, BALANCE = (Term(effect=BY_KEY[k]) for k in ("extra_mass", "tank_scale", "cg_offset"))
+MASS, GAUGE, BALANCE = (known_term(k) for k in ("extra_mass", "tank_scale", "cg_offset"))
 
 
 def weak(rotor: int) -> Term:
-    return Term(effect=BY_KEY["rotor_degradation"], rotor=rotor)
+    return known_term("rotor_degradation", rotor=rotor)
 
 
 @pytest.fixture(scope="module")
@@ -275,15 +275,15 @@ def test_what_is_unexplained_has_mode_channel_closest_names_and_an_action(sound)
         "left: nothing to repair"
     )
     assert not any("No effect" in line for line in rest)
-    balance = Term(effect=BY_KEY["cg_offset"])
+    balance = known_term("cg_offset")
     close = _Left(replace(sound, closest=(balance, weak(1))))
     things = "a shifted centre of gravity or a weak rotor 2 (rear left)"
     assert f"tank level; closest in the table: {things}: " in unexplained_words(close)  # type: ignore[arg-type]
-    twice = _Left(replace(sound, closest=(balance, MASS, Term(effect=BY_KEY["cg_offset:tank"]))))
+    twice = _Left(replace(sound, closest=(balance, MASS, known_term("cg_offset:tank"))))
     things = "a shifted centre of gravity or hidden mass"
     assert f"closest in the table: {things}: " in unexplained_words(twice)  # type: ignore[arg-type]
     # The lag of rotor speeds is a variant of an effect whose name alone is that of the airspeed's.
-    late = _Left(replace(sound, closest=(Term(effect=BY_KEY["sensor_lag:rotor speed"]),)))
+    late = _Left(replace(sound, closest=(known_term("sensor_lag:rotor speed"),)))
     assert "closest in the table: late rotor speeds: " in unexplained_words(late)  # type: ignore[arg-type]
     either = _Left(sound, channels=["tank_kg", "voltage"])
     assert "that goes with tank level or battery voltage: " in unexplained_words(either)  # type: ignore[arg-type]
@@ -434,7 +434,7 @@ def test_the_page_of_the_answer_shows_each_kind_of_sentence(sound):
             Mentioned(rotor=2, probability=0.08, loss=0.031, ci95=(0.012, 0.05)), NAMES, 3
         ),
         nothing_missing_words(replace(sound, excluded=limits)),
-        unexplained_words(_Left(replace(sound, closest=(Term(effect=BY_KEY["cg_offset"]),)))),  # type: ignore[arg-type]
+        unexplained_words(_Left(replace(sound, closest=(known_term("cg_offset"),)))),  # type: ignore[arg-type]
         next_flight_words(following, NAMES, "next.plan"),
     ):
         assert f"| {sentence} |" in shown
@@ -455,9 +455,9 @@ def test_what_has_no_name_is_said_with_its_range_and_its_interval_beyond(sound):
         return OpenCause(found=found, alike=("advance_ratio",), rms_rpm=12.3)
 
     curve = (0.0, 0.01, 0.01, 0.02, 2.0, 9.0)
-    pitch = of(Term(effect=UNNAMED["pitch", "airspeed"]), *curve)
-    uneven = replace(of(Term(effect=UNNAMED["rotor", "airspeed"], rotor=2), *curve), alike=())
-    mass = of(Term(effect=BY_KEY["extra_mass"]), 0.25)
+    pitch = of(curve_term("pitch", "airspeed"), *curve)
+    uneven = replace(of(curve_term("rotor", "airspeed", rotor=2), *curve), alike=())
+    mass = of(known_term("extra_mass"), 0.25)
     assert unnamed_causes_words(replace(sound, open_causes=(pitch, uneven, mass))) == (
         "Without a name, as it was seen: pitch along airspeed (or climb (axial advance ratio)), "
         "2.0 to 9.0 m/s (12 rpm); the loss of rotor 3 (front left) along airspeed, 2.0 to 9.0 m/s "

@@ -13,6 +13,7 @@ import pytest
 from rich.console import Console
 
 from tests.browser import open_page, screenshot_folder
+from tests.models.identification.known_terms import known_term
 from tests.models.made_flights import curve_model, made_flight, made_flights, table
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.workshop.identify.identify_page import (
@@ -30,11 +31,9 @@ from thrustmargin.gcs_plugin.workshop.identify.identify_result import (
     make_result,
     printed_tables,
 )
-from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer.result import Excluded, Mentioned, OneOf, SetWeight
 from thrustmargin.models.identification.loop import identify
-from thrustmargin.models.identification.rows.candidates import Term
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 MOST_CHANNELS = 4
@@ -140,8 +139,8 @@ def undecided() -> Result:
         catalogue=table(["rotor_degradation", "extra_mass"]),
     )
     worn = tuple(f for f in both.found if f.term.rotor == 0)
-    mass, gauge = (Term(effect=BY_KEY[key]) for key in ("extra_mass", "tank_scale"))
-    rotors = [Term(effect=BY_KEY["rotor_degradation"], rotor=k) for k in range(4)]
+    mass, gauge = (known_term(key) for key in ("extra_mass", "tank_scale"))
+    rotors = [known_term("rotor_degradation", rotor=k) for k in range(4)]
     found = replace(
         both,
         found=worn,

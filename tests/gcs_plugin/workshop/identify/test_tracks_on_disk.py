@@ -9,7 +9,7 @@ import numpy as np
 from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.models.made_flights import curve_model, made_flights, table
 from thrustmargin.gcs_plugin.cli import run
-from thrustmargin.gcs_plugin.commands.shared.analysed import TracksOnDisk
+from thrustmargin.gcs_plugin.workshop.identify.identify import TracksOnDisk
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.loop import identify, identify_checked
 from thrustmargin.models.identification.next_flight.manoeuvres import FlownLimits

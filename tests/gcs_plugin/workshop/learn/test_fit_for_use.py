@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from tests.models.known_effects import known_effect
 from tests.models.model.made_models import learnt_model
 from thrustmargin.gcs_plugin.workshop.learn.training_tables import (
     fitness_sentence,
     outlier_sentences,
 )
-from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.network.records import ConditionScore, GoodFlights
 from thrustmargin.models.scores import Score
@@ -80,7 +80,7 @@ def test_with_moments_of_turning_in_the_model_the_loop_is_next():
         rotor=None,
         parameters={
             p.name: Identified(value=p.start, unit=p.unit, ci95=(p.lower, p.upper))
-            for p in BY_KEY["manoeuvre_moment"].parameters
+            for p in known_effect("manoeuvre_moment").parameters
         },
     )
     sentence = fitness_sentence(shown(**BAD), learnt_model(effects=(turning,)))

@@ -61,7 +61,6 @@ def test_network_points_stand_at_their_rotor_speed_and_load():
     points = NetworkPoints(
         title="F16, simulated",
         airspeed=np.array([2.0, 2.0, 4.0]),
-        tank_kg=np.array([4.0, 16.0, 16.0]),
         rotor_speed_rpm=np.array([[1700.0, 1720, 1740, 1760], [2100.0] * 4, [2050.0] * 4]),
         load=np.array([61.5, 91.0, 91.0]),
         left_out=0,

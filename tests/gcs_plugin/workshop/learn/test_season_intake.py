@@ -25,7 +25,7 @@ from thrustmargin.gcs_plugin.workshop.learn.season_flight import (
 from thrustmargin.gcs_plugin.workshop.learn.season_intake import find_logs
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.identification.season.flight_sums import from_arrays
-from thrustmargin.models.physics.resistance import battery_resistance
+from thrustmargin.models.physics.known_battery import battery_resistance
 
 FLIGHT = ROOT / "sitl_logs/campaign/v4_m16_q2.5.tlog"
 OTHER = ROOT / "sitl_logs/formats/v4_m10_q2.5.BIN"

@@ -21,8 +21,8 @@ from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.workshop.learn.model_figures import loss_figure, write_loss_curves
 from thrustmargin.gcs_plugin.workshop.learn.train import (
-    _usable_flights,
     network_can_learn,
+    select_flights,
     train,
     training_run,
 )
@@ -223,7 +223,7 @@ def test_a_flight_with_swapped_motors_is_not_learnt_from(sitl_logs):
     track = read_log(sitl_logs / "campaign/v4_m16_q2.5.tlog").track
     swapped = replace(track, name="b", rotor_speed_rpm=track.rotor_speed_rpm[:, [1, 0, 2, 3]])
     model = physics_model(load_airframe("topxgun-f16-sitl"))
-    kept, unfit = _usable_flights([track, swapped], model)
+    kept, unfit = select_flights([track, swapped], model)
     assert kept == [track]
     assert [one.name for one in unfit] == ["b"]
     assert unfit[0].reason.startswith("motors 1 and 2 look swapped against airframe topxgun")

@@ -9,10 +9,11 @@ from tests.models.checks.arms.arm_plant import CAUSES, F16, Bad, arm_flight
 from thrustmargin.models.checks.arms.arm_causes import Cause
 from thrustmargin.models.checks.arms.arm_figures import ArmFigure, ArmFigures, ArmQuantity
 from thrustmargin.models.checks.arms.arm_law import ArmLaw, departures
-from thrustmargin.models.checks.arms.arm_posterior import arm_answer
+from thrustmargin.models.checks.arms.arm_posterior import arm_answer, loss_evidence
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.flight_arms import (
+    figures_of,
     flight_arm_answer,
     flight_arm_figures,
     flights_arm_answer,
@@ -37,9 +38,7 @@ def answer(track, model=KNOWN, **given):
 
 
 def together(model, tracks, **weak):
-    found = flights_arm_answer(model, tracks, **weak)
-    assert found is not None
-    return found
+    return flights_arm_answer(model, figures_of(model, tracks), **weak)
 
 
 def without(track, *channels):
@@ -64,21 +63,35 @@ def test_current_of_a_rotor_that_stands_is_of_a_short_or_of_the_ammeters_zero():
 
 
 def test_what_shakes_the_whole_aircraft_is_of_no_arm():
-    """Ten times the usual level, without a rotor's own amplitude."""
-    found = answer(arm_flight(71, 30, Bad(cause="shaken", size=0.3, arm=2), aircraft=3))
-    assert found.findings == ()
-    assert found.aircraft is not None
-    (cause,) = found.aircraft.causes
-    assert cause.cause is Cause.SHAKEN
-    assert 1.5 < cause.size < 2.5  # ln 10 = 2.3, which earlier flights' scatter draws down
-    assert answer(arm_flight(71, 30, aircraft=3)).aircraft is None
+    """Ten times the usual level, and 4.6 times, without a rotor's own amplitude."""
+    for size, ratio in ((0.3, 10.0), (0.12, 4.6)):
+        found = answer(arm_flight(71, 30, Bad(cause="shaken", size=size, arm=2), aircraft=3))
+        assert found.findings == ()
+        assert found.shaken is not None
+        assert found.shaken.lower < ratio < found.shaken.upper
+    assert answer(arm_flight(71, 30, aircraft=3)).shaken is None
+
+
+@pytest.mark.parametrize(("deviations", "found"), [(2.9, False), (3.4, True)])
+def test_a_shake_of_three_deviations_of_a_long_history_is_found(deviations, found):
+    """By Student's t one sound flight in a thousand is so far off."""
+    rng = np.random.default_rng(5)
+    levels = 0.3 * rng.standard_normal(200)
+    levels = (levels - levels.mean()) * (0.3 / levels.std(ddof=1))
+    law = ArmLaw(
+        flights=tuple(
+            figures(str(k), k, [level], ArmQuantity.SHAKING) for k, level in enumerate(levels)
+        )
+    )
+    shaken = arm_answer([figures("new", 999, [0.3 * deviations], ArmQuantity.SHAKING)], law).shaken
+    assert (shaken is not None) == found
 
 
 def test_an_unbalanced_propeller_that_shakes_the_aircraft_is_of_its_arm():
     bad = arm_flight(71, 30, Bad(cause="imbalance", size=0.5, arm=1), aircraft=3)
     found = answer(bad)
     assert [(one.arm, one.cause) for one in found.findings] == [(1, Cause.IMBALANCE)]
-    assert found.aircraft is None
+    assert found.shaken is None
 
 
 def test_lost_frames_and_falls_out_of_step_need_no_earlier_flight():
@@ -154,7 +167,44 @@ def test_several_flights_show_what_one_does_not():
     (found,) = together(KNOWN, tracks).findings
     assert found.arm == 2
     assert Cause.CURRENT_READING in {one.cause for one in found.causes}
-    assert flights_arm_answer(KNOWN, []) is None
+    assert together(KNOWN, []).findings == ()
+
+
+def of_loss(bad, *channels):
+    """Log likelihood ratios of a loss of 3 % and of 6 % of each arm."""
+    track = without(arm_flight(71, 30, bad, aircraft=3), *channels)
+    found = loss_evidence([flight_arm_figures(analyse(track, KNOWN), flight="new")], KNOWN.arms)
+    return np.array([[one.at(0.03), one.at(0.06)] for one in found])
+
+
+def test_power_and_output_are_evidence_of_a_propellers_loss_on_its_arm_alone():
+    ratios = of_loss(Bad(cause="propeller", size=0.06, arm=2))
+    assert (ratios[2] > 5.0).all()
+    assert (np.delete(ratios, 2, axis=0) < 0.0).all()
+
+
+def test_figures_of_a_sound_arm_speak_against_a_loss():
+    assert (of_loss(None) < -1.0).all()
+    assert loss_evidence([], KNOWN.arms) == ()
+    assert of_loss(None, *OF_ESC, "throttle", "vibration_per_rev", "vibration", "clipping") == (
+        pytest.approx(np.zeros((4, 2)), abs=1e-9)
+    )
+
+
+@pytest.mark.parametrize("cause", ["motor", "esc"])
+def test_power_that_another_part_explains_is_no_evidence_of_a_propeller(cause):
+    ratios = of_loss(Bad(cause=cause, size=0.12, arm=1))
+    assert ratios[1] == pytest.approx([0.0, 0.0], abs=0.7)
+
+
+def test_lost_frames_leave_what_power_says_of_the_propeller():
+    sound, lossy = of_loss(None), of_loss(Bad(cause="telemetry", size=0.05, arm=1))
+    assert lossy[1] == pytest.approx(sound[1], abs=0.5)
+
+
+def test_a_bad_arm_is_no_evidence_of_the_others():
+    ratios = of_loss(Bad(cause="imbalance", size=0.12, arm=1))
+    assert (np.delete(ratios, 1, axis=0) < 1.0).all()
 
 
 def figures(flight, day, value, quantity=ArmQuantity.POWER, unit=1.0):

@@ -41,7 +41,7 @@ def falling(times_s: list[float]) -> FlightTrack:
 def test_a_sound_flight_has_none():
     answer = flight_arm_answer(analyse(flown(), MODEL))
     assert answer.findings == ()
-    assert answer.aircraft is None
+    assert answer.shaken is None
     assert np.nanmax(ArmWatch().add(flown()).desyncs) == 0.0
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thrustmargin.models.effects import BY_KEY
+from tests.models.identification.known_terms import known_term
 from thrustmargin.models.identification.answer.acceptance import (
     exceeds_law_error,
     is_sole_cause,
@@ -14,7 +14,7 @@ from thrustmargin.models.identification.answer.acceptance import (
     needs_inspection,
     unnamed_terms_worth_keeping,
 )
-from thrustmargin.models.identification.rows.candidates import Term, candidate
+from thrustmargin.models.identification.rows.candidates import candidate
 
 
 @pytest.mark.parametrize(
@@ -29,7 +29,7 @@ from thrustmargin.models.identification.rows.candidates import Term, candidate
 def test_what_the_inaccurate_law_of_a_larger_effect_may_explain_is_not_reported(
     loss, law, reported
 ):
-    one = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=0), 1)
+    one = candidate(known_term("rotor_degradation", rotor=0), 1)
     linear: Any = SimpleNamespace(
         trials=[SimpleNamespace(candidate=one)], law_error=lambda _, k: law * (k == 0)
     )
@@ -116,9 +116,13 @@ def test_an_effect_that_explains_some_flights_and_predicts_others_worse_is_not_r
         residual=lambda _: np.full((4, 4), 10.0),
         with_selected_effects=with_selected_effects,
         with_effects=lambda _: np.full((4, 4), of_names),
+        excludes_any=lambda names: 5 in names,
     )
     found, error = names_that_hold(left_out, [3], [1, 3])
     assert (found, error[0, 0]) == (kept, rpm)
     assert asked == [([3], [1])]
+    # Without one of the flights another effect explains the others: it is none of the aircraft.
+    improbable, error = names_that_hold(left_out, [3, 5], [3, 5])
+    assert (improbable, error[0, 0]) == ([], 10.0)
     assert names_that_hold(left_out, [], [1, 3])[0] == []
     assert len(asked) == 1

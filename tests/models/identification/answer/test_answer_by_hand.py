@@ -9,14 +9,17 @@ import pytest
 from scipy.stats import t as student
 
 from tests.models.identification.answer.test_model_update import found_by_hand, learnt_model
+from tests.models.identification.known_terms import known_term
+from tests.models.known_effects import known_effect
 from tests.models.made_flights import curve_model
-from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.checks.arms.arm_posterior import ArmAnswer
 from thrustmargin.models.effects.thrust_effects import (
     ROTOR_DEGRADATION,
     ROTOR_DEGRADATION_ONSET,
 )
 from thrustmargin.models.identification.answer.held_out_errors import Errors
 from thrustmargin.models.identification.answer.model_update import (
+    update_model,
     updated_background,
     updated_interval,
 )
@@ -32,10 +35,10 @@ from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.network.network import ensemble_speed
 from thrustmargin.models.network.validity import calibrate, measure_coverage
 
-MASS = Term(effect=BY_KEY["extra_mass"])
+MASS = known_term("extra_mass")
 WORN = Term(effect=ROTOR_DEGRADATION, rotor=2)
 MOST_UNEXPLAINED = Unexplained(
-    mode=1, modes=(1,), channel="airspeed", channels=("airspeed",), share=0.6, rms_rpm=7.0
+    mode=1, channel="airspeed", channels=("airspeed",), share=0.6, rms_rpm=7.0
 )
 
 
@@ -65,6 +68,7 @@ def answer(problem: Any, held_out: Any = None, **given: Any) -> Identification:
         "model": curve_model(),
         "problem": problem,
         "found": (),
+        "arms": ArmAnswer(findings=(), quantities=(), flights=0, days=0),
         "left": None,
         "closest": (),
         "unseen": tuple(unseen),
@@ -83,7 +87,7 @@ def test_the_json_of_an_answer():
         rows_of(3, 5),
         rows_of(4),
         found=(found_by_hand(ROTOR_DEGRADATION, [[0.08, 0.5]] * 2, rotor=2),),
-        followed=(found_by_hand(BY_KEY["wind"], [[6.0, 0.0]] * 2),),
+        followed=(found_by_hand(known_effect("wind"), [[6.0, 0.0]] * 2),),
         left=MOST_UNEXPLAINED,
         closest=(WORN,),
         alternatives=(SetWeight(probability=0.7, terms=(WORN, MASS)),),
@@ -150,8 +154,18 @@ def test_an_answer_in_a_line(problem, held_out, words):
     assert second == "no effect is named"
 
 
+def test_a_speed_that_reads_wrong_is_no_effect_and_does_not_enter_the_model():
+    read = found_by_hand(ROTOR_DEGRADATION, [[0.06, 0.5]], rotor=1)
+    found = answer(rows_of(3), misread=(read,))
+    assert found.to_json()["effects"] == []
+    assert [one["rotor"] for one in found.to_json()["misread"]] == [2]
+    assert "rotor 2: loss 0.06" in repr(found)
+    assert "a wrong speed" in repr(found)
+    assert update_model(curve_model(), found).model.effects == curve_model().effects
+
+
 def test_what_is_followed_or_unexplained_has_its_own_line():
-    wind = found_by_hand(BY_KEY["wind"], [[6.0, 0.0]])
+    wind = found_by_hand(known_effect("wind"), [[6.0, 0.0]])
     lines = repr(answer(rows_of(3), followed=(wind,), left=MOST_UNEXPLAINED)).splitlines()
     assert lines[2].endswith(", which a channel reports already")
     assert lines[3] == "unexplained: roll along airspeed, 60 % of the variance left"

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from tests.made_sources import FROM_OUTPUTS
+from tests.models.known_effects import known_effect
 from tests.models.made_flights import curve_model, made_flight
 from thrustmargin.gcs_plugin.workshop.identify.identify_words import (
     nothing_missing_words,
     standing_words,
 )
-from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.effects.compose import rotor_speed_rpm
 from thrustmargin.models.identification.loop import identify
@@ -77,14 +77,14 @@ def test_each_cause_makes_the_difference_by_itself():
     problem = assemble_flight(model, flights(*SOUND)[0])
     assert found.trim is not None
     for one in (found.trim, *found.weak_rotors):
-        cg = BY_KEY["cg_offset"]
+        cg = known_effect("cg_offset")
         made = [Placed(effect=cg, rotor=None, values={"x": one.cg_x, "y": one.cg_y})]
         if one.rotor is None:
-            yaw = BY_KEY["yaw_trim"]
+            yaw = known_effect("yaw_trim")
             made.append(Placed(effect=yaw, rotor=None, values={"moment": one.yaw_moment}))
         else:
             values = {"loss": one.loss, "torque_share": 1.0}
-            loss = BY_KEY["rotor_degradation"]
+            loss = known_effect("rotor_degradation")
             made.append(Placed(effect=loss, rotor=one.rotor, values=values))
             assert one.loss_range[0] <= one.loss <= one.loss_range[1]
         change = (problem.speeds(made) - problem.speeds()).mean(axis=0)
@@ -137,7 +137,7 @@ def test_of_any_layout_a_weak_rotor_is_a_constant_and_a_step_is_not(airframe):
     )
     table = table_of(model)
     weak = Placed(
-        effect=BY_KEY["rotor_degradation"], rotor=1, values={"loss": 0.1, "torque_share": 1.0}
+        effect=known_effect("rotor_degradation"), rotor=1, values={"loss": 0.1, "torque_share": 1.0}
     )
     change = (rotor_speed_rpm(table, [weak], x) - rotor_speed_rpm(table, [], x))[:, :, None]
     flight = np.zeros(40, dtype=np.intp)

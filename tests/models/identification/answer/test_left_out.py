@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.models.identification.known_terms import known_term
 from tests.models.made_flights import curve_model, made_flight, made_flights, table
-from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.identification.answer.acceptance import needed_effects
 from thrustmargin.models.identification.answer.cross_validation import (
     CrossValidation,
@@ -15,7 +15,6 @@ from thrustmargin.models.identification.answer.cross_validation import (
 )
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.candidates import (
-    Term,
     TrialEffect,
     candidate,
     placed_effects,
@@ -58,6 +57,19 @@ def test_a_flight_is_predicted_with_what_the_other_flights_name_and_say():
     np.testing.assert_allclose(without[last], found.residual({})[last])
     values = found.folds[2].values(found.search, [rotor])[rotor]
     assert abs(values[0, 0]) < 0.02
+
+
+def test_an_effect_that_is_improbable_without_one_flight_is_excluded():
+    """A worn rotor in all flights is shown by any two of them, one in a single flight is not."""
+    every, one = (
+        left_out([made_flight(1, loss=loss), made_flight(2, loss=loss), made_flight(3, loss=0.2)])
+        for loss in (0.2, 0.0)
+    )
+    rotor, mass = (of(every, words) for words in ("rotor_degradation of rotor 1", "extra_mass"))
+    assert not every.excludes_any([rotor])
+    assert not every.excludes_any([])
+    assert every.excludes_any([rotor, mass])
+    assert one.excludes_any([rotor])
 
 
 def test_what_is_in_a_flight_never_reaches_its_own_prediction():
@@ -137,7 +149,7 @@ def test_many_flights_are_left_out_some_at_a_time():
 
 def test_a_value_of_one_flight_is_found_on_its_other_blocks():
     problem = assemble(curve_model(), made_flights(2, duration=80.0))
-    one = candidate(Term(effect=BY_KEY["tank_zero"]), 2)
+    one = candidate(known_term("tank_zero"), 2)
     trials = [one.initial_effect]
     heavy = problem.block % 2 == 0  # in every other block the gauge reads 1.5 kg too little
     truth = [TrialEffect(candidate=one, values=np.full((2, 1), 1.5))]
@@ -160,7 +172,7 @@ def test_a_value_of_one_flight_is_found_on_its_other_blocks():
 
 def test_a_shared_value_stays_where_it_was_put_while_own_values_are_found():
     problem = assemble(curve_model(), made_flights(2, hidden_mass=2.0))
-    mass, zero = (candidate(Term(effect=BY_KEY[key]), 2) for key in ("extra_mass", "tank_zero"))
+    mass, zero = (candidate(known_term(key), 2) for key in ("extra_mass", "tank_zero"))
     trials = [TrialEffect(candidate=mass, values=np.full((2, 1), 0.7))]
     trials.append(zero.initial_effect)
     found = refit_flight_values(problem, trials, np.ones(problem.block_flight.size, dtype=bool))

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.models.known_effects import known_effect
 from tests.models.made_flights import F16, curve_model, made_flights
-from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.identification.answer.model_update import margin_changes
 from thrustmargin.models.identification.rows.candidates import Term
@@ -19,7 +19,7 @@ from thrustmargin.models.physics.margin import ceiling
 WORST_SHARE = 0.01
 
 MODEL = curve_model()
-MASS, WIND = BY_KEY["extra_mass"], BY_KEY["wind"]
+MASS, WIND = known_effect("extra_mass"), known_effect("wind")
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +92,7 @@ def test_values_of_single_flights_are_those_of_their_own_rows(problems):
 
 def test_a_bad_rotor_s_margin_is_its_own(problems):
     fit, _ = problems
-    effect = BY_KEY["rotor_degradation"]
+    effect = known_effect("rotor_degradation")
     start = [p.start for p in effect.parameters]
     values = np.array([[0.1, *start[1:]]] * 2)
     bad = SimpleNamespace(term=Term(effect=effect, rotor=2), value=values)

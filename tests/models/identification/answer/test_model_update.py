@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.models.known_effects import known_effect
 from tests.models.made_flights import F16, NOISE_RPM, curve_model, made_flights, table
 from thrustmargin.models.effects.compose import EffectRecord, Identified
-from thrustmargin.models.effects.instrument_effects import WIND
 from thrustmargin.models.effects.thrust_effects import (
     ROTOR_DEGRADATION,
     ROTOR_DEGRADATION_ONSET,
@@ -20,7 +20,6 @@ from thrustmargin.models.identification.answer.model_update import (
     margin_changes,
     record_of,
     update_model,
-    with_effects,
 )
 from thrustmargin.models.identification.answer.result import Identification, ReportedEffect
 from thrustmargin.models.identification.loop import identify
@@ -65,7 +64,7 @@ def test_a_rotor_that_went_bad_in_flight_is_said_by_its_number_and_flight(rotor)
 
 def test_the_new_model_predicts_the_worn_rotor_and_comes_back_from_its_file(worn, tmp_path):
     old, path = curve_model(), tmp_path / "new.safetensors"
-    save_model(with_effects(old, worn, date="2026-01-02"), path)
+    save_model(update_model(old, worn, date="2026-01-02").model, path)
     new = load_model(path)
     assert [(e.name, e.rotor) for e in new.effects] == [("rotor_degradation", 1)]
     loss = new.effects[0].parameters["loss"]
@@ -83,7 +82,7 @@ def test_the_new_model_predicts_the_worn_rotor_and_comes_back_from_its_file(worn
 
 def test_the_old_model_stays_as_it_was(worn):
     old = curve_model()
-    new = with_effects(old, worn)
+    new = update_model(old, worn).model
     assert old.effects == ()
     assert worn.model.effects == ()
     assert new is not old
@@ -93,7 +92,7 @@ def test_effects_join_those_that_the_model_had(worn):
     mass = Identified(value=2.0, unit="kg", ci95=(1.9, 2.1))
     known = EffectRecord(name="extra_mass", rotor=None, parameters={"mass": mass})
     heavy = replace(curve_model(), effects=(known,))
-    new = with_effects(heavy, worn)
+    new = update_model(heavy, worn).model
     assert [e.name for e in new.effects] == ["extra_mass", "rotor_degradation"]
     assert new.effects[0] == known
     track = made_flights(1, hidden_mass=2.0, loss=LOSS)[0]
@@ -102,7 +101,7 @@ def test_effects_join_those_that_the_model_had(worn):
 
 
 def test_a_wind_stays_behind_and_it_is_said(worn):
-    wind = found_by_hand(WIND, [[-6.0, 1.0], [2.0, 0.0]])
+    wind = found_by_hand(known_effect("wind"), [[-6.0, 1.0], [2.0, 0.0]])
     update = update_model(curve_model(), replace(worn, found=(wind, *worn.found)))
     assert [e.name for e in update.model.effects] == ["rotor_degradation"]
     assert any("wind" in note and "not in the new model" in note for note in update.notes)
@@ -141,7 +140,7 @@ def test_a_rotor_that_went_bad_in_flight_is_bad_from_now_on(worn):
 def test_effects_of_another_aircraft_are_refused(worn):
     other = physics_model(load_airframe("agras-t20"))
     with pytest.raises(ModelError, match="agras-t20"):
-        with_effects(other, worn)
+        update_model(other, worn)
 
 
 def learnt_model(flights: tuple[str, ...] = ()) -> RotorModel:
@@ -204,7 +203,7 @@ def test_the_margin_is_that_which_replay_and_report_show(worn):
     rows = np.isin(track.time_s, worn.held_out.channels.time_s)  # type: ignore[union-attr]
     for model, mine in (
         (curve_model(), steps[0].typical_before),
-        (with_effects(curve_model(), worn), steps[0].typical_after),
+        (update_model(curve_model(), worn).model, steps[0].typical_after),
     ):
         shown = analyse(track, model).margin_predicted[rows, 0]
         assert mine == pytest.approx(float(np.median(shown)), abs=2e-4)

@@ -6,12 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.models.known_effects import known_curve, known_effect
 from tests.models.made_flights import curve_model, made_flights, table
-from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import Placed
-from thrustmargin.models.effects.unnamed import UNNAMED
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.answer.model_update import margin_changes, with_effects
+from thrustmargin.models.identification.answer.model_update import margin_changes, update_model
 from thrustmargin.models.identification.answer.result import Identification
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.problem import assemble
@@ -22,9 +21,9 @@ from thrustmargin.models.model.rotor_faults import faults_in_model
 MODEL = curve_model()
 FLIGHTS, SECONDS = 4, 60.0
 KNOTS = {"at_1": 0.0, "at_2": 0.02, "at_3": 0.04, "at_4": 0.06}
-PITCH = Placed(effect=UNNAMED["pitch", "time_s"], values={**KNOTS, "low": 0.0, "high": SECONDS})
+PITCH = Placed(effect=known_curve("pitch", "time_s"), values={**KNOTS, "low": 0.0, "high": SECONDS})
 FAST = {"at_1": 0.02, "at_2": 0.03, "at_3": 0.05, "at_4": 0.09, "low": 0.0, "high": 7.0}
-ROTOR = Placed(effect=UNNAMED["rotor", "airspeed"], values=FAST, rotor=2)
+ROTOR = Placed(effect=known_curve("rotor", "airspeed"), values=FAST, rotor=2)
 
 
 def with_causes(causes: Sequence[Sequence[Placed]]) -> list[FlightTrack]:
@@ -71,7 +70,7 @@ def test_its_curve_range_and_intervals_are_in_the_json(pitching):
 
 def test_the_new_model_and_the_margin_hold_it(pitching, tmp_path):
     path = tmp_path / "with.safetensors"
-    save_model(with_effects(MODEL, pitching, date="2026-01-02"), path)
+    save_model(update_model(MODEL, pitching, date="2026-01-02").model, path)
     new = load_model(path)
     cause, record = pitching.open_causes[0], new.effects[0]
     assert (record.parameters["low"].value, record.parameters["high"].value) == cause.range
@@ -95,7 +94,7 @@ def test_the_uneven_loss_of_a_rotor_is_corrected_for_and_stays_an_alarm():
     (steady,) = (one for one in told if one["mode"] is None)
     assert steady["parameters"]["loss"]["value"] == pytest.approx(0.02, abs=0.015)
     assert found.after.rmse_rpm < 0.5 * found.before.rmse_rpm
-    new = with_effects(MODEL, found)
+    new = update_model(MODEL, found).model
     (fault,) = faults_in_model(new)
     assert fault.rotor == 2
     assert 0.05 < fault.size < 0.13
@@ -114,7 +113,7 @@ def test_what_the_held_out_flights_do_not_show_is_in_no_model(pitching):
 def test_what_flights_left_out_do_not_show_again_is_not_taken():
     found = identified(with_causes([[], [], [PITCH], []]))
     assert found.open_causes == ()
-    assert with_effects(MODEL, found).effects == MODEL.effects
+    assert update_model(MODEL, found).model.effects == MODEL.effects
 
 
 @pytest.mark.slow
@@ -124,7 +123,7 @@ def test_what_each_flight_has_otherwise_is_not_taken_though_one_seems_to_fit():
     causes = [
         [
             Placed(
-                effect=UNNAMED[mode, "time_s"],
+                effect=known_curve(mode, "time_s"),
                 values={
                     **{f"at_{k + 1}": v for k, v in enumerate(rng.normal(0.0, 0.012, 4))},
                     "low": 0.0,
@@ -140,7 +139,9 @@ def test_what_each_flight_has_otherwise_is_not_taken_though_one_seems_to_fit():
 
 def test_a_name_that_explains_all_leaves_no_cause():
     loss = Placed(
-        effect=BY_KEY["rotor_degradation"], values={"loss": 0.08, "torque_share": 1.0}, rotor=0
+        effect=known_effect("rotor_degradation"),
+        values={"loss": 0.08, "torque_share": 1.0},
+        rotor=0,
     )
     found = identified(with_causes([[loss]] * FLIGHTS), "rotor_degradation")
     assert [f.term.key for f in found.found] == ["rotor_degradation@1"]
@@ -149,7 +150,7 @@ def test_a_name_that_explains_all_leaves_no_cause():
 
 def test_what_is_likely_and_not_sure_enough_for_a_name_is_corrected_for():
     """Hidden mass and thin air without a tank level that tells: no name, and no error either."""
-    mass = Placed(effect=BY_KEY["extra_mass"], values={"mass": 1.0})
+    mass = Placed(effect=known_effect("extra_mass"), values={"mass": 1.0})
     found = identified(with_causes([[mass]] * FLIGHTS), "extra_mass", "air_density")
     assert found.after.rmse_rpm < 0.4 * found.before.rmse_rpm
     assert len(found.found) + len(found.open_causes) == 1

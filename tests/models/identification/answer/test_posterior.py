@@ -8,24 +8,22 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.effects.unnamed import UNNAMED
+from tests.models.identification.known_terms import curve_term, known_term
+from tests.models.known_effects import known_effect
 from thrustmargin.models.identification.answer.posterior import EffectEstimate, posterior_of
 from thrustmargin.models.identification.rows.candidates import Term, TrialEffect, candidate
 from thrustmargin.models.identification.sets.evidence import SetScore
 from thrustmargin.models.identification.sets.linear_sets import EffectSet
 from thrustmargin.models.identification.sets.set_search import Search
 
-MASS, GAUGE, CG = (
-    candidate(Term(effect=BY_KEY[k]), 1) for k in ("extra_mass", "tank_scale", "cg_offset")
-)
-LOSS = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=2), 1)
-LAST = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=3), 1)
-SINCE = candidate(Term(effect=BY_KEY["rotor_degradation:since"], rotor=2), 1)
-TRIM = candidate(Term(effect=BY_KEY["yaw_trim"]), 1)
-ARMS = [candidate(Term(effect=BY_KEY["yaw_trim:tilted arm"], rotor=r), 1) for r in (0, 2)]
+MASS, GAUGE, CG = (candidate(known_term(k), 1) for k in ("extra_mass", "tank_scale", "cg_offset"))
+LOSS = candidate(known_term("rotor_degradation", rotor=2), 1)
+LAST = candidate(known_term("rotor_degradation", rotor=3), 1)
+SINCE = candidate(known_term("rotor_degradation:since", rotor=2), 1)
+TRIM = candidate(known_term("yaw_trim"), 1)
+ARMS = [candidate(known_term("yaw_trim:tilted arm", rotor=r), 1) for r in (0, 2)]
 ALL = [MASS, GAUGE, CG, LOSS, LAST, SINCE, TRIM, *ARMS]
-PITCH, TURN = (candidate(Term(effect=UNNAMED["pitch", k]), 1) for k in ("airspeed", "yaw_rate"))
+PITCH, TURN = (candidate(curve_term("pitch", k), 1) for k in ("airspeed", "yaw_rate"))
 
 
 def a_set(weight: float, **values: tuple[float, float]) -> EffectSet:
@@ -124,8 +122,8 @@ def test_a_rotor_with_more_thrust_is_distinguished_from_a_weak_one():
     assert answer_of(a_set(1.0, loss=(0.1, 0.01))).gaining_rotors() == frozenset()
 
 
-def test_curves_that_stand_in_for_each_other_enter_a_model_by_their_joint_probability():
-    """Pitch along airspeed or along yaw rate: neither is likelier than not, together they are."""
+def test_what_enters_a_model_without_a_name_is_of_the_most_probable_set():
+    """Pitch along airspeed, pitch along yaw rate, a mass, or nothing."""
     more = [*ALL[:6], PITCH, TURN]
 
     def members(*weights: float) -> list[int]:
@@ -138,9 +136,9 @@ def test_curves_that_stand_in_for_each_other_enter_a_model_by_their_joint_probab
         search.candidates, search.fitted = more, {one.key: one for one in sets}
         return posterior_of(search).unnamed_members()
 
-    assert members(0.3, 0.28, 0.1, 0.32) == [6, 7]
-    assert members(0.2, 0.2, 0.1, 0.5) == []  # nothing is likelier than not
-    assert members(0.52, 0.02, 0.1, 0.36) == [6]  # the other one is no alternative
+    assert members(0.3, 0.28, 0.1, 0.32) == []
+    assert members(0.3, 0.32, 0.1, 0.28) == [7]
+    assert members(0.52, 0.02, 0.1, 0.36) == [6]
     assert members(0.1, 0.1, 0.55, 0.25) == [0]
 
 
@@ -168,7 +166,7 @@ def test_a_value_is_a_step_away_from_where_its_set_was_linearised():
     assert estimate.error[0, 0] == pytest.approx(0.2)
     assert (estimate.steepness, posterior_of(search).estimate(0).steepness) == (0.15, 0.0)
     plain = replace(posterior_of(search).estimate(0), steepness=0.0)
-    finest = BY_KEY["extra_mass"].parameters[0]
+    finest = known_effect("extra_mass").parameters[0]
     half = norm.ppf(0.975) * plain.error + finest.resolution + plain.value * finest.accuracy
     np.testing.assert_allclose(plain.half_width, half)
 
@@ -234,8 +232,8 @@ def test_alternatives_are_the_sets_with_weight_likeliest_first():
 
 
 def test_an_interval_has_the_error_the_finest_step_and_the_share_that_no_rows_lessen():
-    parameter = replace(BY_KEY["extra_mass"].parameters[0], resolution=0.05, accuracy=0.02)
-    effect = replace(BY_KEY["extra_mass"], parameters=(parameter,))
+    parameter = replace(known_effect("extra_mass").parameters[0], resolution=0.05, accuracy=0.02)
+    effect = replace(known_effect("extra_mass"), parameters=(parameter,))
     values = np.array([[2.0], [-3.0]])
     estimate = EffectEstimate(
         candidate=0,
@@ -350,7 +348,7 @@ def test_a_detail_is_no_size_and_a_value_that_is_never_absent_neither():
 @pytest.mark.parametrize(("of_bound", "said"), [(0.999, True), (1.001, False)])
 def test_a_size_that_cannot_be_is_not_excluded(of_bound, said):
     """Flights that show nothing of a delay exclude one "above 40,000,000,000 s"."""
-    (gain,) = BY_KEY["tank_scale"].parameters
+    (gain,) = known_effect("tank_scale").parameters
     most = max(gain.upper - 1.0, 1.0 - gain.lower)
     error = of_bound * most / norm.ppf(0.95)
     assert ("tank_scale" in excluded(0.0, error, a_set(1.0))) is said
@@ -370,7 +368,7 @@ def test_a_rotor_without_weight_does_not_end_the_list():
 def test_values_of_single_flights_are_averaged_flight_by_flight():
     """A gauge's zero is of each flight: steps of 0.1 and 0.3 kg from 1 and 2 kg, and no step of
     0.5 and 1 kg in the set beside it, which weighs a quarter."""
-    zero = candidate(Term(effect=BY_KEY["tank_zero"]), 2)
+    zero = candidate(known_term("tank_zero"), 2)
     assert [flight for _, flight in zero.free] == [0, 1]
 
     def at(weight: float, values, steps, key) -> EffectSet:
@@ -398,7 +396,7 @@ def test_values_of_single_flights_are_averaged_flight_by_flight():
 
 
 def test_a_loss_that_is_mentioned_is_that_of_the_flight_that_shows_most():
-    onset = candidate(Term(effect=BY_KEY["rotor_degradation:onset"], rotor=1), 3)
+    onset = candidate(known_term("rotor_degradation:onset", rotor=1), 3)
     values = onset.start.copy()
     values[:, 0] = [0.02, 0.09, 0.05]
     errors = np.array([0.01 if k == 0 else 0.0 for k, _ in onset.free], dtype=np.float64)
@@ -504,7 +502,7 @@ def test_a_set_of_the_names_alone_is_fitted_where_the_search_has_none():
 @pytest.mark.parametrize(("along", "named"), [(0.20, [3]), (0.10, [])])
 def test_a_rotor_is_named_by_a_steady_loss_and_one_along_a_channel_together(along, named):
     """A cause without a name is none; of the same rotor it counts for the loss."""
-    uneven = candidate(Term(effect=UNNAMED["rotor", "airspeed"], rotor=2), 1)
+    uneven = candidate(curve_term("rotor", "airspeed", rotor=2), 1)
     errors = np.full(len(uneven.free), 0.01)
     other = EffectSet(
         key=frozenset({len(ALL)}),
@@ -524,7 +522,7 @@ def test_a_rotor_is_named_by_a_steady_loss_and_one_along_a_channel_together(alon
 
 def test_a_knot_that_no_flight_reaches_is_as_the_last_that_one_does():
     """Its error is that of its prior, 0.02; the first knot rests at 0 and is none of the free."""
-    curve = candidate(Term(effect=UNNAMED["pitch", "airspeed"]), 2)
+    curve = candidate(curve_term("pitch", "airspeed"), 2)
     curve = replace(curve, free=((1, None), (2, None), (3, None)))
     values = curve.start.copy()
     values[:, :4] = 0.0, 0.004, 0.03, 0.002

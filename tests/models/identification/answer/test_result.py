@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 
 from tests.models.effects.test_slung_load import flown_with_load
+from tests.models.identification.known_terms import known_term
 from tests.models.made_flights import curve_model, made_flight, made_flights, table
-from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer.held_out_errors import errors_of
 from thrustmargin.models.identification.answer.result import ReportedEffect
 from thrustmargin.models.identification.loop import identify
-from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
@@ -59,7 +58,7 @@ class Log:
 
 def test_the_json_of_an_effect_has_its_values_units_and_intervals():
     wind = ReportedEffect(
-        term=Term(effect=BY_KEY["wind"]),
+        term=known_term("wind"),
         value=np.array([[1.0, 4.0], [-6.0, 3.0]]),
         lower=np.array([[0.5, 3.0], [-7.0, 2.0]]),
         upper=np.array([[1.5, 5.0], [-5.0, 4.0]]),
@@ -84,7 +83,7 @@ def test_the_json_of_an_effect_has_its_values_units_and_intervals():
     assert repr(wind) == "wind: wind_north -6 m/s (-7 to -5), wind_east 3 m/s (2 to 4)"
     mass = replace(
         wind,
-        term=Term(effect=BY_KEY["rotor_degradation"], rotor=1),
+        term=known_term("rotor_degradation", rotor=1),
         value=np.array([[0.08, 0.5]]),
         lower=np.array([[0.07, 0.5]]),
         upper=np.array([[0.09, 0.5]]),

@@ -7,8 +7,8 @@ import pytest
 
 from tests.models.identification.good_flights.test_standard_effects import with_weight_forward
 from tests.models.identification.rows.test_row_fit import sums
+from tests.models.known_effects import known_effect
 from tests.models.made_flights import curve_model, made_flight, made_flights
-from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.identification.good_flights import flight_scatter
 from thrustmargin.models.identification.good_flights.flight_scatter import (
@@ -37,14 +37,14 @@ def test_an_effect_that_the_model_has_is_estimated_anew_about_its_value():
     mass = record("extra_mass", "mass", 2.2, "kg")
     gauge = record("tank_scale", "gain", 1.0, "1")
     model = replace(curve_model(), effects=(gauge, mass))
-    rest, values = separate_effect(model, BY_KEY["extra_mass"])
+    rest, values = separate_effect(model, known_effect("extra_mass"))
     assert values == [2.2]
     assert rest.effects == (gauge,)
-    assert separate_effect(model, BY_KEY["cg_offset"]) == (model, [0.0, 0.0])
+    assert separate_effect(model, known_effect("cg_offset")) == (model, [0.0, 0.0])
     problem = assemble(model, [made_flight(1, hidden_mass=2.0), made_flight(2, hidden_mass=3.0)])
     modes = problem.mode_amplitudes(problem.measured_rpm - problem.speeds())
     own = flight_estimates(
-        problem, unfiltered_whitening(modes, problem.flight), [BY_KEY["extra_mass"]]
+        problem, unfiltered_whitening(modes, problem.flight), [known_effect("extra_mass")]
     )["extra_mass.mass", None]
     assert own[:, 0] == pytest.approx([2.0, 3.0], abs=0.06)
     assert np.all((own[:, 1] > 0.0) & (own[:, 1] < 0.1))

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from tests.made_sources import FROM_OUTPUTS
+from tests.models.known_effects import known_curve
 from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.gcs_plugin.workshop.learn.training_tables import effect_lines
 from thrustmargin.models.effects.base import Placed
-from thrustmargin.models.effects.unnamed import ALONG, UNNAMED, place_of
+from thrustmargin.models.effects.unnamed import ALONG, place_of
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.good_flights.commissioning import commission
 from thrustmargin.models.identification.good_flights.flight_scatter import (
@@ -24,7 +25,7 @@ from thrustmargin.models.model.rotor_model import RotorModel
 
 MODEL = curve_model()
 SLOPE = {"at_1": 0.03, "at_2": 0.01, "at_3": -0.01, "at_4": -0.03, "low": -6.0, "high": 6.0}
-PITCH = Placed(effect=UNNAMED["pitch", "forward_speed"], values=SLOPE)
+PITCH = Placed(effect=known_curve("pitch", "forward_speed"), values=SLOPE)
 
 
 def with_curve(count: int, which: Sequence[int] | None = None) -> list[FlightTrack]:

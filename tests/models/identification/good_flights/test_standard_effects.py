@@ -9,8 +9,9 @@ from tests.lab.undeclared.crafts import CRAFTS
 from tests.lab.undeclared.flight_laws import yaw_time
 from tests.lab.undeclared.plan import good_flights
 from tests.lab.undeclared.subject import airframe_of
+from tests.models.identification.known_terms import known_term
+from tests.models.known_effects import known_effect
 from tests.models.made_flights import F16, curve_model, made_flights
-from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.good_flights import standard_effects as module
 from thrustmargin.models.identification.good_flights.standard_effects import (
@@ -18,7 +19,7 @@ from thrustmargin.models.identification.good_flights.standard_effects import (
     sums_without_effects,
     with_standard_effects,
 )
-from thrustmargin.models.identification.rows.candidates import Term, candidate
+from thrustmargin.models.identification.rows.candidates import candidate
 from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.row_fit import fit_rows
@@ -44,6 +45,37 @@ def test_what_flights_show_is_kept_with_its_size_and_what_they_do_not_is_not():
     assert forward.ci95[0] < 0.02 < forward.ci95[1]
     assert forward.value == pytest.approx(0.02, abs=0.001)
     assert "air_density" in kept  # weight and thrust curve go on following the air
+
+
+def in_gusts_without_air(track, curve_error: float):
+    """The flight in gusts that rotors and IMU follow, of a curve that promises too much thrust by
+    `curve_error`; nothing reports air or altitude, and the IMU shows 3 % too much."""
+    gust = 0.15 * np.sin(2.0 * track.time_s) * np.sin(0.11 * track.time_s + track.airspeed[0])
+    force = track.specific_force_frd.copy()
+    force[:, 2] = 1.03 * -9.80665 * (1.0 + gust)
+    unknown = np.full_like(track.pressure, np.nan)
+    speed = track.rotor_speed_rpm * np.sqrt((1.0 + curve_error) * (1.0 + gust))[:, None]
+    return replace(
+        track,
+        specific_force_frd=force,
+        pressure=unknown,
+        temperature=unknown,
+        altitude=unknown,
+        rotor_speed_rpm=speed,
+    )
+
+
+def test_an_error_of_the_thrust_curve_is_a_constant_where_no_air_is_measured():
+    """Without it thrust in gusts makes up for the curve, ends at its bound and is dropped."""
+    gains = []
+    for curve_error in (0.0, 0.12):
+        tracks = [in_gusts_without_air(t, curve_error) for t in made_flights(4, duration=60.0)]
+        kept = {e.effect.key: e for e in with_standard_effects(curve_model(), tracks).placed}
+        assert "air_density" not in kept
+        constant = kept["unnamed_cause:collective along constant"].values["at_1"]
+        assert 1.0 - constant == pytest.approx(1.0 / (1.0 + curve_error), abs=0.02)
+        gains.append(kept["load_factor"].values["gain"])
+    assert gains[1] == pytest.approx(gains[0], rel=0.05)
 
 
 def leaning(track, seed: int, height: float):
@@ -80,7 +112,7 @@ def test_what_flights_contradict_each_other_about_is_not_kept(monkeypatch):
 def fitted(tracks, keys, known_rpm: Floats | float = 0.0):
     """The rows, and some effects fitted to them together."""
     problem = assemble(curve_model(), tracks)
-    each = [candidate(Term(effect=BY_KEY[key]), problem.flights) for key in keys]
+    each = [candidate(known_term(key), problem.flights) for key in keys]
     trials = [one.initial_effect for one in each]
     return problem, fit_rows(problem, trials, known_rpm=known_rpm)
 
@@ -165,7 +197,7 @@ def test_an_interval_has_the_fits_own_width_what_can_be_read_and_what_the_law_is
     model = with_standard_effects(curve_model(), tracks)
     record = next(e for e in model.effects if e.name == "cg_offset")
     x = record.parameters["x"]
-    law = BY_KEY["cg_offset"].parameters[0]
+    law = known_effect("cg_offset").parameters[0]
     assert law.accuracy > 0.0
     width = 0.001 + law.resolution + law.accuracy * x.value
     assert x.ci95 == pytest.approx((x.value - width, x.value + width))

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.models.identification.known_terms import curve_term, known_term
 from tests.models.made_flights import curve_model, made_flight
-from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.effects.unnamed import UNNAMED
 from thrustmargin.models.identification.next_flight.next_flight import (
     FittedExplanation,
     fitted_explanation,
@@ -15,7 +14,6 @@ from thrustmargin.models.identification.next_flight.next_flight import (
     second_noise_rpm,
 )
 from thrustmargin.models.identification.rows.candidates import (
-    Term,
     TrialEffect,
     candidate,
     derivatives,
@@ -28,7 +26,7 @@ FLIGHTS = [made_flight(k, tank_kg=8.0, hidden_mass=1.0) for k in range(3)]
 MODEL = curve_model()
 PROBLEM = assemble(MODEL, FLIGHTS)
 NOISE = np.array([4.0, 3.0, 2.5, 2.5])
-MASS, GAUGE, LOSS = (Term(effect=BY_KEY[key]) for key in ("extra_mass", "tank_scale", "yaw_trim"))
+MASS, GAUGE, LOSS = (known_term(key) for key in ("extra_mass", "tank_scale", "yaw_trim"))
 
 
 def explanations(first, second) -> tuple[FittedExplanation, FittedExplanation]:
@@ -71,12 +69,12 @@ def test_a_sound_flight_s_mean_is_off_in_each_mode_by_its_own_scatter():
 
 
 def test_a_step_in_flight_counts_as_it_is_afterwards():
-    onset = Term(effect=BY_KEY["rotor_degradation:onset"], rotor=1)
+    onset = known_term("rotor_degradation:onset", rotor=1)
     assert fitted_explanation(PROBLEM, (onset,), NOISE).terms[0].key == "rotor_degradation@2"
 
 
 def test_a_cause_without_a_name_goes_along_what_the_flights_have_of_its_channel():
-    term = Term(effect=UNNAMED["collective", "airspeed"])
+    term = curve_term("collective", "airspeed")
     (trial,) = fitted_explanation(PROBLEM, (term,), NOISE).trials
     speed = PROBLEM.channels.airspeed
     assert trial.values[0, -2:] == pytest.approx(np.quantile(speed, [0.02, 0.98]), abs=0.02)
@@ -96,7 +94,7 @@ def test_what_is_open_of_a_value_is_in_its_unit_and_no_less_than_sound_flights_s
 def test_a_rival_that_is_far_from_nothing_is_fitted_all_the_way():
     """A quarter of a rotor's thrust: N² goes with 1/(1 - loss), which one step overshoots."""
     problem = assemble(MODEL, [made_flight(k, loss=0.25) for k in range(2)])
-    worn = Term(effect=BY_KEY["rotor_degradation"], rotor=0)
+    worn = known_term("rotor_degradation", rotor=0)
     loss = fitted_explanation(problem, (worn,), NOISE).trials[0].values[0, 0]
     assert loss == pytest.approx(0.25, abs=0.003)
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from tests.models.identification.known_terms import known_term
 from tests.models.identification.next_flight.test_explanations import (
     FLIGHTS,
     GAUGE,
@@ -17,7 +18,6 @@ from tests.models.identification.next_flight.test_explanations import (
     PROBLEM,
     explanations,
 )
-from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.identification.answer.result import Mentioned, OneOf, SetWeight
 from thrustmargin.models.identification.next_flight import next_flight as module
 from thrustmargin.models.identification.next_flight.manoeuvres import (
@@ -32,7 +32,7 @@ from thrustmargin.models.identification.next_flight.next_flight import (
     rows_of,
     scatter_columns,
 )
-from thrustmargin.models.identification.rows.candidates import Term, derivatives, predicted_modes
+from thrustmargin.models.identification.rows.candidates import derivatives, predicted_modes
 
 #: As the code has them, written down by hand: a change there is to be seen here.
 CHANCE = 0.6
@@ -126,7 +126,7 @@ def keys(found):
 
 
 def test_explanations_are_what_the_identification_left_open():
-    weak = Term(effect=BY_KEY["rotor_degradation"], rotor=2)
+    weak = known_term("rotor_degradation", rotor=2)
     assert keys(left_open()) is None
     assert keys(left_open(found=(named(MASS),))) is None
     either = OneOf(terms=(LOSS, GAUGE, MASS), probabilities=(0.1, 0.3, 0.6))

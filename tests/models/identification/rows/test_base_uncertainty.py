@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.models.identification.known_terms import known_term
 from tests.models.made_flights import F16, made_flight
 from tests.models.model.test_model_by_hand import AIRFRAME, DRAG, learnt, network_rpm
 from tests.models.model.test_model_by_hand import flight as hand_flight
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.effects.compose import EffectRecord, Identified
-from thrustmargin.models.effects.demand_effects import EXTRA_MASS
 from thrustmargin.models.identification.good_flights.standard_effects import mode_half_widths
-from thrustmargin.models.identification.rows.candidates import Term, candidate
+from thrustmargin.models.identification.rows.candidates import candidate
 from thrustmargin.models.identification.rows.noise import base_uncertainty_rpm
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.row_fit import fit_rows
@@ -30,7 +30,7 @@ def with_mass(half_width: float):
 def mass_found(model):
     """Value and half width of the mass that flights ask for on top, and their rows."""
     problem = assemble(model, [made_flight(k, hidden_mass=3.0) for k in (1, 2, 3)])
-    one = candidate(Term(effect=EXTRA_MASS), 3)
+    one = candidate(known_term("extra_mass"), 3)
     fit = fit_rows(problem, [one.initial_effect])
     half = mode_half_widths(fit, problem.mode_amplitudes(doubt_of(problem)))
     return fit.trials[0].values[0, 0], half[0], problem

@@ -6,8 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.models.identification.known_terms import known_term
+from tests.models.known_effects import known_effect
 from tests.models.made_flights import F16, curve_model, made_flights, table
-from thrustmargin.models.effects import BY_KEY, CATALOGUE, effects_for
+from thrustmargin.models.effects import CATALOGUE, effects_for
 from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.identification.rows.candidates import (
     Term,
@@ -35,7 +37,7 @@ ROTOR_PRIOR = 0.005
 
 MODEL = curve_model()
 SHIPPED = shipped_model()
-LOSS, MASS, GAUGE = (BY_KEY[k] for k in ("rotor_degradation", "extra_mass", "tank_scale"))
+LOSS, MASS, GAUGE = (known_effect(k) for k in ("rotor_degradation", "extra_mass", "tank_scale"))
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +111,7 @@ def test_drag_may_be_less_than_the_models_by_no_more_than_it_has(reduced):
 
 def test_what_a_model_has_of_motion_is_not_looked_for_again(reduced):
     assert keys(reduced, "load_factor") == ["load_factor"]
-    effect = BY_KEY["load_factor"]
+    effect = known_effect("load_factor")
     found = {p.name: Identified(value=1, unit=p.unit, ci95=(0.9, 1.1)) for p in effect.parameters}
     record = EffectRecord(name=effect.name, rotor=None, parameters=found, variant=effect.variant)
     has = replace(reduced, model=replace(MODEL, effects=(record,)))
@@ -117,7 +119,7 @@ def test_what_a_model_has_of_motion_is_not_looked_for_again(reduced):
 
 
 def test_of_turning_a_model_that_has_it_may_lack_a_share_and_outputs_show_none(reduced):
-    effect = BY_KEY["manoeuvre_moment"]
+    effect = known_effect("manoeuvre_moment")
     assert keys(reduced, "manoeuvre_moment") == ["manoeuvre_moment"]
     found = {p.name: Identified(value=1, unit=p.unit, ci95=(0.9, 1.1)) for p in effect.parameters}
     record = EffectRecord(name=effect.name, rotor=None, parameters=found)
@@ -155,7 +157,7 @@ def test_values_of_single_flights_are_free_one_by_one():
     shared, own = candidate(Term(effect=MASS), 3), candidate(Term(effect=GAUGE), 3)
     assert shared.free == ((0, None),)
     assert own.free == ((0, None),)
-    wind = candidate(Term(effect=BY_KEY["wind"]), 3)
+    wind = candidate(known_term("wind"), 3)
     assert wind.free == tuple(
         (k, f) for k in range(len(wind.term.effect.parameters)) for f in range(3)
     )
@@ -166,7 +168,7 @@ def test_values_of_single_flights_are_free_one_by_one():
 
 
 def test_values_move_within_their_bounds_each_where_it_belongs():
-    wind = candidate(Term(effect=BY_KEY["wind"]), 2)
+    wind = candidate(known_term("wind"), 2)
     trial = TrialEffect(candidate=wind, values=np.array([[1.0, 2.0], [3.0, 4.0]]))
     np.testing.assert_array_equal(trial.free_values, [1.0, 3.0, 2.0, 4.0])
     moved = trial.moved(np.array([0.1, 0.2, 0.3, 0.4]))
@@ -178,7 +180,7 @@ def test_values_move_within_their_bounds_each_where_it_belongs():
 
 
 def test_values_that_differ_between_flights_go_to_their_rows(reduced):
-    wind = candidate(Term(effect=BY_KEY["wind"]), 3)
+    wind = candidate(known_term("wind"), 3)
     same = TrialEffect(candidate=wind, values=np.full((3, 2), 2.0))
     assert placed_effects(reduced, [same])[0].values == {
         p.name: 2.0 for p in wind.term.effect.parameters
@@ -191,7 +193,7 @@ def test_values_that_differ_between_flights_go_to_their_rows(reduced):
 
 
 def test_a_derivative_by_the_value_of_one_flight_is_nothing_in_the_others(reduced):
-    wind = candidate(Term(effect=BY_KEY["wind"]), 3)
+    wind = candidate(known_term("wind"), 3)
     trials = [TrialEffect(candidate=wind, values=np.full((3, 2), 1.0))]
     by_parameter, by_value = slopes(reduced, trials, 0), derivatives(reduced, trials, 0)
     assert by_value.shape[2] == 6

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.models.known_effects import known_effect
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.identification.rows.problem import assemble_flight
 from thrustmargin.models.identification.rows.reduced import delay_of, reduce_flights
@@ -50,7 +50,9 @@ def test_its_error_makes_no_delay_as_unlikely_as_rows_do(recorded):
     bins = (flight.channels.time_s - flight.channels.time_s[0]) // 0.7
 
     def size(delay: float) -> np.ndarray:
-        placed = Placed(effect=BY_KEY["sensor_lag:rotor speed"], values={"lag": delay}, rotor=None)
+        placed = Placed(
+            effect=known_effect("sensor_lag:rotor speed"), values={"lag": delay}, rotor=None
+        )
         left = flight.mode_amplitudes(flight.measured_rpm - flight.speeds([placed]))
         means = np.stack([left[bins == b].mean(axis=0) for b in bins])
         return np.sqrt(np.sum((left - means) ** 2, axis=0))

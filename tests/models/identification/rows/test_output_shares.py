@@ -6,19 +6,18 @@ import numpy as np
 import pytest
 
 from tests.made_sources import FROM_OUTPUTS, sent
+from tests.models.identification.known_terms import known_term
 from tests.models.made_flights import curve_model, made_flight, table
 from thrustmargin.gcs_plugin.workshop.identify.identify_words import (
     nothing_missing_words,
     open_questions,
 )
 from thrustmargin.models.effects.base import Kind
-from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.answer.model_update import with_effects
+from thrustmargin.models.identification.answer.model_update import update_model
 from thrustmargin.models.identification.answer.posterior import EffectEstimate
 from thrustmargin.models.identification.loop import identify
-from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.output_shares import (
     learnt_spread,
     of_outputs,
@@ -79,7 +78,7 @@ def test_one_flight_names_a_rotor_only_beside_what_good_flights_have_shown():
     assert any("learnt from good flights" in line for line in open_questions(sound))
     good = identify([by_outputs(k) for k in range(4)], curve_model(), catalogue=few)
     # These may not be sound either: only `train` makes a model of sound flights.
-    assert with_effects(curve_model(), good).background_rpm == ()
+    assert update_model(curve_model(), good).model.background_rpm == ()
     modes = good.problem.mode_amplitudes(good.residual_after_rpm)
     spread = tuple(learnt_spread(modes, good.problem.flight).tolist())
     learnt = replace(curve_model(), background_rpm=spread)
@@ -126,7 +125,7 @@ def test_a_size_read_off_shares_is_as_sure_as_the_thrust_curve():
     assumed = replace(assumed, sources=words)
     assert steepness_of([known, known]) == STEEPNESS_SET == 0.15
     assert steepness_of([known, assumed]) == STEEPNESS_ASSUMED == 0.3
-    term = Term(effect=ROTOR_DEGRADATION, rotor=1)
+    term = known_term("rotor_degradation", rotor=1)
     one = EffectEstimate(
         candidate=0,
         term=term,

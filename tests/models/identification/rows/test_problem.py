@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tests.made_sources import sent
+from tests.models.known_effects import known_effect
 from tests.models.made_flights import F16, STEP_S, curve_model, made_flight, made_flights
-from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.errors import AirframeError, DataError
@@ -119,7 +119,7 @@ def test_the_time_flown_is_that_of_the_rows_that_can_be_fitted(three):
 
 
 def test_predictions_hold_the_effects_beside_the_model(problem):
-    mass = BY_KEY["extra_mass"]
+    mass = known_effect("extra_mass")
     item = Placed(effect=mass, rotor=None, values={"mass": 2.0})
     carried = problem.channels.total_mass
     expected = problem.speeds() * np.sqrt((carried + 2.0) / carried)[:, None]
@@ -150,7 +150,7 @@ def test_a_channel_that_few_rows_lack_costs_those_rows_and_one_that_many_lack_is
     whole = assemble_flight(MODEL, track)
     few = assemble_flight(MODEL, replace(track, voltage=some))
     many = assemble_flight(MODEL, replace(track, voltage=most))
-    sag = BY_KEY["battery_voltage"]
+    sag = known_effect("battery_voltage")
     assert whole.flight.size - few.flight.size == 10
     assert few.lacks(sag) == ()
     # What comes after the rows that are left out follows nothing.

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from tests.models.identification.known_terms import known_term
+from tests.models.known_effects import known_effect
 from tests.models.made_flights import curve_model, made_flights
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.models.effects import BY_KEY, CATALOGUE
+from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.identification.rows import row_fit
 from thrustmargin.models.identification.rows.candidates import (
     Term,
@@ -166,7 +168,7 @@ def test_a_loss_is_found_from_its_rows_and_only_from_the_blocks_chosen():
     out = problem.block < 3
     worse[out] *= 1.3
     problem = replace(problem, measured_rpm=worse)
-    one = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=0), 2)
+    one = candidate(known_term("rotor_degradation", rotor=0), 2)
     trials = [one.initial_effect]
     chosen = np.arange(problem.block_flight.size) >= 3
     loss = fit_rows(problem, trials, chosen).trials[0].values[0, 0]
@@ -176,7 +178,7 @@ def test_a_loss_is_found_from_its_rows_and_only_from_the_blocks_chosen():
 
 def test_steps_go_on_while_they_gain_and_a_large_loss_takes_several():
     problem = assemble(curve_model(), made_flights(2, loss=0.5))
-    one = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=0), 2)
+    one = candidate(known_term("rotor_degradation", rotor=0), 2)
     found = fit_rows(problem, [one.initial_effect])
     assert found.trials[0].values[0, 0] == pytest.approx(0.5, abs=0.001)
 
@@ -191,7 +193,7 @@ def test_steps_end_where_they_gain_nothing_more(monkeypatch):
     columns_of = row_fit._columns
     monkeypatch.setattr(row_fit, "_columns", counted)
     problem = assemble(curve_model(), made_flights(2, duration=60.0, loss=0.08))
-    one = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=0), 2)
+    one = candidate(known_term("rotor_degradation", rotor=0), 2)
     fit_rows(problem, [one.initial_effect])
     assert 4 < len(asked) < 14  # of 21: ten steps in each of two rounds, and the last
 
@@ -236,7 +238,7 @@ def test_slopes_are_those_of_differences_in_the_prediction(problem, effect):
 
 def test_a_value_beyond_its_bounds_moves_nothing(problem):
     """No step is possible there: a derivative of 0, not one that is no number."""
-    effect = BY_KEY["cg_offset"]
+    effect = known_effect("cg_offset")
     one = candidate(Term(effect=effect), 2)
     beyond = np.array([[p.upper + 1.0 for p in effect.parameters]] * 2)
     np.testing.assert_array_equal(
@@ -268,7 +270,7 @@ def test_a_value_at_its_bound_stays_and_the_others_move_as_is_best_without_it():
 
 def test_a_value_rests_where_nothing_shows_it_by_a_ten_thousandth_of_the_rows():
     problem = assemble(curve_model(), made_flights(2, hidden_mass=2.0))
-    mass = candidate(Term(effect=BY_KEY["extra_mass"]), 2)
+    mass = candidate(known_term("extra_mass"), 2)
     fit = fit_rows(problem, [mass.initial_effect])
     value, size = fit.trials[0].values[0, 0], mass.parameters[0].scale
     assert value == pytest.approx(2.0, abs=0.1)
@@ -278,7 +280,7 @@ def test_a_value_rests_where_nothing_shows_it_by_a_ten_thousandth_of_the_rows():
 
 
 def test_the_merit_of_values_is_what_they_leave_and_how_far_they_are_from_nothing():
-    mass = candidate(Term(effect=BY_KEY["extra_mass"]), 1)
+    mass = candidate(known_term("extra_mass"), 1)
     trials = [TrialEffect(candidate=mass, values=np.array([[-3.0]]))]
     assert penalised_squares(trials, np.array([0.5]), np.array([1.0, 2.0])) == pytest.approx(
         5.0 + 0.5 * 9.0
@@ -288,7 +290,7 @@ def test_the_merit_of_values_is_what_they_leave_and_how_far_they_are_from_nothin
 def test_fits_compare_by_the_filter_of_one_of_them():
     """By their own, a fit that leaves more is seen through a wider one, and costs the same."""
     flown = assemble(curve_model(), made_flights(3, hidden_mass=3.0))
-    one = candidate(Term(effect=BY_KEY["extra_mass"]), flown.flights)
+    one = candidate(known_term("extra_mass"), flown.flights)
     having = fit_rows(flown, [one.initial_effect])
     without = fit_rows(flown, [])
     own = having.sums.held_out_costs()

@@ -11,9 +11,9 @@ from scipy.stats import norm
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.season.change_points import (
     SeasonEntry,
-    _fit_hinge,
     changes,
     clip_outliers,
+    fit_hinge,
     penalty_of,
     recount_flights,
     scatter_of,
@@ -168,7 +168,7 @@ def test_a_bend_may_be_from_the_second_flight_to_the_last_but_two(line):
     """Of what does not bend any date is as good: the first flight after it is the third to the
     last but one."""
     straight = 2.0 + 0.3 * line * np.arange(20.0)
-    left, dates = _fit_hinge(straight, np.full(20, 0.5), 4, 16, line=line)
+    left, dates = fit_hinge(straight, np.full(20, 0.5), 4, 16, line=line)
     assert (left, dates[1:]) == (pytest.approx(0.0, abs=1e-9), (6, 14))
 
 

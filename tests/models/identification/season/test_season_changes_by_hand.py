@@ -20,9 +20,9 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.season.change_points import penalty_of
 from thrustmargin.models.identification.season.flight_sums import SeasonSums, season_sums
 from thrustmargin.models.identification.season.season_changes import (
-    _joint_fit,
-    _relinearise,
-    _SeasonModel,
+    SeasonModel,
+    joint_fit,
+    relinearise,
     season_changes,
 )
 
@@ -101,7 +101,7 @@ def test_a_mean_goes_when_others_that_are_found_after_it_explain_it():
     sums = sums_of(np.repeat([[14.0, 60.0, 60.0]], 40, axis=0), alike, noise=1.0)
     found = season_changes(sums)
     assert [one.name for one in found.shared] == ["value.1", "value.2"]
-    without = _joint_fit(sums, _SeasonModel(shared=frozenset({1, 2})))[0]
+    without = joint_fit(sums, SeasonModel(shared=frozenset({1, 2})))[0]
     for k, trend in enumerate(sorted(found.trends, key=lambda one: one.name)):
         np.testing.assert_allclose(trend.curve, without[:, k])
 
@@ -175,11 +175,11 @@ def bent_season(loss: float, bend: float) -> SeasonSums:
 def test_sums_are_made_anew_until_they_are_about_what_was_lost():
     """Newton's steps: 0.3 + 9 x 0.3² = 1.11, 0.58, 0.36, 0.304, 0.30002."""
     sums = bent_season(0.3, 9.0)
-    found = _SeasonModel(shared=frozenset({place(sums, LOSS)}))
-    assert _relinearise(sums, found).bent[LOSS] == pytest.approx(0.304, abs=0.001)
-    again = _relinearise(_relinearise(_relinearise(sums, found), found), found)
+    found = SeasonModel(shared=frozenset({place(sums, LOSS)}))
+    assert relinearise(sums, found).bent[LOSS] == pytest.approx(0.304, abs=0.001)
+    again = relinearise(relinearise(relinearise(sums, found), found), found)
     assert again.bent[LOSS] == pytest.approx(0.3, abs=5e-4)
-    assert _relinearise(again, found) is again
+    assert relinearise(again, found) is again
 
 
 @pytest.mark.parametrize("changes", [True, False])
@@ -190,9 +190,9 @@ def test_a_torque_share_goes_with_its_loss_and_is_known_to_a_half(changes):
     sums = season_sums([one.evidence for one in flights], {LOSS: loss})
     k, mass = place(sums, LOSS), place(sums, MASS)
     if changes:
-        found = _SeasonModel(shared=frozenset({mass}), shapes={k: loss})
+        found = SeasonModel(shared=frozenset({mass}), shapes={k: loss})
     else:  # a loss in all flights: the share goes with its mean
-        found = _SeasonModel(shared=frozenset({mass, k}))
+        found = SeasonModel(shared=frozenset({mass, k}))
     names = [name for name in NAMES if name != "wind.north"]
     usual = {name: max(VALUES[name][4], 0.05 * VALUES[name][3]) for name in (GAIN, LOSS, MASS)}
     free = {MASS} if changes else {MASS, LOSS}
@@ -209,7 +209,7 @@ def test_a_torque_share_goes_with_its_loss_and_is_known_to_a_half(changes):
     wanted.append(np.zeros(len(over)))
     whole, right = np.concatenate(rows), np.concatenate(wanted)
     sizes = np.linalg.lstsq(whole, right)[0]
-    curves, left = _joint_fit(sums, found)
+    curves, left = joint_fit(sums, found)
     for name in (*usual, SHARE):
         by_hand = sum(s * c for s, (n, c, _) in zip(sizes, over, strict=True) if n == name)
         np.testing.assert_allclose(curves[:, place(sums, name)], by_hand, rtol=1e-6, atol=1e-9)

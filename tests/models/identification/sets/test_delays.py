@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.models.known_effects import known_effect
 from tests.models.made_flights import F16, NOISE_RPM, STEP_S, curve_model, made_flights, table
-from thrustmargin.models.effects import BY_KEY, effects_for
+from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.compose import EffectRecord, Identified
 from thrustmargin.models.identification.rows.problem import assemble_flight
 from thrustmargin.models.identification.sets.search_space import search_space
@@ -22,7 +23,7 @@ def turning_model():
         p.name: Identified(
             value=INERTIA if p.name == "inertia_yaw" else p.start, unit=p.unit, ci95=(0.0, 0.0)
         )
-        for p in BY_KEY["manoeuvre_moment"].parameters
+        for p in known_effect("manoeuvre_moment").parameters
     }
     record = EffectRecord(name="manoeuvre_moment", rotor=None, parameters=own)
     return replace(curve_model(), effects=(record,))

@@ -8,6 +8,7 @@ from scipy.integrate import quad
 from scipy.linalg import block_diag
 from scipy.stats import norm
 
+from thrustmargin.models.checks.arms.arm_posterior import LossEvidence
 from thrustmargin.models.effects.base import Effect, Kind, Parameter, shaping
 from thrustmargin.models.identification.rows.candidates import Candidate, Term, TrialEffect
 from thrustmargin.models.identification.rows.fast_rows import Reading
@@ -72,6 +73,25 @@ def test_the_first_bad_rotor_is_as_likely_as_any_effect_and_one_beside_it_less()
     assert prior_of([rotor(0), rotor(2)]).log_sets == pytest.approx(np.log(0.02 * 0.005))
     assert prior_of([other]).log_sets == pytest.approx(np.log(0.02))
     assert prior_of([other, rotor(1)]).log_sets == pytest.approx(np.log(0.02**2))
+
+
+def test_what_an_arm_reports_multiplies_the_density_of_its_rotors_loss():
+    """A loss of 0.2 fits the speeds, of which the arm's figures say e³; two curves of it count
+    once, by the sum of their means."""
+    arm = LossEvidence(loss=np.array([0.0, 0.4]), log_ratio=np.array([0.0, 6.0]))
+
+    def rotor(evidence, *parameters):
+        one = trials(*parameters)
+        made = replace(one.candidate, arm=evidence, term=replace(one.candidate.term, rotor=1))
+        return replace(one, candidate=made)
+
+    def found(evidence):
+        other = replace(MAIN, name="c")
+        prior = prior_of([rotor(evidence, MAIN, SHAPE), rotor(evidence, MAIN, other)])
+        hessian, gradient = np.diag([1e4, 0.0, 1e4, 1e4]), 1e4 * np.array([0.2, 0.0, 0.1, -0.3])
+        return score(prior, hessian, gradient, 900.0).log_evidence
+
+    assert found(arm) - found(None) == pytest.approx(15.0 * (0.2 + 0.5 * (0.1 - 0.3)), abs=1e-6)
 
 
 @pytest.mark.parametrize("at", [0.3, 1.35, 1.0])

@@ -7,7 +7,6 @@ import pytest
 
 from tests.models.made_flights import F16, curve_model, made_flight, table
 from thrustmargin.models.effects import effects_for
-from thrustmargin.models.effects.thrust_effects import ONSETS
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.identification.rows.candidates import Candidate, derivatives
 from thrustmargin.models.identification.sets import onsets
@@ -18,7 +17,9 @@ from thrustmargin.models.identification.sets.set_search import Search
 #: As the code has them, written down by hand: a change there is to be seen here.
 FAR = 27.0
 
-IN_ONE, FOR_A_WHILE, IN_EACH, SINCE, UNTIL = (effect.variant for effect in ONSETS)
+#: Variants of a rotor that degrades at some time.
+IN_ONE, FOR_A_WHILE, IN_EACH = "onset", "for a while", "in each flight"
+SINCE, UNTIL = "since", "until repaired"
 
 
 def searched(durations: list[float], dated: bool = True) -> Search:

@@ -9,9 +9,11 @@ import pytest
 
 from tests.made_sources import sent
 from tests.models.identification.sets.test_nuisance import FLIGHTS, MODES, ROWS, dense, made
+from tests.models.known_effects import known_effect
 from tests.models.made_flights import F16, NOISE_RPM, curve_model, made_flights, table
 from tests.models.model.test_model_by_hand import recorded
-from thrustmargin.models.effects import BY_KEY, effects_for
+from thrustmargin.models.checks.instruments import Thermometer
+from thrustmargin.models.effects import effects_for
 from thrustmargin.models.identification.rows.candidates import derivatives, predicted_modes
 from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.identification.sets.discrepancy import (
@@ -25,7 +27,6 @@ from thrustmargin.models.identification.sets.search_space import (
     search_space,
     unexplained_noise,
 )
-from thrustmargin.models.model.thermometer import Thermometer
 from thrustmargin.models.network.records import GoodFlights
 
 SOME = ["extra_mass", "cg_offset", "rotor_degradation"]
@@ -173,7 +174,7 @@ def test_an_output_may_answer_a_turn_by_a_third_more_or_less_than_the_others():
     """Rows of four rotors, of which turning takes what `turning` says of each."""
     turning = np.array([[10.0, -20.0, 30.0, 5.0], [0.0, 40.0, -10.0, 20.0]])
     turn = np.linalg.qr(np.random.default_rng(2).normal(size=(4, 4)))[0]
-    effects = (BY_KEY["extra_mass"], BY_KEY["manoeuvre_moment"])
+    effects = (known_effect("extra_mass"), known_effect("manoeuvre_moment"))
     reduced: Any = SimpleNamespace(
         model=SimpleNamespace(placed=[SimpleNamespace(effect=effect) for effect in effects]),
         modes=SimpleNamespace(directions=turn),

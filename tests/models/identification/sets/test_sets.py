@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.models.known_effects import known_effect
 from tests.models.made_flights import F16, curve_model, made_flight, made_flights, table
-from thrustmargin.models.effects import BY_KEY, effects_for
+from thrustmargin.models.effects import effects_for
 from thrustmargin.models.identification.answer.posterior import EffectEstimate, add_law_error
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.candidates import derivatives, predicted_modes
@@ -161,7 +162,7 @@ def test_means_are_those_of_the_rows():
 @pytest.mark.parametrize("key", ["extra_mass", "rotor_degradation"])
 def test_derivatives_are_the_slope_of_the_prediction(key):
     flights = made_flights(2, duration=30.0)
-    space = search_space(curve_model(), flights, [BY_KEY[key]])
+    space = search_space(curve_model(), flights, [known_effect(key)])
     one = space.candidates[0]
     at = one.initial_effect
     slope = derivatives(space.reduced, [at], 0)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.models.identification.known_terms import known_term
 from tests.models.identification.sets.test_evidence import MAIN, score, trials
 from tests.models.identification.sets.test_evidence import SHAPE as DETAIL
 from tests.models.made_flights import curve_model
@@ -43,8 +44,8 @@ from thrustmargin.models.network.records import GoodFlights
 EFFECT_PRIOR = 0.02
 ROTOR_PRIOR = 0.005
 
-MASS = candidate(Term(effect=BY_KEY["extra_mass"]), 2)
-LOSS = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=1), 2)
+MASS = candidate(known_term("extra_mass"), 2)
+LOSS = candidate(known_term("rotor_degradation", rotor=1), 2)
 
 
 def test_any_effect_is_there_once_in_fifty_and_each_further_rotor_once_in_two_hundred():
@@ -221,7 +222,7 @@ def test_a_rotor_is_bad_in_one_form_at_a_time():
         Term(effect=ROTOR_DEGRADATION, rotor=0),
         Term(effect=ROTOR_DEGRADATION_ONSET, rotor=0),
         Term(effect=ROTOR_DEGRADATION_ONSET, rotor=1),
-        Term(effect=BY_KEY["extra_mass"]),
+        known_term("extra_mass"),
     ]
     search: Any = SimpleNamespace(candidates=[SimpleNamespace(term=term) for term in terms])
     twice = [
@@ -236,7 +237,7 @@ def test_a_rotor_is_bad_in_one_form_at_a_time():
 
 def test_an_aircraft_has_one_load_on_a_cable_whatever_its_length_and_may_be_late_twice():
     keys = [k for k in BY_KEY if k.startswith(("slung_load", "sensor_lag"))]
-    terms = [Term(effect=BY_KEY[key]) for key in keys]
+    terms = [known_term(key) for key in keys]
     search: Any = SimpleNamespace(candidates=[SimpleNamespace(term=term) for term in terms])
     cables = {k for k, key in enumerate(keys) if key.startswith("slung_load")}
     assert len(cables) > 2

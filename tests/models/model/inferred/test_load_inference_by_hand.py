@@ -14,11 +14,8 @@ import pytest
 from thrustmargin.gcs_plugin.wording.check_words import source_words
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.inferred.load_evidence import LoadEvidence, load_fit
-from thrustmargin.models.model.inferred.load_inference import (
-    shared_error,
-    with_load,
-    with_load_so_far,
-)
+from thrustmargin.models.model.inferred.load_inference import with_load, with_load_so_far
+from thrustmargin.models.model.inferred.utilisation_error import shared_error
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 from thrustmargin.models.provenance import stated
 from thrustmargin.models.statement import state

@@ -7,15 +7,15 @@ import pytest
 
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.wording.check_words import statement_words
-from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.model_file import load_model, save_model
-from thrustmargin.models.model.rotor_model import physics_model
-from thrustmargin.models.model.thermometer import (
+from thrustmargin.models.checks.instruments import (
     Thermometer,
     learnt_thermometer,
     with_air_temperature,
 )
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.model_file import load_model, save_model
+from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.provenance import Meaning
 

@@ -1,4 +1,7 @@
-"""Choose the message that the tank level is read from, and compute the level in kg.
+"""Choose the messages that battery, tank and pump are read from.
+
+The flight battery's voltage and current come from its own message, else from SYS_STATUS or the
+ESCs. `spraying` comes from the pump's output, else from the falling tank.
 
 Autopilots have no message for a spray tank. In order of trust, `auto` takes
 1. NAMED_VALUE_FLOAT `TANK` or `TANK_KG` (kg), `TANK_L` (litres);
@@ -14,24 +17,30 @@ A source that is named is never replaced by another. Nothing is assumed about ho
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.signals import (
-    SENDER_VOLTAGE,
+    Sampling,
     Signals,
     by_index,
+    last_before,
     output_pulses,
 )
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.smoothing import known_median
-from thrustmargin.models.provenance import Provenance, SourceKind
+from thrustmargin.models.provenance import NOT_REPORTED, Provenance, SourceKind
 from thrustmargin.models.statement import Statement, state
+from thrustmargin.models.vehicle_facts import StatedBattery
+
+#: A flight battery reads more than this, the level sender of a tank less, V.
+SENDER_VOLTAGE = 2.5
 
 LEFT_OUT = state("tank level left out")
 #: % by which the level from ml used may differ from the level in % and still be the same thing.
@@ -43,6 +52,139 @@ NUMBERED = ("FUEL_STATUS", "BATTERY_STATUS")  # sources that a number distinguis
 MARGIN_ID, TANK_ID = 90, 91
 #: Names that `auto` knows -> True for litres.
 NAMES = {"TANK": False, "TANK_KG": False, "TANK_L": True}
+#: V by which an ESC's voltage must be off the others': three steps of what most ESCs report.
+_ESC_OFFSET = 0.3
+
+
+def power(
+    signals: Signals, sampling: Sampling, notes: list[Statement]
+) -> dict[str, Iterable[Signal]]:
+    """Return the sources of the flight battery's "voltage" and "current", preferred first.
+
+    They are the battery's own message, SYS_STATUS and the ESCs. With `sampling` "hold" only past
+    reports count. Append to `notes` if further batteries have a flight battery's voltage.
+    """
+    sources: dict[str, Iterable[Signal]] = {}
+    flown = flight_battery(signals)
+    for channel in ("voltage", "current"):
+        battery = by_index(signals, f"battery_{channel}")
+        candidates = [*signals.get(channel, ())]
+        if flown is not None and flown in battery:
+            candidates.insert(0, battery[flown])
+        sources[channel] = chain(candidates, _of_escs(channel, signals, sampling))
+    others = [
+        state("battery number", number=str(number))
+        if sampling == "hold"
+        else state(
+            "battery range",
+            number=str(number),
+            low=float(np.nanmin(signal.values)),
+            high=float(np.nanmax(signal.values)),
+        )
+        for number, signal in by_index(signals, "battery_voltage").items()
+        if number != flown and np.mean(signal.values > 2 * SENDER_VOLTAGE) > 0.5
+    ]
+    if flown is not None and others:
+        notes.append(state("further batteries", others=tuple(others), flown=str(flown)))
+    return sources
+
+
+def stated_battery(signals: Signals) -> StatedBattery:
+    """Return cells, nominal voltage, V, and capacity, mAh, that the flight battery last reported
+    above 0; 0 where it did not.
+
+    If no voltage shows which battery is the flight battery, it is the one with the lowest number.
+    """
+    statements = {
+        name: by_index(signals, f"battery_{name}") for name in ("cells", "nominal", "capacity")
+    }
+    if not any(statements.values()):
+        return StatedBattery()
+    flown = flight_battery(signals)
+    if flown is None:  # its voltage comes in a message without a number
+        flown = min((int(number) for stated in statements.values() for number in stated), default=0)
+    last: dict[str, float] = {}
+    sources: list[Provenance] = []
+    for name, stated in statements.items():
+        if (signal := stated.get(flown)) is not None:
+            known = signal.values[np.isfinite(signal.values) & (signal.values > 0.0)]
+            if known.size:
+                last[name] = float(known[-1])
+                sources.append(signal.source)
+    return StatedBattery(
+        cells=int(last.get("cells", 0)),
+        nominal_voltage=last.get("nominal", 0.0),
+        capacity_mah=last.get("capacity", 0.0),
+        source=sources[0] if sources else NOT_REPORTED,
+    )
+
+
+def _of_escs(channel: str, signals: Signals, sampling: Sampling) -> Iterator[Signal]:
+    """Yield the ESCs' mean "voltage" or summed "current" at the first ESC's report times.
+
+    Nothing if no ESC reports a value above 0. With `sampling` "hold" each ESC's last report counts,
+    and a current of 0 is unknown; else values are interpolated.
+    """
+    escs = [s for s in by_index(signals, f"esc_{channel}").values() if np.any(s.values > 0)]
+    if not escs:
+        return
+    time_s = escs[0].time_s
+
+    def at_first(signal: Signal) -> Floats:
+        if sampling == "hold":
+            return last_before(signal, time_s)
+        return np.interp(time_s, signal.time_s, signal.values)
+
+    stack = np.stack([at_first(s) for s in escs], axis=-1)
+    if channel == "current":
+        total = np.nansum(stack, axis=-1)
+        if sampling == "hold":
+            # Whether an ESC measures current at all shows only when some flows.
+            total = np.where(total > 0, total, np.nan)
+        yield Signal(channel, escs[0].source.remarked(state("sum of ESCs")), time_s, total)
+        return
+    known = np.count_nonzero(stack > 0, axis=-1)
+    total = np.sum(stack, axis=-1, where=stack > 0)
+    mean = np.where(known > 0, total / np.maximum(known, 1), np.nan)
+    yield Signal(channel, escs[0].source.remarked(state("mean of ESCs")), time_s, mean)
+
+
+def esc_voltage_offsets(signals: Signals, outputs: Sequence[int]) -> tuple[float, ...]:
+    """Return the constant offset, V, of each motor's ESC voltage from the others' median, positive
+    if it reads high.
+
+    NaN for an ESC without one: the offset must be _ESC_OFFSET V or more and equal at high and low
+    load, and all other ESCs must agree. `outputs` are the motors' ESC numbers. All ESCs share one
+    battery: the drop along a cable grows with the load, the offset of an instrument does not. All
+    are NaN unless all ESCs report, at least three.
+    """
+    escs = by_index(signals, "esc_voltage")
+    of_rotors = [escs.get(output) for output in outputs]
+    nothing = (float("nan"),) * len(outputs)
+    heard = [s for s in of_rotors if s is not None and np.mean(s.values > SENDER_VOLTAGE) > 0.5]
+    if len(heard) < max(3, len(outputs)):
+        return nothing
+    time_s = heard[0].time_s
+    volts = np.stack([np.interp(time_s, s.time_s, s.values) for s in heard], axis=-1)
+    volts = volts[np.all(volts > SENDER_VOLTAGE, axis=1)]
+    if not len(volts):
+        return nothing
+    middle = np.median(volts, axis=1)
+    low, high = np.quantile(middle, [0.2, 0.8])  # the battery sags under load
+
+    def offset(rotor: int) -> float:
+        usual = np.median(np.delete(volts, rotor, axis=1), axis=1)
+        own = volts[:, rotor] - usual
+        size = np.median(own)
+        if not abs(size) >= _ESC_OFFSET:
+            return float("nan")
+        others = np.delete(np.median(volts - usual[:, None], axis=0), rotor)
+        loaded, free = (np.median(own[part]) for part in (middle <= low, middle >= high))
+        stays = abs(loaded - free) < 0.5 * abs(size)
+        alone = np.ptp(others) < 0.5 * abs(size)
+        return float(size) if stays and alone else float("nan")
+
+    return tuple(offset(rotor) for rotor in range(len(outputs)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,10 +212,10 @@ class TankContext:
 
 
 def flight_battery(signals: Signals) -> int | None:
-    """Return the id of the flight battery; None if there is none.
+    """Return the id of the flight battery; None if no battery qualifies.
 
-    It is the lowest id whose median voltage is above that of a level sensor and above half of the
-    highest one: batteries below feed the autopilot.
+    It is the lowest id whose median voltage is above SENDER_VOLTAGE, that of a level sensor, and
+    above half of the highest median: batteries below that feed the autopilot.
     """
     volts = {n: known_median(s.values) for n, s in _heard(signals, "battery_voltage").items()}
     least = max(SENDER_VOLTAGE, 0.5 * max(volts.values(), default=0.0))
@@ -95,7 +237,9 @@ def tank_levels(
 ) -> Iterator[TankLevel]:
     """Yield each tank level that the signals contain by `source` ("auto": any), preferred first.
 
-    Raise LogError if a source that was named is not in the log.
+    A level without a signal has notes that give the reason. With "auto" the airframe's own source,
+    if it names one, is used. Raise LogError if `source` is malformed, or a named source is not
+    reported.
     """
     if source.strip().upper() == "AUTO" and context.airframe is not None:
         source = context.airframe.tank_source
@@ -126,9 +270,10 @@ def tank_levels(
 
 
 def check_source(source: str) -> tuple[str, str]:
-    """Return the kind of a tank source in capitals, and its name or number, empty if it has none.
+    """Split a tank source such as "FUEL_STATUS 1" into its kind, in capitals, and name or number.
 
-    Raise LogError if it is not a known kind; the check needs no signals.
+    The latter is empty if there is none. Raise LogError if the kind is unknown, or FUEL_STATUS or
+    BATTERY_STATUS is followed by anything but a number.
     """
     kind, _, rest = source.strip().partition(" ")
     kind = kind.upper()
@@ -220,8 +365,12 @@ def _battery(signals: Signals, context: TankContext, chosen: int | None) -> Tank
 def _battery_level(
     percent: Signal, used: Signal | None, context: TankContext, number: int
 ) -> TankLevel:
-    """Return the level from the percentage of battery `number` and, where they agree, its ml
-    used."""
+    """Return the tank level, kg, from the percentage of battery `number`, which is a level sensor.
+
+    Reports in which the ml used (`used`, with as many values) agree with it within AGREEMENT % use
+    them. The capacity is parameter BATTn_CAPACITY, else the airframe's; without one, or if it is 0,
+    the level has no signal.
+    """
     key = f"BATT{number + 1 if number else ''}_CAPACITY"
     if context.parameters.get(key, 0.0) > 0.0:
         capacity_ml = context.parameters[key]
@@ -280,10 +429,11 @@ class PumpedSoFar:
 
 
 def pumped(share: Signal, context: TankContext) -> Signal:
-    """Return the mass, kg, that the pump has delivered by each report of its output `share` (0 to
-    1).
+    """Return the signal of the mass, kg, that the pump has delivered by each report of its output.
 
-    It starts at 0, or at `context.pumped`. NaN without an airframe, because the flow is unknown.
+    `share` is that output, 0 to 1. It starts at 0, or continues from `context.pumped`, whose time
+    is then the first. NaN without an airframe, because the flow is unknown. Pauses of more than
+    LONGEST_STEP s are not summed over.
     """
     time_s, output, before = share.time_s, np.nan_to_num(share.values), 0.0
     if context.pumped is not None:
@@ -302,9 +452,10 @@ def pumped(share: Signal, context: TankContext) -> Signal:
 
 
 def pump_share(signals: Signals, context: TankContext) -> Signal | None:
-    """Return the pump's output from 0 (off) to 1 (full), NaN without a pulse.
+    """Return the signal of the pump's output from 0 (off) to 1 (full), NaN without a pulse.
 
-    None if no output is known as the pump's, it has no pulse at all, or its range is invalid.
+    Full and off are SERVOn_MAX and _MIN, 1900 and 1100 µs if unset. None if `context` names no pump
+    output, it has no pulse at all, or its range is invalid.
     """
     if context.pump_output is None or not (sent := output_pulses(signals, context.pump_output)):
         return None
@@ -318,3 +469,40 @@ def pump_share(signals: Signals, context: TankContext) -> Signal | None:
     share = np.where(pulse > 0, np.clip((pulse - low) / (high - low), 0.0, 1.0), np.nan)
     source = replace(sent.source, fields=(f"servo {number}",)).remarked(state("pump"))
     return Signal("spraying", source, sent.time_s, share)
+
+
+#: A tank that loses more than this over the window is being sprayed, kg/s.
+_SPRAY_RATE = 0.008
+_SPRAY_WINDOW = 4.0  # s
+
+
+def spraying_sources(
+    share: Signal | None, tank: Signal | None, sampling: Sampling, notes: list[Statement]
+) -> tuple[Signal, ...]:
+    """Return the sources of `spraying`, 1 while the pump runs, else 0, preferred first; empty
+    without pump output and tank level.
+
+    They are the pump's output `share` (0 to 1) and the falling level `tank`, kg. An unknown output
+    is 0, with `sampling` "hold" NaN. If the level is the only source, append to `notes` that there
+    is no pump output.
+    """
+    sources = []
+    if share is not None:
+        on = (share.values > 0.0).astype(np.float64)
+        if sampling == "hold":
+            # That an output without a pulse will have one later, a listener cannot know.
+            on[np.isnan(share.values)] = np.nan
+        above = share.source.remarked(state("above its minimum"))
+        sources.append(Signal("spraying", above, share.time_s, on))
+    if tank is not None and tank.time_s.size:
+        earlier = np.interp(tank.time_s - _SPRAY_WINDOW, tank.time_s, tank.values)
+        falling = (earlier - tank.values) / _SPRAY_WINDOW > _SPRAY_RATE
+        if share is None:
+            notes.append(state("no pump output"))
+        source = Provenance(
+            kind=SourceKind.INFERRED,
+            parts=(tank.source,),
+            remarks=(state("tank level falls", rate=_SPRAY_RATE * 60),),
+        )
+        sources.append(Signal("spraying", source, tank.time_s, falling.astype(np.float64)))
+    return tuple(sources)

@@ -10,14 +10,14 @@ from tests.gcs_plugin.logs.log_files import frames_of
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.signals import signals_by_channel
-from thrustmargin.gcs_plugin.telemetry.tank_source import (
+from thrustmargin.gcs_plugin.telemetry.battery_and_tank import (
     TankContext,
     check_source,
     first_level,
     flight_battery,
     tank_levels,
 )
+from thrustmargin.gcs_plugin.telemetry.signals import signals_by_channel
 from thrustmargin.gcs_plugin.wording.check_words import source_words, statement_words
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.physics.airframe import load_airframe

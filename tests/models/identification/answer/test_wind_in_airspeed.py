@@ -8,8 +8,8 @@ import pytest
 from scipy import stats
 
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.models.identification.answer import acceptance
-from thrustmargin.models.identification.answer.acceptance import (
+from thrustmargin.models.identification.answer import wind_in_airspeed as module
+from thrustmargin.models.identification.answer.wind_in_airspeed import (
     block_winds,
     errors_without_channels,
     wind_half_widths,
@@ -103,7 +103,7 @@ def test_a_level_error_of_half_a_degree_is_in_the_interval(problem, windy):
 def test_without_the_airspeed_it_is_worse_by_2_percent_and_not_by_chance(
     problem, windy, monkeypatch, before, p, stated
 ):
-    monkeypatch.setattr(acceptance, "errors_without_channels", lambda *_: (2.0 * before, 2.0, p))
+    monkeypatch.setattr(module, "errors_without_channels", lambda *_: (2.0 * before, 2.0, p))
     assert (answer(problem, windy) is not None) == stated
 
 
@@ -116,7 +116,7 @@ def test_what_it_would_cost_is_with_the_speed_over_ground_at_every_shift(
         seen.append(given[3])
         return 2.0, 2.0, 1.0
 
-    monkeypatch.setattr(acceptance, "errors_without_channels", worse)
+    monkeypatch.setattr(module, "errors_without_channels", worse)
     answer(problem, windy)
     x = problem.channels
     speed = np.sqrt(x.velocity_north**2 + x.velocity_east**2)

@@ -1,4 +1,4 @@
-"""Determine when the vehicle was off the ground, and the origin of its position."""
+"""Determine when the vehicle was off the ground."""
 
 from __future__ import annotations
 
@@ -8,16 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.resample import known_rows, last_before, plausible
-from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
-from thrustmargin.models.checks.held import (
-    RISEN,
-    HeldSoFar,
-    drop_held,
-    flag_held,
-    may_hover,
-)
-from thrustmargin.models.flight import Bools, Floats, FlyingBy, Origin
+from thrustmargin.gcs_plugin.telemetry.signals import Signals, best, known_rows, last_before
+from thrustmargin.models.checks.held import RISEN, HeldSoFar, drop_held, flag_held, may_hover
+from thrustmargin.models.flight import Bools, Floats, FlyingBy
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0, pressure_altitude
 from thrustmargin.models.physics.flight_phases import stretches
@@ -61,11 +54,12 @@ def airborne(
     channels: Mapping[str, Floats],
     airframe: Airframe | None = None,
 ) -> Airborne:
-    """Flag which of T rows are off the ground; also return the evidence used. `clock_s` (T,) is the
-    vehicle's clock, `channels` the rows' channels.
+    """Flag which of T rows are off the ground; also return the kind of evidence and its source.
 
-    The last row is on the ground if a landing is reported after it: many logs end with that report,
-    less than a row later.
+    `clock_s` (T,) is the vehicle's clock; `channels`, on these rows, must include rotor_speed_rpm
+    and throttle, (T, R), unless `signals` report the vehicle disarmed throughout. The last row is
+    on the ground if a landing is reported after it: many logs end with that report, less than a row
+    later.
     """
     result = _airborne(signals, clock_s, channels, airframe)
     if not result.flying[-1:].any() or not _down_after(signals, float(clock_s[-1])):
@@ -76,9 +70,10 @@ def airborne(
 
 
 def _disarmed_since(signals: Signals, landed: Signal, clock_s: Floats) -> Bools:
-    """Flag rows (T,) where the vehicle was disarmed after its last report of landed or in the air.
+    """Flag rows (T,) where the newest report of disarming is later than that of the landed state.
 
-    A crashed vehicle reports no landing.
+    A crashed vehicle reports no landing. `landed` is the signal of the landed state; all times are
+    of the vehicle's clock, s. False throughout without reports of arming.
     """
     armed = best(signals, "armed")
     if armed is None:
@@ -93,10 +88,10 @@ def _disarmed_since(signals: Signals, landed: Signal, clock_s: Floats) -> Bools:
 
 
 def _down_after(signals: Signals, end: float) -> bool:
-    """Return True if the vehicle's last report says landed, or disarmed, and is of `end` s or
-    later.
+    """Return True if the landed state was last reported as on the ground, at `end` s or later.
 
-    Only the last value of the best source of each of the two counts. False without any report.
+    True too if the vehicle was last reported as disarmed then. Times are of the vehicle's clock;
+    the best source of each counts. False without any report.
     """
     for channel, down in (("landed", (ON_GROUND,)), ("armed", (0.0,))):
         heights = best(signals, channel)
@@ -113,10 +108,14 @@ def _airborne(
     channels: Mapping[str, Floats],
     airframe: Airframe | None,
 ) -> Airborne:
-    """Flag which of T rows are off the ground; rows disarmed or with idle outputs never are.
+    """Flag which of T rows are off the ground, with the test that decided; rows disarmed or with
+    idle outputs never are.
 
-    The rest follow the landed state; without it, thrust above IDLE_SHARE of that in cruise by rotor
-    speeds or outputs; without these, a height of more than 1 m above home.
+    The rest follow the landed state and the height; without a landed state, thrust above IDLE_SHARE
+    of that in cruise by rotor speeds or outputs; without these, a height of more than 1 m above
+    home. No row is flagged without any of these, with constant outputs, with rotors too slow to
+    lift, or if the height never rose. Stretches in which the aircraft is held are on the ground.
+    `clock_s` (T,) is the vehicle's clock, s; `channels` are on these rows.
     """
     on = _motors_on(signals, clock_s)
     if not on.any():
@@ -193,7 +192,9 @@ def _grounded(clock_s: Floats, by: FlyingBy) -> Airborne:
 
 
 def _flying_by(kind: str, *parts: Provenance, **values: Value) -> Provenance:
-    """Return the source of the rows off the ground, which a remark of a kind describes."""
+    """Return the source of the rows off the ground: a remark of `kind` with `values`, derived from
+    `parts`.
+    """
     remark = Statement(kind, values=tuple(values.items()))
     return Provenance(kind=SourceKind.INFERRED, parts=parts, remarks=(remark,))
 
@@ -206,9 +207,9 @@ def _by_landed_state(landed: Signal) -> Provenance:
 def _borne(channels: Mapping[str, Floats], rows: int) -> Bools:
     """Flag rows (T,) in which the ground may bear the aircraft: no fall, and no climb or sink.
 
-    The specific force is above AT_REST g and the vertical speed below STEADY m/s. False where
-    either is unknown. An aircraft in the air with half of the thrust in cruise would fall, or sink
-    fast.
+    `channels` are on these rows, T = `rows`. The specific force is above AT_REST g and the vertical
+    speed below STEADY m/s. False where either is unknown. An aircraft in the air with half of the
+    thrust in cruise would fall, or sink fast.
     """
     nothing = np.full((rows, 3), NAN)
     force = np.linalg.norm(channels.get("specific_force_frd", nothing), axis=1)
@@ -217,7 +218,10 @@ def _borne(channels: Mapping[str, Floats], rows: int) -> Bools:
 
 
 def _motors_on(signals: Signals, clock_s: Floats) -> Bools:
-    """Flag rows (T,) at which the vehicle is not reported as disarmed."""
+    """Flag rows (T,) where the vehicle is not reported as disarmed; all without any such report.
+
+    A row is not flagged either if the vehicle was disarmed since the row before.
+    """
     armed = best(signals, "armed")
     if armed is None:
         return np.ones(clock_s.size, dtype=np.bool_)
@@ -233,9 +237,10 @@ def _motors_on(signals: Signals, clock_s: Floats) -> Bools:
 
 
 def _idle_throughout(above_idle: Bools, clock_s: Floats) -> Bools:
-    """Flag rows (T,) more than IDLE_S from the nearest row above idle.
+    """Flag rows (T,) not above idle that are more than IDLE_S s from the nearest row above idle.
 
-    A shorter time at idle may be a fast descent.
+    `above_idle` (T,) flags the latter, `clock_s` (T,), s, ascends. A shorter time at idle may be a
+    fast descent. All rows are flagged if none is above idle.
     """
     when = clock_s[above_idle]
     if when.size == 0:
@@ -247,8 +252,12 @@ def _idle_throughout(above_idle: Bools, clock_s: Floats) -> Bools:
 
 
 def _stayed_down(height: Floats, on: Bools) -> bool:
-    """Return True if no known height (T,), m, while armed exceeds the last one before arming by
-    more than CLEAR; False if either is unknown. `on` (T,) flags armed rows."""
+    """Return True if, in all armed rows, the height is at most CLEAR m above the last known height
+    before arming.
+
+    `height` (T,) is in m, NaN where unknown; `on` (T,) flags armed rows. Arming is at the first
+    flagged row. Return False if no height is known before arming, or none while armed.
+    """
     first = int(np.argmax(on))
     ground, later = height[:first], height[first:][on[first:]]
     known, risen = ground[np.isfinite(ground)], later[np.isfinite(later)]
@@ -258,8 +267,11 @@ def _stayed_down(height: Floats, on: Bools) -> bool:
 def _too_slow(
     squares: Floats, rotors: int, height: Floats | None, airframe: Airframe | None
 ) -> bool:
-    """Return True if even the largest of `squares` (T,), rpm², lifts too little, and the height
-    (T,), m, never rose; False without airframe or speeds."""
+    """Return True if the largest of `squares` lifts under half the empty weight, and nothing rose.
+
+    `squares` (T,), rpm², is the mean over the rotors; `height` (T,), m, rose if above RISEN. False
+    without airframe or speeds.
+    """
     if airframe is None or not np.isfinite(squares).any():
         return False
     most = airframe.thrust_coefficient * rotors * float(np.nanmax(squares))
@@ -284,11 +296,13 @@ def airborne_so_far(
     contact: GroundContact,
     before: HeldSoFar,
 ) -> tuple[Bools, Provenance, GroundContact, HeldSoFar]:
-    """Flag rows (T,) off the ground from past rows only; also return their source and two states.
+    """Flag rows (T,) off the ground from past rows only; return source and two new states too.
 
-    Unlike `airborne`, the last moments before a landing count as flying, half the empty weight
-    replaces the unknown cruise thrust, and an armed vehicle without rotor speeds counts as flying,
-    so that it is watched.
+    `contact` and `before` are the states that the last call returned. `clock_s` (T,) is the
+    vehicle's clock, s; `channels`, on these rows, must include rotor_speed_rpm and throttle, (T,
+    R). Unlike in `airborne`, the last moments before a landing count as flying, half the empty
+    weight replaces the unknown cruise thrust, and an armed vehicle without rotor speeds counts as
+    flying, so that it is watched.
     """
     landed = best(signals, "landed")
     state = np.full(clock_s.size, NAN) if landed is None else last_before(landed, clock_s)
@@ -336,11 +350,12 @@ def airborne_so_far(
 
 
 def _clear_of_ground(flying: Bools, height: Floats) -> Bools:
-    """Unflag, at both ends of each stretch of `flying` (T,), the rows not more than CLEAR m above
-    the ground.
+    """Return a copy of `flying` (T,) without rows at the ends of its stretches that are not clear
+    of ground.
 
-    The ground's height is that of the stretch's first or last known row. Nothing is unflagged where
-    the log begins or ends in the air.
+    Clear is more than CLEAR m above the height (T,), m, of the stretch's first or last known row.
+    No row is removed where the log begins or ends in the air, nor from a stretch that is never
+    clear or without a known height.
     """
     result = flying.copy()
     for first, end in stretches(flying):
@@ -380,85 +395,4 @@ def _body(channels: Mapping[str, Floats], squares: Floats, output: Floats | None
             channels.get("asked_attitude", nothing[:, :2]),
             pressure_altitude(channels.get("pressure", nothing[:, 0])),
         )
-    )
-
-
-#: Where zero may be, and the kind of the remark on it, preferred first.
-_PLACES = (("home", "from home"), ("ekf_origin", "from estimator's origin"))
-
-
-@dataclass(frozen=True, slots=True)
-class PlaceOfZero:
-    """The origin of positions, its rank (0: home), and whether a take-off has fixed it."""
-
-    origin: Origin
-    rank: int
-    remark: str  # kind of the remark on it
-    source: Provenance
-    settled: bool  # by a take-off since
-
-
-def position_sources(signals: Signals, zero: PlaceOfZero | None) -> tuple[Signal, ...]:
-    """Return the sources of the position, m NED, best first: geographic about `zero`, then local.
-
-    The geographic one is left out if `zero` is None; without any source the tuple is empty.
-    """
-    sources = []
-    fixes = best(signals, "geodetic")
-    if fixes is not None and zero is not None:
-        places = np.where(_on_earth(fixes.values)[:, None], fixes.values, np.nan)
-        places[:, 2] = plausible("altitude", places[:, 2])
-        source = fixes.source.remarked(Statement(zero.remark))
-        if zero.source is not fixes.source:
-            source = source.remarked(Statement("by source", values=(("name", zero.source.name),)))
-        sources.append(Signal("position_ned", source, fixes.time_s, zero.origin.ned(places)))
-    local = best(signals, "position_ned")
-    if local is not None:
-        sources.append(local)
-    return tuple(sources)
-
-
-def place_of_zero(
-    signals: Signals, clock_s: Floats, flying: Bools, before: PlaceOfZero | None = None
-) -> PlaceOfZero | None:
-    """Return the origin of positions: home as at take-off, else the estimator's origin, or first
-    fix; None without one. `flying` (T,) flags rows in flight.
-
-    An origin `before` that a take-off has fixed is replaced only by a better kind.
-    """
-    fixes = best(signals, "geodetic")
-    settled = bool(flying.any()) or (before is not None and before.settled)
-    takeoff = clock_s[int(np.argmax(flying))] if flying.any() else clock_s[-1]
-    for rank, (channel, remark) in enumerate(_PLACES):
-        # Local positions count from the estimator's own origin, wherever home is.
-        if fixes is None and channel == "home":
-            continue
-        if before is not None and before.settled and rank >= before.rank:
-            break
-        for signal in signals.get(channel, ()):
-            placed = np.flatnonzero(_on_earth(signal.values))
-            if placed.size:
-                earlier = placed[signal.time_s[placed] <= takeoff]
-                row = earlier[-1] if earlier.size else placed[0]
-                place = _as_origin(signal.values[row])
-                return PlaceOfZero(place, rank, remark, signal.source, settled)
-    if before is not None:
-        return replace(before, settled=settled)
-    good = np.empty(0) if fixes is None else np.flatnonzero(_on_earth(fixes.values))
-    if fixes is None or good.size == 0:
-        return None
-    place = _as_origin(fixes.values[good[0]])
-    return PlaceOfZero(place, len(_PLACES), "from first fix", fixes.source, settled)
-
-
-def _on_earth(places: Floats) -> Bools:
-    """Flag places (n,) that are finite and in range, and not the 0, 0 of no fix."""
-    latitude, longitude = places[:, 0], places[:, 1]
-    inside = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360)
-    return known_rows(places) & inside & ((latitude != 0) | (longitude != 0))
-
-
-def _as_origin(values: Floats) -> Origin:
-    return Origin(
-        latitude_deg=float(values[0]), longitude_deg=float(values[1]), altitude=float(values[2])
     )
