@@ -56,7 +56,7 @@ def page_words(language: str) -> dict[str, dict[str, str]]:
     }
 
 
-def brief_claim(airframe_match: AirframeMatch) -> str:
+def short_match_words(airframe_match: AirframeMatch) -> str:
     """Return which airframe a vehicle is analysed with, and how it was chosen.
 
     The checks by which it was recognised are left out.

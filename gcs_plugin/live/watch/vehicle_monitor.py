@@ -190,7 +190,7 @@ class VehicleMonitor:
         if new is not None:
             reported, before = new.track, self.airframe_match
             new = self._preparation.prepare(new, self.telemetry.facts, self.state.parameters)
-            start = self._state_under_claim(before, new, start)
+            start = self._state_by_match(before, new, start)
         analysis = self._analysed(_with_rows(last, window, new), start)
         time_s = analysis.track.time_s
         first = time_s.size - (0 if new is None else new.clock_s.size)
@@ -264,7 +264,7 @@ class VehicleMonitor:
         self._outlook.restart()
         self._sortie = SortieRows(self._model, self.alarms, self._landed.answer)
 
-    def _state_under_claim(
+    def _state_by_match(
         self, before: AirframeMatch, new: LiveRows, start: FlightState | None
     ) -> FlightState | None:
         """Note a changed decision on the airframe; return the model's state for new rows.

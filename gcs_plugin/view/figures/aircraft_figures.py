@@ -17,7 +17,7 @@ from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording import palette as colours
 from thrustmargin.gcs_plugin.wording.check_words import no_verdict_words, remedy_words
 from thrustmargin.gcs_plugin.wording.language import say
-from thrustmargin.gcs_plugin.wording.live_words import brief_claim
+from thrustmargin.gcs_plugin.wording.live_words import short_match_words
 from thrustmargin.gcs_plugin.wording.thrust_left import below, percent_down, percent_up
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.advice import cell_count
@@ -38,11 +38,12 @@ def aircraft_figures(
     """Return the figures of one row for the page, as JSON: the aircraft's, and in `rotors` a list
     of each rotor's; None for an unknown number.
 
-    Margins (`left`) and outputs are shares, `empty_s` is s, places and `radius` are m. `faulty` are
-    the numbers, from 1, of the rotors that have an alarm; `seconds_to_empty` is NaN if unknown.
-    `worst` is the index, from 0, of the worst rotor, on the ground by the predicted margin. A rotor
-    is `unsure` if its colour is that of too little thrust left but its number is not: by the lower
-    end of its interval, or by the hysteresis.
+    Margins (`left`) and outputs are shares, `least` is the smallest margin that is not too little,
+    `empty_s` is s (None on the ground), places and `radius` are m. `faulty` are the numbers, from
+    1, of the rotors that have an alarm; `seconds_to_empty` is NaN if unknown. `worst` is the
+    index, from 0, of the worst rotor, on the ground by the predicted margin. A rotor is `unsure`
+    if its colour is that of too little thrust left but its number is not: by the lower end of its
+    interval, or by the hysteresis.
     """
     airframe, airframe_match = row.analysis.model.airframe, row.analysis.airframe_match
     worst = row.worst[1]
@@ -80,14 +81,15 @@ def aircraft_figures(
         "flying": row.flying,
         "no_verdict": no_verdict_words(airframe_match),
         "remedy": remedy_words(airframe_match) if airframe_match.no_verdict else "",
-        "airframe_match": brief_claim(airframe_match),
+        "airframe_match": short_match_words(airframe_match),
         "rotors": rotors,
         "placed": placed,
         "radius": round(radius, 3),
         "worst": worst,
         "unmeasured": row.unmeasured,
         "tank": _tank(row, airframe),
-        "empty_s": None if math.isnan(seconds_to_empty) else min(seconds_to_empty, 1e6),
+        "empty_s": min(seconds_to_empty, 1e6) if row.flying and seconds_to_empty >= 0.0 else None,
+        "least": row.least,
         "lost": _lost(row),
         "battery": _battery(row, airframe),
         "airspeed": known(track.airspeed[row.row]),

@@ -155,3 +155,9 @@ def test_the_rotor_of_an_alarm_is_marked_and_no_other():
 def test_an_hour_of_a_tank_that_does_not_fall_is_still_a_number_for_json():
     assert shown(empty_s=math.inf)["empty_s"] > 3600
     assert shown(empty_s=90.0)["empty_s"] == 90.0
+
+
+def test_on_the_ground_no_time_to_empty_is_left_from_the_flight():
+    on_ground = np.zeros_like(flight().track.flying)
+    analysis = replace(flight(), track=replace(flight().track, flying=on_ground))
+    assert aircraft_figures(ShownRow(analysis, 10), 90.0)["empty_s"] is None
