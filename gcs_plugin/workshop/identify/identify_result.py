@@ -4,7 +4,7 @@ tables."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -87,10 +87,7 @@ def make_result(
         margins=margins,
         margin=margin,
         following=following,
-        answer=(
-            *arm_sentences(found.arms, weak_rotors(found.found)),
-            *answer(found, margin, following, mission),
-        ),
+        answer=answer_sentences(found, answer(found, margin, following, mission)),
         model_in=model_in,
         model_out=model_out,
         mission=mission,
@@ -169,6 +166,26 @@ def effect_rows(found: Identification) -> list[tuple[str, str, str, str]]:
         rows.append((thing, "", "", chance(one.probability)))
         rows += [(*row, "") for row in _parameter_rows(found, one, largest)]
     return rows
+
+
+def answer_sentences(found: Identification, of_effects: Sequence[str]) -> tuple[str, ...]:
+    """Return the sentences of an answer: of the effects, and of each arm's own figures.
+
+    An arm with something wrong, or a shaken aircraft, comes first. Where a rotor is reported as
+    weak, its sentence, which forbids the next flight, stands before that of its arm.
+    """
+    if found.arms is None:
+        return tuple(of_effects)
+    weak, shaken = weak_rotors(found.found), found.arms.shaken
+    of_weak = tuple(one for one in found.arms.findings if one.arm in weak)
+    others = tuple(one for one in found.arms.findings if one.arm not in weak)
+    return (
+        *arm_sentences(replace(found.arms, findings=others, shaken=None if weak else shaken)),
+        *of_effects,
+        *arm_sentences(
+            replace(found.arms, findings=of_weak, shaken=shaken if weak else None), weak
+        ),
+    )
 
 
 def _parameter_rows(

@@ -10,7 +10,11 @@ from tests.models.identification.known_terms import curve_term, known_term
 from tests.models.made_flights import curve_model, made_flights, table
 from thrustmargin.gcs_plugin.wording.language import chance
 from thrustmargin.gcs_plugin.workshop.identify.asked_words import unnamed_causes_words
-from thrustmargin.gcs_plugin.workshop.identify.identify_result import effect_rows, set_rows
+from thrustmargin.gcs_plugin.workshop.identify.identify_result import (
+    answer_sentences,
+    effect_rows,
+    set_rows,
+)
 from thrustmargin.gcs_plugin.workshop.identify.identify_words import (
     answer,
     excluded_rows,
@@ -23,6 +27,13 @@ from thrustmargin.gcs_plugin.workshop.identify.identify_words import (
     set_words,
     unexplained_words,
     upper_limit,
+)
+from thrustmargin.models.checks.arms.arm_causes import Cause
+from thrustmargin.models.checks.arms.arm_posterior import (
+    ArmAnswer,
+    ArmFinding,
+    PossibleCause,
+    Shaken,
 )
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.compose import EffectRecord, Identified
@@ -492,3 +503,28 @@ def test_a_loss_that_the_model_already_holds_is_still_a_bad_rotor(sound):
         "The model already holds rotor 2 (rear left) at 8 % less thrust: unless that was repaired, "
         "with the battery off, inspect its propeller or fit a new one of the same kind."
     )
+
+
+def bad_arm(arm: int, cause: Cause) -> ArmFinding:
+    """A finding on an arm (from 0) with two possible causes."""
+    causes = tuple(
+        PossibleCause(cause=one, probability=p, size=0.06, lower=0.04, upper=0.08)
+        for one, p in ((cause, 0.8), (Cause.SPEED_READING, 0.2))
+    )
+    return ArmFinding(arm=arm, probability=0.98, causes=causes, shown=())
+
+
+def test_a_weak_rotor_comes_before_its_own_arm_and_after_another_arm(worn, sound):
+    shaken = Shaken(ratio=1.65, lower=1.4, upper=1.9, deviations=5.0)
+    arms = ArmAnswer(
+        findings=(bad_arm(0, Cause.PROPELLER), bad_arm(2, Cause.MOTOR)),
+        quantities=(),
+        flights=5,
+        days=2,
+        shaken=shaken,
+    )
+    begins = [one[:5] for one in answer_sentences(replace(worn, arms=arms), ["Rotor 1 is weak."])]
+    assert begins == ["arm 3", "Rotor", "arm 1", "the a"]
+    begins = [one[:5] for one in answer_sentences(replace(sound, arms=arms), ["Nothing."])]
+    assert begins == ["arm 1", "arm 3", "the a", "Nothi"]
+    assert answer_sentences(replace(sound, arms=None), ["Nothing."]) == ("Nothing.",)
