@@ -73,16 +73,16 @@ class VehicleParameters:
         )
 
 
-def read_source(source: str, *, vehicle: int | None, timeout: float) -> VehicleParameters:
+def read_source(path_or_link: str, *, vehicle: int | None, timeout: float) -> VehicleParameters:
     """Read an autopilot's parameters from a log or parameter file, or from the vehicle on a link.
 
-    `source` is a path, or a link such as udpin:HOST:PORT. `vehicle` is a system id, None for any;
+    A link is such as udpin:HOST:PORT. `vehicle` is a system id, None for any;
     `timeout` is the time to wait on a link, s. Raises LogError or LinkError if there are no
     parameters.
     """
-    path = Path(source)
-    if not path.exists() and (":" in source or source.startswith("/dev/")):
-        return _fetched(source, vehicle, timeout)
+    path = Path(path_or_link)
+    if not path.exists() and (":" in path_or_link or path_or_link.startswith("/dev/")):
+        return _fetched(path_or_link, vehicle, timeout)
     from thrustmargin.gcs_plugin.logs import read_log
     from thrustmargin.gcs_plugin.logs.parameter_file import SUFFIXES, read_parameters
     from thrustmargin.gcs_plugin.telemetry.first_contact import highest_voltage
