@@ -9,7 +9,7 @@ from thrustmargin.gcs_plugin.wording.check_words import statement_words
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_match import AirframeMatch
-from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.analysis import analyse, with_bad_part
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.margin import ceiling, hover_use
@@ -74,6 +74,14 @@ def test_a_sagging_battery_lowers_the_ceiling_and_not_the_thrust():
     np.testing.assert_array_equal(full.thrust, low.thrust)
     np.testing.assert_allclose(full.utilisation / low.utilisation, (48.0 / 58.8) ** 2)
     assert np.all(low.margin < full.margin)
+
+
+def test_of_an_aircraft_with_a_bad_rotor_no_margin_is_predicted_and_the_measured_one_stays():
+    sound = analyse(hovering(), physics_model(SITL))
+    bad = with_bad_part(sound)
+    assert np.isfinite(sound.margin_predicted).any()
+    assert np.isnan(bad.margin_predicted).all()
+    np.testing.assert_array_equal(bad.margin, sound.margin)
 
 
 def test_what_was_assumed_is_said():
