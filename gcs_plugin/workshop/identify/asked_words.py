@@ -21,7 +21,7 @@ from thrustmargin.gcs_plugin.wording.effect_sentences import (
 from thrustmargin.gcs_plugin.wording.language import Verbatim, chance, number, say
 from thrustmargin.models.effects.unnamed import CONSTANT, ONLY_ROTORS
 from thrustmargin.models.identification.answer.result import Identification
-from thrustmargin.models.identification.certainty import COSTS
+from thrustmargin.models.identification.certainty import COSTS, SURE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,8 +38,8 @@ def requested_actions(found: Identification) -> tuple[RequestedAction, ...]:
     """Return the actions that the result asks for, with probabilities.
 
     Actions of reported effects come first, rotors before others, then inspections of rotors that
-    could not be excluded, then of one with an unexplained loss. Effects that need only be kept in
-    the model ask for none.
+    could not be excluded, then of one with an unexplained loss, then of those with an error beyond
+    that of sound flights. Effects that need only be kept in the model ask for none.
     """
     out = [
         _request(action, f.term.degraded_rotor, f.probability)
@@ -50,6 +50,8 @@ def requested_actions(found: Identification) -> tuple[RequestedAction, ...]:
     left = found.left
     if left is not None and left.rotor is not None:
         out.append(_request(actions.INSPECT, left.rotor, 1.0))
+    if found.excess is not None and not out:
+        out += [_request(actions.LOOK_FIRST, rotor, SURE) for rotor in found.excess.rotors]
     return tuple(out)
 
 

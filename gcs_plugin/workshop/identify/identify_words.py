@@ -8,8 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 
-import numpy as np
-
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.alarm_words import fault_amount
 from thrustmargin.gcs_plugin.wording.effect_amounts import rotor_words
@@ -33,6 +31,7 @@ from thrustmargin.gcs_plugin.workshop.identify.asked_words import (
 )
 from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
 from thrustmargin.models.identification.answer.constant_shares import ConstantShares, ShareCause
+from thrustmargin.models.identification.answer.held_out_errors import ExcessError
 from thrustmargin.models.identification.answer.model_update import WORST_SHARE, MarginChange
 from thrustmargin.models.identification.answer.result import (
     Errors,
@@ -76,10 +75,13 @@ def answer(
     lines += [effect_sentence(f, found) for f in rotors_first]
     flights = found.problem.flights
     lines += [mentioned_words(m, names, flights) for m in found.mentioned]
+    open_mode = unexplained_words(found)
+    # An error that nothing explains stands before explanations of which none was added.
+    if found.excess is not None and not (found.mentioned or open_mode):
+        lines.append(excess_error_words(found.excess, names))
     lines += [one_of_words(o, names, flights, found.gaining) for o in found.one_of]
     lines += [damage_in_model_words(fault, names) for fault in faults_in_model(found.model)]
     lines += [contradicted_words(found)] if found.contradicted else []
-    open_mode = unexplained_words(found)
     only_open = not lines and bool(found.open_causes)
     if not lines and not open_mode and not only_open and not found.misread:
         lines.append(nothing_missing_words(found))
@@ -253,14 +255,11 @@ def damage_in_model_words(fault: RotorFault, names: tuple[str, ...]) -> str:
 def nothing_missing_words(found: Identification) -> str:
     """Return the sentence for flights without a reported effect.
 
-    It states an error larger than that of fault-free flights, if there is one; else that nothing is
-    missing, with the loss of a rotor that the flights exclude, if any. For motor outputs it says
-    only that they exclude nothing.
+    It states that nothing is missing, with the loss of a rotor that the flights exclude, if any.
+    For motor outputs it says only that they exclude nothing.
     """
     if found.problem.of_outputs:
         return say("Motor outputs show nothing that is missing, but they cannot clear a rotor")
-    if unusual := excess_error_words(found):
-        return unusual
     verdict, cleared = _missing_words(found), excluded_losses(found)
     words = "{verdict}: a loss {cleared}"
     return say(words, verdict=verdict, cleared=cleared) if cleared else verdict
@@ -339,31 +338,20 @@ def _missing_words(found: Identification) -> str:
     )
 
 
-def excess_error_words(found: Identification) -> str:
-    """Return the sentence on an error larger than that of fault-free flights, explained by no
-    effect.
+def excess_error_words(excess: ExcessError, names: Sequence[str]) -> str:
+    """Return the sentence on an error larger than that of sound flights, explained by no effect.
 
-    Empty if it is not larger. Compared are this RMSE less the unavoidable part (floor), in squares,
-    and the model's 95 % limit for fault-free flights. A rotor is named if its error alone exceeds
-    the error of the other rotors by the limit.
+    It asks to look first at the rotors that stand out, if any; `names` are the rotors' places.
     """
-    known, error = found.model.good_flights, found.after
-    most = known.most_rmse_rpm() if known else math.nan
-    systematic = math.sqrt(max(error.rmse_rpm**2 - found.floor_rpm**2, 0.0))
-    if not systematic > most:
-        return ""
-    *others, worst = sorted(error.per_rotor_rmse_rpm)
-    rotor = error.per_rotor_rmse_rpm.index(worst)
     where = say("and no rotor stands out")
-    if worst**2 - float(np.mean(np.square(others))) > most**2:  # that it has beyond the others
-        names = found.model.airframe.rotor_names
-        action = actions.LOOK_FIRST.text
-        where = say("most on {rotor}: {action}", rotor=rotor_words(rotor, names), action=action)
+    if excess.rotors:
+        rotors = f" {say('and')} ".join(rotor_words(r, tuple(names)) for r in excess.rotors)
+        where = say("most on {rotor}: {action}", rotor=rotors, action=actions.LOOK_FIRST.text)
     return say(
         "These flights are not like sound ones, and no effect explains it: off by {error}, sound "
         "flights by up to {most} (95 %), {where}",
-        error=number(error.rmse_rpm, "rpm", 0),
-        most=number(most, "rpm", 0),
+        error=number(excess.rmse_rpm, "rpm", 0),
+        most=number(excess.limit_rpm, "rpm", 0),
         where=where,
     )
 

@@ -6,11 +6,15 @@ single flight, without its fifth).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+
+import numpy as np
 
 from thrustmargin.models import scores
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.problem import Problem
+from thrustmargin.models.network.records import GoodFlights
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,4 +77,33 @@ def rotor_errors(unseen: HeldOutResidual) -> tuple[RotorErrors, ...]:
             after=errors_of(unseen.problem, unseen.after_rpm, rotor),
         )
         for rotor in (None, *range(unseen.before_rpm.shape[1]))
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExcessError:
+    """An error larger than that of sound flights, with the rotors that have most of it."""
+
+    rmse_rpm: float
+    limit_rpm: float  # that sound flights stay below in 95 of 100
+    rotors: tuple[int, ...]  # 0-based, that with the largest error first; empty if none stands out
+
+
+def excess_error(known: GoodFlights | None, error: Errors, floor_rpm: float) -> ExcessError | None:
+    """Return the error if it exceeds that of the sound flights `known`; None if it does not.
+
+    Compared, in squares, is the RMSE less its unavoidable part `floor_rpm`. A rotor stands out if
+    its own RMSE exceeds that of the other rotors by the limit, in squares too. None without sound
+    flights, or with fewer than three.
+    """
+    limit = math.nan if known is None else known.most_rmse_rpm()
+    if not error.rmse_rpm**2 - floor_rpm**2 > limit**2:
+        return None
+    squares = np.square(error.per_rotor_rmse_rpm)
+    others = (squares.sum() - squares) / max(squares.size - 1, 1)
+    by_size = np.argsort(-squares, kind="stable")
+    return ExcessError(
+        rmse_rpm=error.rmse_rpm,
+        limit_rpm=limit,
+        rotors=tuple(int(r) for r in by_size if squares[r] - others[r] > limit**2),
     )

@@ -13,7 +13,12 @@ from thrustmargin.models.effects.thrust_effects import ROTOR_DEGRADATION
 from thrustmargin.models.effects.unnamed import CONSTANT, KNOTS, NAME, place_of
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.constant_shares import ConstantShares
-from thrustmargin.models.identification.answer.held_out_errors import Errors, HeldOutResidual
+from thrustmargin.models.identification.answer.held_out_errors import (
+    Errors,
+    ExcessError,
+    HeldOutResidual,
+    excess_error,
+)
 from thrustmargin.models.identification.certainty import CHOICE
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.problem import Problem
@@ -286,12 +291,23 @@ class Identification:
         not added."""
         return (*self.found, *self.followed)
 
+    @property
+    def excess(self) -> ExcessError | None:
+        """Return the error beyond that of sound flights if no effect is reported; else None.
+
+        None for motor outputs, which differ between sound flights by more than rotor speeds do.
+        """
+        if self.found or self.misread or self.problem.of_outputs:
+            return None
+        return excess_error(self.model.good_flights, self.after, self.floor_rpm)
+
     def to_json(self, *, model_in: str = "", model_out: str = "") -> dict[str, Any]:
         """Return the content of the identify command's JSON, schema "thrustmargin.identify/1"; NaN
         becomes None.
 
         It has the flights with their role, the errors before and after, and the effects: reported,
-        alternative, excluded, mentioned, contradicted and unnamed ones. `errors_from` is "held_out"
+        alternative, excluded, mentioned, contradicted and unnamed ones. `excess_error` is the error
+        beyond that of sound flights, or None. `errors_from` is "held_out"
         with held-out flights, else "cross_validation". `model_in` and `model_out` are the paths of
         the model files read and written.
         """
@@ -344,6 +360,7 @@ class Identification:
                 "from_motor_outputs": self.problem.of_outputs,
                 "contradicted": [_term_json(t) for t in self.contradicted],
                 "unexplained": self.unexplained(),
+                "excess_error": self.excess and _excess_json(self.excess),
                 "unnamed_causes": [one.to_json(self.problem.names) for one in self.open_causes],
                 "floor_rpm": self.floor_rpm,
                 "sensor_noise_rpm": self.sensor_noise_rpm,
@@ -389,6 +406,11 @@ def _shares_json(shares: ConstantShares, names: tuple[str, ...]) -> dict[str, An
     rotors = [{**to_json_values(one), "rotor": (one.rotor or 0) + 1} for one in shares.weak_rotors]
     flight = None if shares.flight is None else names[shares.flight]
     return {**to_json_values(shares), "flight": flight, "weak_rotors": rotors}
+
+
+def _excess_json(excess: ExcessError) -> dict[str, Any]:
+    """Return an error beyond that of sound flights as JSON, with the rotors counted from 1."""
+    return to_json_values(excess) | {"rotors": [rotor + 1 for rotor in excess.rotors]}
 
 
 def _mention_json(loss: Mentioned) -> dict[str, Any]:

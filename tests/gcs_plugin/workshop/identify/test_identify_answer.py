@@ -9,7 +9,10 @@ import pytest
 from tests.models.identification.known_terms import curve_term, known_term
 from tests.models.made_flights import curve_model, made_flights, table
 from thrustmargin.gcs_plugin.wording.language import chance
-from thrustmargin.gcs_plugin.workshop.identify.asked_words import unnamed_causes_words
+from thrustmargin.gcs_plugin.workshop.identify.asked_words import (
+    requested_actions,
+    unnamed_causes_words,
+)
 from thrustmargin.gcs_plugin.workshop.identify.identify_result import (
     answer_sentences,
     effect_rows,
@@ -158,22 +161,32 @@ def test_an_error_beyond_that_of_sound_flights_is_no_nothing(sound):
     model = replace(sound.model, good_flights=GoodFlights(flights=3, flight_rmse_rpm=flights))
     error = replace(sound.after, rmse_rpm=230.0, per_rotor_rmse_rpm=(50.0, 60.0, 400.0, 70.0))
     found = replace(sound, model=model, after=error, floor_rpm=100.0)  # 207.1 rpm of channels
-    assert nothing_missing_words(found) == (
+    unlike = (
         "These flights are not like sound ones, and no effect explains it: off by 230 rpm, sound "
-        "flights by up to 207 rpm (95 %), most on rotor 3 (front left): with the "
-        "battery off, look there first"
+        "flights by up to 207 rpm (95 %), "
     )
+    asked = "with the battery off, look there first"
+    assert said(found)[0] == f"{unlike}most on rotor 3 (front left): {asked}."
+    assert found.to_json()["excess_error"]["rotors"] == [3]
+    (look,) = requested_actions(found)
+    assert (look.part, look.action) == ("rotor 3", asked)
+    # 280² - (300² + 60² + 70²) / 3 is 213²; of rotor 2, 60², it is below zero.
+    two = replace(found, after=replace(error, per_rotor_rmse_rpm=(280.0, 60.0, 300.0, 70.0)))
+    both = "rotor 3 (front left) and rotor 1 (front right)"
+    assert said(two)[0] == f"{unlike}most on {both}: {asked}."
+    # An effect that some flights contradict is none that explains it.
+    none = said(replace(two, contradicted=(MASS,)))
+    assert none[0] == f"{unlike}most on {both}: {asked}."
+    assert none[1].startswith("No effect holds in all of these flights: with hidden mass")
     alike = replace(error, per_rotor_rmse_rpm=(220.0, 225.0, 235.0, 239.0))
-    assert nothing_missing_words(replace(found, after=alike)).endswith(
-        "(95 %), and no rotor stands out"
-    )
+    assert said(replace(found, after=alike))[0].endswith("(95 %), and no rotor stands out.")
     # The square root of 400² - 343² is 205.8.
     near = replace(error, per_rotor_rmse_rpm=(343.0, 343.0, 400.0, 343.0))
-    assert nothing_missing_words(replace(found, after=near)).endswith("and no rotor stands out")
+    assert said(replace(found, after=near))[0].endswith("and no rotor stands out.")
     noisy = replace(found, floor_rpm=101.0)  # 206.6 rpm
-    assert nothing_missing_words(noisy).startswith("Nothing is found missing")
+    assert said(noisy)[0].startswith("Nothing is found missing")
     few = replace(model, good_flights=GoodFlights(flights=2, flight_rmse_rpm={"a": 1.0, "b": 2.0}))
-    assert nothing_missing_words(replace(found, model=few)).startswith("Nothing is found missing")
+    assert said(replace(found, model=few))[0].startswith("Nothing is found missing")
 
 
 def test_excluded_sizes_are_one_row_for_all_rotors_and_in_the_units_of_the_field(sound):

@@ -262,7 +262,7 @@ def test_a_set_that_was_found_from_elsewhere_is_fitted_again_from_the_values_of_
     assert search.fitted[both].total == pytest.approx(right, abs=0.05)
 
 
-def test_a_set_with_a_value_at_its_bound_is_tried_without_that_effect(monkeypatch):
+def test_a_set_with_a_value_at_its_bound_is_tried_without_that_effect():
     """A rotor would have to gain more than any propeller does; beside it the mass is there."""
     search = searched(["rotor_degradation", "extra_mass"], hidden_mass=4.0, loss=-0.25)
     mass, both = (
@@ -273,6 +273,14 @@ def test_a_set_with_a_value_at_its_bound_is_tried_without_that_effect(monkeypatc
     assert found.possible_key == mass
     assert search.fit(mass, ()).possible_key == mass
     search.fitted.clear()
-    monkeypatch.setattr(search, "promising_sets", lambda _: [both])
+    search.fit(both, ())
+    assert mass in search.fitted
+
+
+def test_pairs_of_single_effects_are_fitted_though_no_linear_score_promises_them(monkeypatch):
+    """A rotor that lost 30 % is far from linear about one without a loss."""
+    search = searched(["rotor_degradation", "extra_mass"], hidden_mass=2.0, loss=0.3)
+    both = place(search, "rotor_degradation@1", "extra_mass")
+    monkeypatch.setattr(search, "promising_sets", lambda _: [])
     search.run()
-    assert search.best.key == mass
+    assert search.best.key == both
