@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import pickle
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, overload
 
+import numpy as np
 import tyro
 from rich.console import Console
 from tyro.conf import Positional
@@ -257,26 +257,50 @@ def show(result: Result, written: Sequence[Path]) -> None:
         console.print(say("wrote {file}", file=path), soft_wrap=True)
 
 
+@dataclass(frozen=True, slots=True)
+class _StoredTrack:
+    """A track with its arrays in a safetensors file."""
+
+    file: Path
+    track: FlightTrack  # without rows
+
+    def read(self) -> FlightTrack:
+        """Return the track as it was stored."""
+        from safetensors.numpy import load_file
+
+        arrays = load_file(self.file)
+        errors = {n: arrays.pop(f"{ERROR_OF}{n}") for n in self.track.standard_errors}
+        return replace(self.track, **arrays, standard_errors=errors)
+
+
+#: before a channel's name: its standard errors, in the file of a track
+ERROR_OF = "standard error of "
+
+
 class TracksOnDisk(Sequence["FlightTrack"]):
-    """Tracks in pickle files of a folder, each read again whenever it is indexed.
+    """Tracks with their arrays in files of a folder, each read again whenever it is indexed."""
 
-    The folder must be private: reading a pickle runs code of whoever wrote it.
-    """
-
-    def __init__(self, folder: Path, files: Sequence[Path] = ()) -> None:
-        self.folder, self.files = folder, list(files)
+    def __init__(self, folder: Path, stored: Sequence[_StoredTrack] = ()) -> None:
+        self.folder, self.stored = folder, list(stored)
 
     def append(self, track: FlightTrack) -> None:
-        """Write one more track to a file, so that its memory can be freed."""
-        file = self.folder / f"{len(list(self.folder.iterdir()))}.track"
-        file.write_bytes(pickle.dumps(track, protocol=pickle.HIGHEST_PROTOCOL))
-        self.files.append(file)
+        """Write the arrays of one more track to a file, so that their memory can be freed."""
+        from safetensors.numpy import save_file
+
+        of_channels = {f.name: getattr(track, f.name) for f in fields(track)}
+        arrays = {name: v for name, v in of_channels.items() if isinstance(v, np.ndarray)}
+        errors = {f"{ERROR_OF}{name}": v for name, v in track.standard_errors.items()}
+        file = self.folder / f"{len(list(self.folder.iterdir()))}.safetensors"
+        save_file({n: np.ascontiguousarray(v) for n, v in {**arrays, **errors}.items()}, file)
+        empty = {name: v[:0].copy() for name, v in arrays.items()}
+        without = {name: v[:0].copy() for name, v in track.standard_errors.items()}
+        self.stored.append(_StoredTrack(file, replace(track, **empty, standard_errors=without)))
 
     def __add__(self, other: TracksOnDisk) -> TracksOnDisk:
-        return TracksOnDisk(self.folder, [*self.files, *other.files])
+        return TracksOnDisk(self.folder, [*self.stored, *other.stored])
 
     def __len__(self) -> int:
-        return len(self.files)
+        return len(self.stored)
 
     @overload
     def __getitem__(self, which: int) -> FlightTrack: ...
@@ -284,5 +308,5 @@ class TracksOnDisk(Sequence["FlightTrack"]):
     def __getitem__(self, which: slice) -> TracksOnDisk: ...
     def __getitem__(self, which: int | slice) -> FlightTrack | TracksOnDisk:
         if isinstance(which, slice):
-            return TracksOnDisk(self.folder, self.files[which])
-        return pickle.loads(self.files[which].read_bytes())
+            return TracksOnDisk(self.folder, self.stored[which])
+        return self.stored[which].read()

@@ -2,6 +2,7 @@
 
 import gc
 import weakref
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -39,14 +40,20 @@ def on_disk(folder, tracks, kind=TracksOnDisk) -> Any:
 
 
 def test_tracks_come_back_as_they_were_in_their_order(tmp_path):
-    wanted = made_flights(4)
+    first, *others = made_flights(4)
+    error = np.linspace(0.1, 0.2, first.time_s.size)
+    wanted = [replace(first, standard_errors={"tank_kg": error}), *others]
     both = on_disk(tmp_path, wanted[:3]) + on_disk(tmp_path, wanted[3:])
     assert len(both) == 4
+    kept = both.stored[0].track
+    assert kept.rotor_speed_rpm.base is None  # no view that would keep the rows in memory
     assert [t.name for t in both[1:3]] == [t.name for t in wanted[1:3]]
     for found, track in zip(both, wanted, strict=True):
         assert (found.name, found.sources) == (track.name, track.sources)
         np.testing.assert_array_equal(found.rotor_speed_rpm, track.rotor_speed_rpm)
         np.testing.assert_array_equal(found.wind_ned, track.wind_ned)
+        assert found.statements == track.statements
+    np.testing.assert_array_equal(both[0].standard_errors["tank_kg"], error)
 
 
 def test_a_search_holds_one_flight_at_a_time_and_answers_as_from_memory(tmp_path):
