@@ -46,17 +46,20 @@ class Judged:
 
     @property
     def verdict(self) -> str:
-        """`named` and `listed` are right; `wrong` and `false` are not; `missed`; `refused`."""
+        """`named`, `listed` and `pointed` are right; `wrong` and `false` are not; `missed`;
+        `refused`."""
         said = self.answer
         if not said.result:
             return "traceback" if said.run.traceback else f"refused: {said.run.refusal}"
         if not self.damaged:
-            return "false" if said.effects else "nothing"
+            return "false" if said.effects or said.pointed else "nothing"
         if not self.damaged.issuperset(said.named):
             return "wrong"
         if said.named:
             return "named"
-        return "listed" if self.damaged & set(said.listed) else "missed"
+        if self.damaged & set(said.listed):
+            return "listed"
+        return "pointed" if self.damaged & set(said.pointed) else "missed"
 
 
 def find_sessions(folder: Path) -> Finding:
@@ -185,6 +188,7 @@ def _finding(name: str, title: str, judged: Sequence[Judged], first: Sequence[Nu
             Number("damaged", len(sick)),
             Number("named_right", count("named")),
             Number("listed_right", count("listed")),
+            Number("pointed_right", count("pointed")),
             Number("missed", count("missed")),
             Number("wrong_rotor", count("wrong"), "1", 0, "at most"),
             Number("healthy", len(judged) - len(sick)),
@@ -203,6 +207,8 @@ def _line(one: Judged) -> str:
     parts = [", ".join(said.effects) or "nothing named"]
     if said.listed:
         parts.append(f"rotor {', '.join(map(str, said.listed))} listed")
+    if said.pointed:
+        parts.append(f"look first at rotor {', '.join(map(str, said.pointed))}")
     parts.append(f"{said.error('before'):.0f} -> {said.error('after'):.0f} rpm")
     return f"{one.name}: {one.verdict}: {'; '.join(parts)}"
 
@@ -215,5 +221,6 @@ def _details(one: Judged) -> Mapping[str, object]:
         "verdict": one.verdict,
         "effects": list(said.effects),
         "listed": list(said.listed),
+        "pointed": list(said.pointed),
         "seconds": said.run.seconds,
     }

@@ -43,6 +43,8 @@ class Answer:
     run: Run
     named: tuple[int, ...] = ()  # rotors that make less thrust, by name
     listed: tuple[int, ...] = ()  # rotors that are not named but mentioned
+    #: rotors to look at first, where no effect explains an error beyond that of sound flights
+    pointed: tuple[int, ...] = ()
     effects: tuple[str, ...] = ()  # everything that is named
     result: dict[str, Any] = field(default_factory=dict)  # the whole JSON
 
@@ -90,6 +92,7 @@ def identify(logs: Sequence[Path], *options: str | Path, into: Path) -> Answer:
         run=done,
         named=named,
         listed=tuple(sorted(listed)),
+        pointed=tuple((result.get("excess_error") or {}).get("rotors", ())),
         effects=tuple(_words(one) for one in result.get("effects", ())),
         result=result,
     )

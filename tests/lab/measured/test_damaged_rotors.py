@@ -36,6 +36,13 @@ def test_a_wrong_rotor_is_wrong_whatever_else_is_right(damaged, named, listed, s
     assert verdict(damaged, answer) == said
 
 
+def test_the_rotor_to_look_at_first_is_right_or_wrong_too():
+    pointed = Answer(run=DONE, pointed=(1, 3), result={"effects": []})
+    assert verdict({3}, pointed) == "pointed"
+    assert verdict({2}, pointed) == "missed"
+    assert verdict(set(), pointed) == "false"
+
+
 def test_any_name_on_a_healthy_aircraft_is_false():
     answer = Answer(run=DONE, effects=("extra_mass",), result={"effects": []})
     assert verdict(set(), answer) == "false"
