@@ -209,10 +209,7 @@ class Posterior:
                 estimates.append(
                     replace(averaged, value=own.value, error=np.maximum(error, averaged.error))
                 )
-                # With several main values, others may exclude zero alone than among all sets.
-                if _excludes_zero(own) and (
-                    _excludes_zero(estimates[-1]) or len(_main_values(own.term)) > 1
-                ):
+                if _excludes_zero(own) and _excludes_zero(estimates[-1]):
                     still_clear.append(c)
             if still_clear == kept:
                 break
