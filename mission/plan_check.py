@@ -46,7 +46,10 @@ OTHER_NAMES: Mapping[str, tuple[str, float]] = {
     "PSC_D_JERK": ("PSC_JERK_Z", 1.0),
     "LAND_SPD_MS": ("LAND_SPEED", _CENTI),
     "LAND_ALT_LOW_M": ("LAND_ALT_LOW", _CENTI),
+    "LAND_SPD_HIGH_MS": ("LAND_SPEED_HIGH", _CENTI),
     "RTL_ALT_M": ("RTL_ALT", _CENTI),
+    "RTL_SPEED_MS": ("RTL_SPEED", _CENTI),
+    "RTL_CLIMB_MIN_M": ("RTL_CLIMB_MIN", _CENTI),
     "ATC_RATE_WPY_MAX": ("ATC_SLEW_YAW", _CENTI),  # °/s, was centidegrees/s
     "ATC_ACC_Y_MAX": ("ATC_ACCEL_Y_MAX", _CENTI),
     "MAV_SYSID": ("SYSID_THISMAV", 1.0),

@@ -12,8 +12,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from thrustmargin.mission.forecast.yaw_response import YawLoop, yaw_authority
 from thrustmargin.mission.plan_check import parameter
+from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.rotor_model import RotorModel
 
 
@@ -33,7 +36,15 @@ class FlightLimits:
     radius: float  # m from a place within which its corner is cut
     land_speed: float  # m/s near the ground
     land_below: float  # m above home
+    fast_landing: float  # m/s down to `land_below` in a landing
     return_height: float  # m above home
+    return_climb: float  # m that a return climbs at least
+    return_cone: float  # times the distance from home, above which it does not climb; inf: none
+    return_speed: float  # m/s over ground
+    return_wait_s: float  # s over home before it lands, at least
+    return_turns_early: bool  # it turns home before its climb has ended
+    #: a corner limits vertical speed and acceleration too
+    corners_limit_climb: bool
     yaw_rate: float  # rad/s
     yaw_acceleration: float  # rad/s²
     yaw_time: float  # s in which a small error of heading is turned away
@@ -44,6 +55,14 @@ class FlightLimits:
     sprays_by_speed: bool  # the pump's flow follows the speed over ground
     spray_speed: float = 0.0  # m/s below which the pump rests
     assumed: tuple[str, ...] = ()  # parameters that were not known
+
+    def return_top(self, height: Floats, away: Floats) -> Floats:
+        """Return the height (N,), m above home, to which a return climbs.
+
+        It begins at `height` (N,), m above home, `away` (N,) m from it.
+        """
+        wanted = np.minimum(self.return_height, self.return_cone * away)
+        return np.maximum(height + self.return_climb, wanted)
 
 
 #: field of FlightLimits -> parameter, and its default.
@@ -59,7 +78,12 @@ _ARDUPILOT: Mapping[str, tuple[str, float]] = {
     "radius": ("WP_RADIUS_M", 2.0),
     "land_speed": ("LAND_SPD_MS", 0.5),
     "land_below": ("LAND_ALT_LOW_M", 10.0),
+    "fast_landing": ("LAND_SPD_HIGH_MS", 0.0),  # 0: the descent speed
     "return_height": ("RTL_ALT_M", 15.0),
+    "return_climb": ("RTL_CLIMB_MIN_M", 0.0),
+    "return_cone": ("RTL_CONE_SLOPE", 3.0),
+    "return_speed": ("RTL_SPEED_MS", 0.0),  # 0: the speed of a mission
+    "wait_ms": ("RTL_LOIT_TIME", 5000.0),
     "slew_deg": ("ATC_RATE_WPY_MAX", 60.0),
     "yaw_rate_deg": ("ATC_RATE_Y_MAX", 0.0),
     "yaw_acceleration_deg": ("ATC_ACC_Y_MAX", 270.0),
@@ -88,6 +112,8 @@ _PX4: Mapping[str, tuple[str, float]] = {
     "angle_gain": ("MC_YAW_P", 2.8),
     "yaw_behaviour": ("MPC_YAW_MODE", 0.0),
 }
+LEAST_CONE = 0.5  # RTL_CONE_SLOPE below which there is no cone (RTL_MIN_CONE_SLOPE)
+PX4_CONE, PX4_WAIT_S = 3.0, 5.0  # taken as with ArduPilot
 #: rad/s² with which the angle loop brakes a yaw error, at least and at most (AC_AttitudeControl)
 LEAST_BRAKING, MOST_BRAKING = math.radians(10.0), math.radians(120.0)
 PX4_YAW_TIME = 0.25  # s, about what its attitude loop takes
@@ -134,9 +160,13 @@ def _ardupilot(parameters: Mapping[str, float]) -> FlightLimits:
     slew = math.radians(values.pop("slew_deg"))
     rate = math.radians(values.pop("yaw_rate_deg"))
     behaviour = values.pop("yaw_behaviour")
-    spray = 0.01 * values.pop("spray_cm_s")
+    spray, wait_ms = 0.01 * values.pop("spray_cm_s"), values.pop("wait_ms")
     turning = math.radians(values.pop("yaw_acceleration_deg"))
     values["corner_acceleration"] = values["corner_acceleration"] or 2.0 * values["acceleration"]
+    values["fast_landing"] = values["fast_landing"] or values["descent_speed"]
+    values["return_speed"] = values["return_speed"] or values["speed"]
+    if values["return_cone"] < LEAST_CONE:
+        values["return_cone"] = math.inf
     filtered = 2.0 * math.pi * values.pop("rate_filter_hz")  # 0 Hz is no filter
     loop = YawLoop(
         **{name: values.pop(name) for name in ("angle_gain", "rate_gain", "rate_integral")},
@@ -145,6 +175,10 @@ def _ardupilot(parameters: Mapping[str, float]) -> FlightLimits:
     )
     return FlightLimits(
         **values,
+        return_wait_s=1e-3 * wait_ms,
+        return_turns_early=True,
+        # Before 4.7, with the older names, a corner was of level motion alone (SCurve, #29601).
+        corners_limit_climb="WPNAV_SPEED" not in parameters,
         spray_speed=spray,
         # Half of what leaning takes in the time of the attitude controller (AC_WPNav).
         snap=values["jerk"] * math.pi / (4.0 * max(values["yaw_time"], 0.1)),
@@ -173,6 +207,13 @@ def _px4(parameters: Mapping[str, float]) -> FlightLimits:
     return FlightLimits(
         **values,
         corner_acceleration=values["acceleration"],
+        fast_landing=values["descent_speed"],
+        return_climb=0.0,
+        return_cone=PX4_CONE,
+        return_speed=values["speed"],
+        return_wait_s=PX4_WAIT_S,
+        return_turns_early=False,
+        corners_limit_climb=True,
         snap=values["jerk"] * math.pi / (4.0 * PX4_YAW_TIME),
         yaw_rate=rate,
         yaw_acceleration=turning,

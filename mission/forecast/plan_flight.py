@@ -30,7 +30,7 @@ from thrustmargin.mission.forecast.battery import (
     voltage_ends,
 )
 from thrustmargin.mission.forecast.limits import FlightLimits
-from thrustmargin.mission.forecast.way import CONE, RETURN_WAIT_S, Course
+from thrustmargin.mission.forecast.way import Course
 from thrustmargin.models.flight import Bools, FlightTrack, Floats, Origin, body_axes
 from thrustmargin.models.model.airframe_match import AirframeMatch
 from thrustmargin.models.model.rotor_model import (
@@ -471,16 +471,16 @@ def energy_home(
     """
     away = np.hypot(place_ned[:, 0], place_ned[:, 1])
     home = -place_ned[:, :2] / np.maximum(away, 1e-9)[:, None]
-    airspeed = np.linalg.norm(home * limits.speed - np.asarray(wind_ned)[:2], axis=1)
+    airspeed = np.linalg.norm(home * limits.return_speed - np.asarray(wind_ned)[:2], axis=1)
     height = -place_ned[:, 2]
-    up = np.maximum(height, np.minimum(limits.return_height, CONE * away))
+    up = limits.return_top(height, away)
     vertical = (
         (up - height) / limits.climb_speed
-        + np.maximum(up - limits.land_below, 0.0) / limits.descent_speed
+        + np.maximum(up - limits.land_below, 0.0) / limits.fast_landing
         + np.minimum(up, limits.land_below) / limits.land_speed
-        + RETURN_WAIT_S
+        + limits.return_wait_s
     )
-    wh = away / limits.speed * _power(model, density, tank_kg, airspeed)
+    wh = away / limits.return_speed * _power(model, density, tank_kg, airspeed)
     hover = _power(model, density, tank_kg, np.full(away.size, math.hypot(*wind_ned[:2])))
     return np.where(height > ON_GROUND, wh + vertical * hover, 0.0) / 3600.0
 

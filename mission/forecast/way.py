@@ -120,13 +120,13 @@ LONGEST_TURN_S = 60.0
 def _aligned_s(turn: float, limits: FlightLimits) -> float:
     """Return the time, s, in which a hovering aircraft yaws by `turn` rad to within ALIGNED.
 
-    Not less than RETURN_WAIT_S, as in ArduPilot's RTL.
+    Not less than the wait of `limits` over home, as in ArduPilot's RTL.
     """
     time_s = np.arange(0.0, LONGEST_TURN_S, STEP)
     still = np.zeros((time_s.size, 3))
     aim, _ = heading(time_s, still, still, np.full(time_s.size, turn), limits, 0.0)
     off = np.abs(followed_yaw(time_s, aim, limits.yaw_loop) - turn)
-    late = np.flatnonzero((off <= ALIGNED) & (time_s >= RETURN_WAIT_S))
+    late = np.flatnonzero((off <= ALIGNED) & (time_s >= limits.return_wait_s))
     return float(time_s[late[0]]) if late.size else LONGEST_TURN_S
 
 
@@ -256,9 +256,6 @@ def _wanted_headings(
     return np.unwrap(np.append(start, goal))[1:], turning
 
 
-#: ArduPilot's cone about home, in which a return climbs no higher than so many times the distance.
-CONE = 3.0
-RETURN_WAIT_S = 5.0  # s over home before it lands (RTL_LOIT_TIME)
 FARTHEST = 100_000.0  # m from home, to which no multirotor flies
 #: Kinds of step that a leg leads on from without a stop.
 _ON = ("fly", "spline")
@@ -302,13 +299,13 @@ class _Way:
             last = self.legs[-1]
             self.legs[-1] = replace(last, stops=True, wait_s=last.wait_s + seconds)
 
-    def lift(self, step: Step, height: float) -> None:
-        """Append a vertical leg to `height`, m above home, that ends in a stop.
+    def lift(self, step: Step, height: float, *, stops: bool = True) -> None:
+        """Append a vertical leg to `height`, m above home, that ends in a stop if `stops`.
 
         If it is the first leg, its jerk is that of a take-off.
         """
         before = len(self.legs)
-        self.fly_to(step, np.array([*self.place[:2], -height]), stops=True)
+        self.fly_to(step, np.array([*self.place[:2], -height]), stops=stops)
         if len(self.legs) > before and before == 0:
             jerk = self.limits.climb_jerk
             self.legs[-1] = replace(
@@ -323,8 +320,10 @@ class _Way:
         """
         limits, before = self.limits, len(self.legs)
         there = np.array([0.0, 0.0, -height])
-        self.fly_to(step, there, speed=step.speed, stops=True, holds_nose=not limits.nose_home)
-        wait_s = RETURN_WAIT_S
+        self.fly_to(
+            step, there, speed=limits.return_speed, stops=True, holds_nose=not limits.nose_home
+        )
+        wait_s = limits.return_wait_s
         if limits.turns_back and len(self.legs) > before:
             leg = self.legs[-1]
             back = first_yaw(self.legs, self.start_yaw) - _course_of(leg)
@@ -336,7 +335,8 @@ class _Way:
         """Append the descent to the ground, which slows down once and is ended by the ground."""
         limits = self.limits
         if -self.place[2] > limits.land_below:
-            self.fly_to(step, np.array([*self.place[:2], -limits.land_below]), stops=False)
+            fast = replace(step, descent_speed=limits.fast_landing)
+            self.fly_to(fast, np.array([*self.place[:2], -limits.land_below]), stops=False)
         slow = replace(step, descent_speed=limits.land_speed)
         self.fly_to(slow, np.array([*self.place[:2], 0.0]), stops=True, touches_down=True)
 
@@ -379,9 +379,9 @@ def plan_legs(
                 way.fly_to(step, np.array([*place[:2], way.place[2]]), speed=speed, stops=True)
             way.land(step)
         elif step.kind == "return":
-            distance = float(np.hypot(*way.place[:2]))
-            up = max(-way.place[2], min(limits.return_height, CONE * distance))
-            way.lift(step, up)
+            away = np.hypot(*way.place[:2])
+            up = float(limits.return_top(-way.place[2], away))
+            way.lift(step, up, stops=not limits.return_turns_early)
             way.home(step, up)
             way.land(step)
         elif step.kind == "wait":
@@ -502,6 +502,7 @@ class WayLeg:
     snap: float
     corner_acceleration: float
     climb_acceleration: float
+    corner_limits_climb: bool
     radius: float
     stops: bool  # at its end
     wait_s: float = 0.0  # there
@@ -593,6 +594,7 @@ def way_leg(
         snap=limits.snap,
         corner_acceleration=limits.corner_acceleration,
         climb_acceleration=limits.climb_acceleration,
+        corner_limits_climb=limits.corners_limit_climb,
         radius=limits.radius,
         stops=stops,
         wait_s=wait_s,
@@ -647,7 +649,7 @@ def _overlap(leg: WayLeg, following: WayLeg, *, most: float) -> float:
         (here, there),
         math.floor(longest / TRIED_S),
         (leg.radius, min(leg.speed, following.speed)),
-        (leg.corner_acceleration, leg.climb_acceleration),
+        (leg.corner_acceleration, leg.climb_acceleration if leg.corner_limits_climb else math.inf),
     )
 
 
@@ -664,7 +666,8 @@ def _overlap_of(
     `angles` are the corner's, rad, and the share of each leg's length that goes down. `pulses` are
     the speed profiles at the end of the first and the start of the second leg. `longest` counts
     time steps of TRIED_S. `near` is the largest cut of the corner, m, and top speed, m/s; `gains`
-    the largest accelerations, m/s², level and vertical. 0 if no overlap fits. Cached.
+    the largest accelerations, m/s², level and vertical; if the latter is infinite, speed counts in
+    the level alone too. 0 if no overlap fits. Cached.
     """
     bend, down_one, down_two = angles
     radius, top_speed = near
@@ -683,7 +686,7 @@ def _overlap_of(
     pushed = gaining[:, None] * two - gained[:, None] * one
     fits = (
         (np.linalg.norm(turn, axis=1) < radius)
-        & (np.linalg.norm(moved, axis=1) < top_speed)
+        & (np.linalg.norm(moved[:, : 3 if math.isfinite(climb_most) else 2], axis=1) < top_speed)
         & (np.hypot(pushed[:, 0], pushed[:, 1]) < level_most)
         & (np.abs(pushed[:, 2]) < climb_most)
     )

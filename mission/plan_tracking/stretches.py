@@ -126,7 +126,6 @@ def conditions_before_take_off(
 
 NEAR = 2.0  # m by which a flight is usually off its way
 LATE, LATE_SHARE = 3.0, 0.2  # s, and share of a stretch, by which it is usually late
-HEIGHT_SHARE = 0.4  # of a difference of height: heights of logs and homes are not one
 LEFT = 3.0  # times the usual, by place and time together, beyond which the plan was left
 SMOOTH_S = 0.5  # a reading's noise is no load
 SHORTEST_S = 1.0  # stretches shorter than that are not compared
@@ -234,22 +233,27 @@ def yaw_before(track: FlightTrack) -> float:
 def stretch_ends(flight: PlanFlight, flown: FlownWay, *, over_s: float = 0.0) -> tuple[int, ...]:
     """Return, for each span of the forecast in order, the row of `flown` at which it ended.
 
-    It is the row nearest to the planned end in place and time. The result is shorter if the flight
-    left the plan, and in a flight in progress, where an end counts only if `flown` goes on for
-    `over_s` s after it.
+    It is the row nearest to the planned end: in place, in height gained, because heights of logs
+    and homes are not one, and in time. The result is shorter if the flight left the plan, and in a
+    flight in progress, where an end counts only if `flown` goes on for `over_s` s after it.
     """
     time_s, place = flight.track.time_s, flight.track.position_ned
-    row, scale = 0, np.array([1.0, 1.0, HEIGHT_SHARE])
+    row = 0
     ends: list[int] = []
     for span in flight.course.spans:
         end = min(span.last, time_s.size - 1)
         took = float(time_s[end] - time_s[span.first])
+        if row == flown.time_s.size - 1 and ends:
+            break  # the flight ended before
         began = float(flown.time_s[row])
         stop = int(np.searchsorted(flown.time_s, began + 2.0 * took + 4.0 * LATE))
         rows = slice(row, stop)
-        away = np.linalg.norm((flown.place_ned[rows] - place[end]) * scale, axis=1)
+        away = np.linalg.norm(flown.place_ned[rows, :2] - place[end, :2], axis=1)
+        sinking = float(place[end, 2] - place[span.first, 2])
+        sunk = flown.place_ned[rows, 2] - flown.place_ned[row, 2]
+        amiss = (sunk - sinking) / NEAR
         late = (flown.time_s[rows] - began - took) / (LATE + LATE_SHARE * took)
-        cost = (away / NEAR) ** 2 + late**2
+        cost = (away / NEAR) ** 2 + amiss**2 + late**2
         if not np.isfinite(cost).any():
             break
         best = int(np.nanargmin(cost))

@@ -1,7 +1,9 @@
 """Limits of a vehicle by its parameters, of old and new names."""
 
 import math
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from thrustmargin.mission.forecast.limits import flight_limits
@@ -11,7 +13,9 @@ def test_old_and_new_names_mean_the_same():
     old = {"WPNAV_SPEED": 400.0, "WPNAV_RADIUS": 100.0, "ATC_ACCEL_Y_MAX": 2500.0}
     new = {"WP_SPD": 4.0, "WP_RADIUS_M": 1.0, "ATC_ACC_Y_MAX": 25.0}
     one, two = flight_limits(old), flight_limits(new)
-    assert one == two
+    # Of vertical motion in corners only the firmware with the new names takes account.
+    assert (one.corners_limit_climb, two.corners_limit_climb) == (False, True)
+    assert replace(one, corners_limit_climb=True) == two
     assert (one.speed, one.radius) == (4.0, 1.0)
     assert one.yaw_acceleration == pytest.approx(math.radians(25.0))
 
@@ -50,3 +54,18 @@ def test_on_the_return_only_some_noses_follow():
     assert not flight_limits({}).nose_home
     assert flight_limits({"WP_YAW_BEHAVIOR": 1.0}).nose_home
     assert flight_limits({"WP_YAW_BEHAVIOR": 3.0}).nose_home
+
+
+def test_a_return_has_its_own_parameters():
+    made = flight_limits({"RTL_SPEED": 300.0, "RTL_LOIT_TIME": 1500.0, "LAND_SPEED_HIGH": 80.0})
+    assert (made.return_speed, made.return_wait_s, made.fast_landing) == (3.0, 1.5, 0.8)
+    usual = flight_limits({"WP_SPD": 4.0, "WP_SPD_DN": 1.2})
+    assert (usual.return_speed, usual.return_wait_s, usual.fast_landing) == (4.0, 5.0, 1.2)
+
+
+def test_a_return_climbs_within_a_cone_and_by_a_least_climb():
+    height, away = np.array([2.0, 2.0, 20.0]), np.array([4.0, 100.0, 100.0])
+    top = flight_limits({"RTL_ALT_M": 15.0}).return_top(height, away)
+    np.testing.assert_allclose(top, [12.0, 15.0, 20.0])
+    steep = flight_limits({"RTL_ALT_M": 15.0, "RTL_CONE_SLOPE": 0.0, "RTL_CLIMB_MIN_M": 3.0})
+    np.testing.assert_allclose(steep.return_top(height, away), [15.0, 15.0, 23.0])

@@ -119,6 +119,23 @@ def test_a_landing_slows_down_once_and_meets_the_ground_moving():
     assert took == pytest.approx(20.0 / 1.5 + 10.0 / 0.5 + 1.5, abs=1.0)
 
 
+def test_a_return_turns_home_before_its_climb_has_ended():
+    """By 20 m; before 4.7 a corner limited no vertical acceleration, so it turned earlier still."""
+    rows = ((22, (0.0, 0.0, 10.0)), (16, spot(SECOND, 11.0, 10.0)), (20,))
+
+    def early_s(px4: bool = False, **parameters: float) -> float:
+        limits = flight_limits({"RTL_ALT_M": 30.0, "RTL_RETURN_ALT": 30.0, **parameters}, px4=px4)
+        plan = plan_of(*rows)
+        up, home = timed_legs(plan_legs(plan, plan_steps(plan), limits))[2:4]
+        assert up.leg.vector == pytest.approx([0.0, 0.0, -20.0])
+        assert home.leg.end_ned == pytest.approx([0.0, 0.0, -30.0])
+        return up.end_s - home.start_s
+
+    assert early_s(px4=True) == 0.0
+    assert 0.5 < early_s(WP_SPD=4.0, WP_ACC_Z=0.5) < 2.0
+    assert 3.0 < early_s(WPNAV_SPEED=400.0, WPNAV_ACCEL_Z=50.0) < 6.0
+
+
 OUT = ((22, (0.0, 0.0, 30.0)), (16, spot(SECOND, 11.0, 30.0)), (20,))
 
 

@@ -23,8 +23,6 @@ from thrustmargin.mission.plan_tracking.stretches import (
     compare_with_plan,
     flown_way,
     stretch_ends,
-    worst_smoothed,
-    yaw_before,
 )
 from thrustmargin.mission.steps import plan_steps
 from thrustmargin.models.flight import Origin
@@ -167,57 +165,39 @@ def test_a_flight_5_m_beside_or_10_m_above_its_way_is_still_on_it(
     assert compared(TRUE, flight(aside=aside)).left_at is None
 
 
-@pytest.mark.parametrize(("late_s", "ends"), [(20.0, 1), (22.0, 0)])
-def test_a_stretch_of_20_s_may_be_21_s_late(late_s: float, ends: int):
-    """3 s and a fifth of the stretch are usual, 7 s, and three times as much is still this plan."""
-    spans = (Span(item=1, kind="leg", first=0, last=20),)
-    planned = SimpleNamespace(
+def planned_along(step_ned: tuple[float, float, float]) -> PlanFlight:
+    """20 s along one direction, m each second."""
+    made = SimpleNamespace(
         track=SimpleNamespace(
-            time_s=np.arange(21.0), position_ned=np.outer(np.arange(21.0), [50.0, 0.0, 0.0])
+            time_s=np.arange(21.0), position_ned=np.outer(np.arange(21.0), step_ned)
         ),
-        course=SimpleNamespace(spans=spans),
+        course=SimpleNamespace(spans=(Span(item=1, kind="leg", first=0, last=20),)),
     )
-    time_s = np.arange(60.0)
+    return cast(PlanFlight, made)
+
+
+def way_along(step_ned: tuple[float, float, float]) -> FlownWay:
     unknown = np.full(60, np.nan)
-    way = FlownWay(
+    time_s = np.arange(60.0)
+    return FlownWay(
         time_s=time_s,
-        place_ned=np.outer(time_s, [1000.0 / (20.0 + late_s), 0.0, 0.0]),
+        place_ned=np.outer(time_s, step_ned),
         speed=unknown,
         utilisation=unknown,
         tank_kg=unknown,
         voltage=unknown,
     )
-    assert stretch_ends(cast(PlanFlight, planned), way) == (int(20.0 + late_s),) * ends
 
 
-def test_the_worst_rotor_is_that_of_means_over_half_a_second():
-    """Rows of 0.1 s: one that reads 1.0 between zeros is a fifth of its half second."""
-    use = np.zeros((11, 2))
-    use[5, 1] = 1.0
-    found = worst_smoothed(0.1 * np.arange(11.0), use)
-    assert found == pytest.approx([0.0] * 3 + [0.2] * 5 + [0.0] * 3)
+@pytest.mark.parametrize(("late_s", "ends"), [(20.0, 1), (22.0, 0)])
+def test_a_stretch_of_20_s_may_be_21_s_late(late_s: float, ends: int):
+    """3 s and a fifth of the stretch are usual, 7 s, and three times as much is still this plan."""
+    way = way_along((1000.0 / (20.0 + late_s), 0.0, 0.0))
+    assert stretch_ends(planned_along((50.0, 0.0, 0.0)), way) == (int(20.0 + late_s),) * ends
 
 
-def test_a_peak_of_the_forecast_is_a_mean_of_half_a_second_like_the_flown_one():
-    """One row of ten a second at twice the thrust adds a fifth of itself to such a mean."""
-    made = flown_by(TRUE)
-    forecast = forecast_of(made)
-    span = made.course.spans[3]
-    row = (span.first + span.last) // 2
-    use = forecast.utilisation_predicted.copy()
-    level = float(np.max(use[row]))
-    use[row] *= 2.0
-    spiked = compare_with_plan(made, replace(forecast, utilisation_predicted=use), flight())
-    pair = spiked.stretches[3].utilisation_peak
-    assert pair.forecast == pytest.approx(1.2 * level, rel=0.05)
-
-
-def test_the_heading_before_take_off_is_the_first_that_is_known_off_the_ground():
-    made = flown_by(TRUE).track
-    attitude = made.attitude.copy()
-    attitude[:, 2] = np.linspace(0.5, 2.0, made.time_s.size)
-    attitude[:40, 2] = np.nan
-    flying = made.time_s > 2.0
-    track = replace(made, attitude=attitude, flying=flying)
-    assert yaw_before(track) == pytest.approx(attitude[40, 2])
-    assert np.isnan(yaw_before(replace(track, flying=np.zeros_like(flying))))
+def test_a_climb_that_was_not_flown_is_where_the_plan_was_left():
+    """Of 10 m up, 3 in 20 s: 2 m are usual, three times as much is still this plan."""
+    up = planned_along((0.0, 0.0, -0.5))
+    assert stretch_ends(up, way_along((0.0, 0.0, -0.5))) == (20,)
+    assert stretch_ends(up, way_along((0.0, 0.0, 0.0))) == ()
