@@ -51,7 +51,7 @@ AT_HOME = 30.0  # m from a plan's home within which a lift-off was there
 def forecast(
     plan: Annotated[Positional[Path], tyro.conf.arg(metavar="PLAN|LOG")],
     *,
-    fill: str,
+    fill: str | None = None,
     model: Path | None = None,
     whose: Known = ANY_KNOWN,
     airframe: str | None = None,
@@ -93,7 +93,8 @@ def forecast(
 
     Args:
         plan: Plan (.plan, .waypoints, .mission) or a log that holds the mission.
-        fill: In the tank at take-off: kg, or litres as 16L.
+        fill: In the tank at take-off: kg, or litres as 16L. Needed, unless the aircraft has no
+            tank.
         model: Rotor speed model file of this aircraft.
         whose: The known aircraft; see `thrustmargin learn`.
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the model's.
@@ -352,7 +353,16 @@ def _or_nan(value: float | None) -> float:
     return math.nan if value is None else value
 
 
-def _fill_kg(words: str, liquid: float, capacity_kg: float) -> float:
+def _fill_kg(words: str | None, liquid: float, capacity_kg: float) -> float:
+    """Return the fill, kg, that `words` state: kg, or litres of density `liquid`, kg/L.
+
+    None states nothing, which is 0 for an aircraft without a tank (`capacity_kg` 0). Raise
+    UsageError where it is none, no amount, or more than the tank holds.
+    """
+    if words is None:
+        if capacity_kg > 0.0:
+            raise UsageError("what is in the tank at take-off? add --fill KG, or litres as 16L")
+        return 0.0
     found = re.fullmatch(r"\s*(\d{1,4}(?:[.,]\d+)?)\s*(kg|l)?\s*", words, re.IGNORECASE)
     if not found:
         raise UsageError(f"--fill {words!r:.40} is no amount; give kg as 16, or litres as 16L")

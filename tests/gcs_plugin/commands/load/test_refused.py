@@ -70,6 +70,17 @@ def test_an_order_that_cannot_be(words, answer, tmp_path, capsys):
     assert_one_line(capsys, answer)
 
 
+def test_a_fill_is_asked_for_unless_there_is_no_tank(tmp_path, capsys):
+    path, dry = tmp_path / "field.plan", tmp_path / "dry.toml"
+    write_plan(plan_of(*TWO_LINES), path)
+    dry.write_text(NO_TANK, encoding="utf-8")
+    flow = ("--flow", "2.4")
+    assert run(["forecast", str(path), *flow, "--airframe", "topxgun-f16"]) == 2
+    assert_one_line(capsys, "what is in the tank at take-off? add --fill KG, or litres as 16L")
+    assert run(["forecast", str(path), "--airframe", str(dry)]) == 0
+    assert "Nothing to fill: it has no tank." in capsys.readouterr().out
+
+
 def test_wind_that_no_rotor_holds_is_no_take_off_with_a_reason(tmp_path, capsys):
     path = tmp_path / "field.plan"
     write_plan(plan_of(*TWO_LINES), path)
