@@ -10,8 +10,9 @@ direction has entries of size 1 in the root mean square, so an offset of 0.01 in
 1 % on every rotor.
 
 A flight is predicted with the state before it, and updates the state afterwards, so no flight is
-scored with itself. The sizes of the steps maximise the marginal likelihood of the aircraft's own
-flights times a prior that a few flights outweigh.
+scored with itself. Each mode has steps of its own size, for a yaw trim moves more than a roll trim:
+they maximise the marginal likelihood of the aircraft's own flights times a prior that a few flights
+outweigh.
 """
 
 from __future__ import annotations
@@ -42,20 +43,26 @@ STEP_FACTORS = np.geomspace(0.05, 4.0, 45)
 #: Standard deviation of the change that a repair makes to each mode. Source: the same aircraft,
 #: whose modes changed by 1 to 5 % when motors were aligned and a propeller replaced.
 REPAIR_STEP = 0.03
-#: The steps have one size for all modes, though yaw trims move more than others: a mode counts as
-#: changed only beyond its own surprises so far, each up to MOST_SURPRISE, with a prior of 1 that
-#: counts for SCALE_FLIGHTS flights.
-SCALE_FLIGHTS, MOST_SURPRISE = 4, 4.0
-#: Probability with which a sound flight is reported as changed.
-FALSE_CHANGE = 0.01
+#: Probability with which a sound flight is reported as changed: once in ten seasons of 40 flights.
+FALSE_CHANGE = 0.0025
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WalkSizes:
-    """The standard deviations of the walk's steps, as shares of rotor speed."""
+    """The standard deviations of the walk's steps, as shares of rotor speed.
 
-    flight: float = FLIGHT_STEP
-    day: float = DAY_STEP
+    One of all modes, or one of each mode (R,).
+    """
+
+    flight: float | tuple[float, ...] = FLIGHT_STEP
+    day: float | tuple[float, ...] = DAY_STEP
+
+    @property
+    def typical(self) -> tuple[float, float]:
+        """Return the root mean squares over the modes: of the step by flight, and of that by
+        day."""
+        flight, day = (math.sqrt(np.mean(np.square(one))) for one in (self.flight, self.day))
+        return flight, day
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,8 +117,6 @@ class WalkStep:
     before: ModeState
     after: ModeState
     surprise: tuple[float, ...]  # (R,) difference over its expected standard deviation
-    #: (R,) by which a mode's surprises have exceeded what the walk expects so far, at least 1
-    scale: tuple[float, ...]
     #: (R,) standard error of the state after the flight before it, without the step in between
     known: tuple[float, ...]
 
@@ -122,8 +127,7 @@ class WalkStep:
         Of fault-free flights a share of FALSE_CHANGE has such a mode.
         """
         beyond = surprise_limit(len(self.surprise))
-        beyond_walk = np.abs(self.surprise) > beyond * np.array(self.scale)
-        return tuple(np.flatnonzero(beyond_walk).tolist())
+        return tuple(np.flatnonzero(np.abs(self.surprise) > beyond).tolist())
 
 
 @lru_cache(maxsize=16)
@@ -167,22 +171,16 @@ def walk(
     the error of one step by flight and by day, because the model is the mean of other flights.
     Raises DataError where one flight is given twice.
     """
-    made, squares = [], 0.0
-    for count, one in enumerate(_filtered(flights, steps, last_training, repairs)):
-        surprise = one.difference / np.sqrt(one.expected)
-        scale = np.sqrt(np.maximum((SCALE_FLIGHTS + squares) / (SCALE_FLIGHTS + count), 1.0))
-        squares = squares + np.minimum(np.abs(surprise), MOST_SURPRISE) ** 2
-        made.append(
-            WalkStep(
-                flight=one.flight,
-                before=_state(one.mean, one.variance),
-                after=_state(one.mean_after, one.variance_after),
-                surprise=tuple(surprise.tolist()),
-                scale=tuple(np.broadcast_to(scale, surprise.shape).tolist()),
-                known=tuple(np.sqrt(one.known).tolist()),
-            )
+    return tuple(
+        WalkStep(
+            flight=one.flight,
+            before=_state(one.mean, one.variance),
+            after=_state(one.mean_after, one.variance_after),
+            surprise=tuple((one.difference / np.sqrt(one.expected)).tolist()),
+            known=tuple(np.sqrt(one.known).tolist()),
         )
-    return tuple(made)
+        for one in _filtered(flights, steps, last_training, repairs)
+    )
 
 
 class _Update(NamedTuple):
@@ -217,7 +215,7 @@ def _filtered(
     if not ordered:
         return
     mean = np.zeros(len(ordered[0].offset))
-    variance = mean + steps.day**2
+    variance = mean + np.square(steps.day)
     last = last_training
     for one in ordered:
         known = variance
@@ -232,8 +230,9 @@ def _filtered(
 
 def _step_variance(
     last: FlightOffsets | None, one: FlightOffsets, steps: WalkSizes, repairs: Sequence[float]
-) -> float:
-    """Return the variance that is added to each mode between the `last` flight and flight `one`.
+) -> Floats:
+    """Return the variance (..., R) or (..., 1) that is added to each mode between the `last` flight
+    and flight `one`.
 
     It is that of one flight, plus that of a day if the days differ, plus that of each repair
     between.
@@ -241,7 +240,8 @@ def _step_variance(
     since = -math.inf if last is None else last.start_unix_s
     repaired = sum(since < time_s <= one.start_unix_s for time_s in repairs)
     days = last is not None and last.day != one.day
-    return steps.flight**2 + days * steps.day**2 + repaired * REPAIR_STEP**2
+    stepped = np.square(steps.flight) + days * np.square(steps.day)
+    return stepped + repaired * REPAIR_STEP**2
 
 
 def _state(mean: Floats, variance: Floats) -> ModeState:
@@ -285,7 +285,8 @@ def fit_steps(
     last_training: FlightOffsets | None = None,
     repairs: Sequence[float] = (),
 ) -> WalkSizes:
-    """Fit the step sizes by maximum posterior density; without flights return the prior medians.
+    """Fit the step sizes of each mode by maximum posterior density; without flights return the
+    prior medians.
 
     ln of each step is normal about its prior median with standard deviation STEP_SPREAD.
     """
@@ -304,13 +305,13 @@ def _fit_steps(
         return WalkSizes()
     factors = np.array(list(product(STEP_FACTORS[::2], STEP_FACTORS[::2])))
     flight, day = FLIGHT_STEP * factors[:, :1], DAY_STEP * factors[:, 1:]
-    density = -0.5 * np.sum((np.log(factors) / STEP_SPREAD) ** 2, axis=1)
+    density = -0.5 * np.sum((np.log(factors) / STEP_SPREAD) ** 2, axis=1, keepdims=True)
     sizes: Any = WalkSizes(flight=flight, day=day)  # type: ignore[arg-type]  # all at once
     for one in _filtered(flights, sizes, last_training, repairs):
         squares = one.difference**2 / one.expected + np.log(2.0 * math.pi * one.expected)
-        density = density - 0.5 * np.sum(squares, axis=-1)
-    best = int(np.argmax(density))
-    return WalkSizes(flight=float(flight[best, 0]), day=float(day[best, 0]))
+        density = density - 0.5 * squares
+    best = np.argmax(density, axis=0)
+    return WalkSizes(flight=tuple(flight[best, 0].tolist()), day=tuple(day[best, 0].tolist()))
 
 
 def shift_rpm(state: ModeState, airframe: Airframe, speed_rpm: Floats) -> tuple[Floats, Floats]:

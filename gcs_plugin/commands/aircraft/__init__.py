@@ -144,7 +144,7 @@ def _show(known: KnownAircraft, console: Console) -> None:
         console.print(escape(f"  {why}"), style="bold")
     for line in first_steps(left, grounded=left.level is not None):
         console.print(escape(f"  {line}"))
-    console.print(f"  {walk_words(steps.flight, steps.day)}")
+    console.print(f"  {walk_words(*steps.typical)}")
     for line in power_and_battery_words(known.power_before(), known.battery_before()):
         console.print(f"  {line}")
     for line in map(trend_sentence, power_trends(known.arms_since_repair)):

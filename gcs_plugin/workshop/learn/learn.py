@@ -490,5 +490,5 @@ def card(aircraft: KnownAircraft) -> tuple[str, ...]:
         flights=len(flights),
         days=aircraft.days,
         held=held,
-        day_step=aircraft.steps().day if flights else 0.0,
+        day_step=aircraft.steps().typical[1] if flights else 0.0,
     )

@@ -74,13 +74,14 @@ def test_a_moment_names_the_rotors_of_either_side_and_no_mass():
 
 def test_a_flight_whose_speeds_leave_their_interval_is_a_change_of_coverage():
     least = least_coverage(MODEL.interval)
-    assert 0.75 < least < 0.86  # 27 flights held 87 to 99 %
+    assert 0.71 < least < 0.86  # 27 flights held 87 to 99 %
     assert change((0.0,) * 4, coverage=least + 0.01) is None
     found = change((0.0,) * 4, coverage=least - 0.01)
     assert found.kind is ChangeKind.COVERAGE
     assert found.modes == ()
     no_flights = replace(MODEL.interval, measured=None)
-    assert least_coverage(no_flights) == pytest.approx(0.76, abs=0.005)
+    # 2.807 times 6 % below 90 %: once in 400 flights
+    assert least_coverage(no_flights) == pytest.approx(0.7316, abs=0.0005)
 
 
 def test_a_weak_rotor_stands_before_all_else():

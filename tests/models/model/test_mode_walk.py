@@ -101,9 +101,18 @@ def test_steps_are_learnt_from_an_aircraft_s_own_flights():
         for k in range(4):
             offset = offset + rng.normal(0.0, 0.004, 4)
             flights.append(flown(f"{day}-{k}", day + 0.05 * k, *offset))
-    steps = fit_steps(flights)
-    assert steps.flight == pytest.approx(0.004, rel=0.35)
-    assert steps.day == pytest.approx(0.01, rel=0.35)
+    flight, day = fit_steps(flights).typical
+    assert flight == pytest.approx(0.004, rel=0.35)
+    assert day == pytest.approx(0.01, rel=0.35)
+
+
+def test_each_mode_has_steps_of_its_own_size():
+    rng = np.random.default_rng(8)
+    moves = np.array([0.005, 0.0025, 0.0025, 0.02])
+    days = np.cumsum(moves * rng.normal(size=(24, 4)), axis=0)
+    steps = fit_steps([flown(str(k), k, *offset) for k, offset in enumerate(days)])
+    by_step = np.hypot(steps.flight, steps.day)
+    assert by_step == pytest.approx(moves, rel=0.5)
 
 
 def test_without_flights_the_steps_are_those_of_a_measured_aircraft():
@@ -170,17 +179,13 @@ def test_a_state_that_cannot_be_is_refused(wrong):
         ModeState(**{"offset": (0.0,), "error": (0.1,), **wrong})
 
 
-def test_a_mode_that_always_moves_more_than_the_others_is_not_changed_each_time():
+def test_a_mode_that_always_moves_more_than_the_others_has_not_changed():
     rng = np.random.default_rng(3)
-    flights = [
-        FlightOffsets(
-            flight=f"{k}", start_unix_s=k * 86_400.0, longitude_deg=0.0,
-            offset=(0.0005 * rng.normal(), 0.0, 0.0, 0.009 * (-1) ** (k // 2)),
-            error=(0.001,) * 4, rows=900,
-        )
-        for k in range(24)
-    ]  # fmt: skip
-    made = walk(flights, WalkSizes(flight=0.002, day=0.004))
-    changed = [k for k, one in enumerate(made) if one.changed]
-    assert changed
-    assert max(changed) < 6  # by then the mode's own surprises are known
+    moves = np.array([0.0005, 0.0005, 0.0005, 0.009])
+    days = np.cumsum(moves * rng.normal(size=(24, 4)), axis=0)
+    flights = [flown(str(k), k, *offset) for k, offset in enumerate(days)]
+    for count in range(6, 24):
+        assert walk(flights[: count + 1], fit_steps(flights[:count]))[-1].changed == ()
+    # A roll trim that moves as much as the yaw trim always does has.
+    rolled = flown("x", 24, *(days[-1] + np.array([0.0, 0.009, 0.0, 0.0])))
+    assert walk([*flights, rolled], fit_steps(flights))[-1].changed == (1,)
