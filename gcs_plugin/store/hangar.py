@@ -31,6 +31,7 @@ from thrustmargin.models.errors import DataError
 from thrustmargin.models.json_values import from_json_values, to_json_values
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.aircraft_change import AircraftChange
+from thrustmargin.models.model.airframe_match import KnownFrom
 from thrustmargin.models.model.clearance import BLIND, Clearance, Condition
 from thrustmargin.models.model.mode_walk import (
     FlightOffsets,
@@ -220,6 +221,18 @@ class KnownAircraft:
         rows = [row for row in self.flights if row.started_unix_s < start_unix_s and row.trusted]
         return tuple(rows[-RECENT:])
 
+    @property
+    def known_from(self) -> KnownFrom:
+        """Return the name, the sound flights and their days, and the last flight with a verdict."""
+        last = self.flights[-1] if self.flights else None
+        return KnownFrom(
+            aircraft=self.name,
+            flights=len(self.sound_flights),
+            days=self.days,
+            last_log="" if last is None else last.log_name,
+            last_unix_s=NAN if last is None else last.started_unix_s,
+        )
+
     def clearance(self) -> Clearance:
         """Return the consequence of the last RECENT flights for the next take-off.
 
@@ -242,7 +255,12 @@ class KnownAircraft:
                 continue
             if not noted and (level is FlightLevel.LOST or not sound):
                 rotors = sorted(set(row.suspects))
-                return Clearance(level=level, rotors=tuple(rotors), log_name=row.log_name)
+                return Clearance(
+                    level=level,
+                    rotors=tuple(rotors),
+                    log_name=row.log_name,
+                    known_from=self.known_from,
+                )
             conditions = [Condition(caveat=Caveat.BAD_BEFORE)]
         if rows:
             last = rows[-1]
@@ -250,7 +268,7 @@ class KnownAircraft:
             if last.not_taught in _UNSEEING and not set(BLIND) & set(left):
                 left = (*left, Caveat.ROTORS_NOT_SOUGHT)
             conditions += [Condition(caveat=one) for one in left]
-        return Clearance(conditions=tuple(conditions))
+        return Clearance(conditions=tuple(conditions), known_from=self.known_from)
 
     def power_before(self, start_unix_s: float = math.inf) -> PowerLaw | None:
         """Return the law of electric power by the flights before `start_unix_s`, Unix time.

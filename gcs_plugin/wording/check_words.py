@@ -439,6 +439,24 @@ def known_words(known: KnownFrom) -> str:
     return say("aircraft {name}, known from {flights} flights on {days} days", **own)
 
 
+def last_known_words(known: KnownFrom) -> str:
+    """Return the known aircraft with the day and log of its last flight, as a sentence without its
+    full stop.
+
+    What happened after that flight is not known: a log without a verdict is not kept. Empty for an
+    aircraft without a flight.
+    """
+    if not known.last_log:
+        return ""
+    return say(
+        "{known}; its last flight with a verdict is {log} of {day}: what came after it is not "
+        "known",
+        known=Verbatim(known_words(known)),
+        log=Verbatim(known.last_log),
+        day=Verbatim(known.last_flight[:10]),
+    )
+
+
 def grounds_words(airframe_match: AirframeMatch) -> str:
     """Return an airframe's name and how it was chosen, to follow the word "airframe": `x, given`.
 

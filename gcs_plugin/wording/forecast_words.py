@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from thrustmargin.gcs_plugin.wording.advice_words import damage_words
+from thrustmargin.gcs_plugin.wording.check_words import last_known_words
 from thrustmargin.gcs_plugin.wording.clearance_words import (
     conditions_words,
     first_steps,
@@ -486,8 +487,13 @@ def plan_faults(made: PlanForecast) -> tuple[str, ...]:
 
 
 def assumed_words(made: PlanForecast) -> tuple[str, ...]:
-    """Return the lines about values that were assumed because they are unknown."""
+    """Return the lines about values that were assumed because they are unknown.
+
+    The first names the known aircraft and its last flight, after which nothing is known of it.
+    """
+    known = made.clearance.known_from
     return (
+        *filter(None, ["" if known is None else last_known_words(known)]),
         *map(say, made.plan.notes),
         day_line(made.day),
         *(_assumed(key, values) for key, values in made.assumed.items()),

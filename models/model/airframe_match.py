@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import lru_cache
-from math import cos, nan, pi, sin
+from math import cos, isfinite, nan, pi, sin
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -40,6 +41,26 @@ class KnownFrom:
     aircraft: str
     flights: int
     days: int
+    last_log: str = ""  # of its last flight that has a verdict; empty without one
+    last_unix_s: float = nan  # start of that flight
+
+    @property
+    def last_flight(self) -> str:
+        """Return the start of the last flight as ISO 8601, UTC; empty without one."""
+        if not isfinite(self.last_unix_s):
+            return ""
+        return datetime.fromtimestamp(self.last_unix_s, UTC).isoformat(timespec="seconds")
+
+    def to_json(self) -> dict[str, Any]:
+        """Return `aircraft`, `flights`, `days`, and of the last flight `last_log` and
+        `last_flight`."""
+        return {
+            "aircraft": self.aircraft,
+            "flights": self.flights,
+            "days": self.days,
+            "last_log": self.last_log or None,
+            "last_flight": self.last_flight or None,
+        }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advice, FlightLevel
+from thrustmargin.models.model.airframe_match import KnownFrom
 from thrustmargin.models.model.model_misfit import Caveat
 
 #: Levels that forbid the next take-off until somebody has looked at the aircraft.
@@ -50,6 +51,7 @@ class Clearance:
     rotors: tuple[int, ...] = ()  # from 1, that `level` is about; empty where unknown
     unrecognised: bool = False  # the flight is not recognised as one of the airframe
     log_name: str = ""  # of a flight of which only its row in a hangar is known
+    known_from: KnownFrom | None = None  # the known aircraft whose flights these are
 
     @property
     def caveats(self) -> tuple[Caveat, ...]:
@@ -74,7 +76,8 @@ def both(of_log: Clearance, of_aircraft: Clearance) -> Clearance:
         first, second = second, first
     here = first.caveats
     more = tuple(one for one in second.conditions if one.caveat not in here)
-    return replace(first, conditions=(*first.conditions, *more))
+    known_from = first.known_from or second.known_from
+    return replace(first, conditions=(*first.conditions, *more), known_from=known_from)
 
 
 def _gravity(one: Clearance) -> float:

@@ -364,7 +364,6 @@ def learn_logs(
     raised.
     """
     from thrustmargin.gcs_plugin.store.learnt_flight import learnt_flight
-    from thrustmargin.models.model.airframe_match import KnownFrom
 
     model = aircraft.model()
     its = replace(inputs, logs=tuple(paths), airframe=str(aircraft.airframe_file))
@@ -372,10 +371,7 @@ def learn_logs(
     made: list[tuple[LearntFlight, FlightLog]] = []
     kept: list[tuple[LearntFlight, FlightLog]] = []
     for log, airframe_match in sorted(read, key=_start):
-        known_from = KnownFrom(
-            aircraft=aircraft.name, flights=len(aircraft.sound_flights), days=aircraft.days
-        )
-        airframe_match = replace(airframe_match, known_from=known_from)
+        airframe_match = replace(airframe_match, known_from=aircraft.known_from)
         flight = learnt_flight(
             log, airframe_match, model, aircraft, flight=flight_key(log), limit=inputs.limit
         )

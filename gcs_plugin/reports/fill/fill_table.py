@@ -12,6 +12,7 @@ from thrustmargin.gcs_plugin.reports.shared import page_shell
 from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, software_version
 from thrustmargin.gcs_plugin.wording import report_words as words
 from thrustmargin.gcs_plugin.wording.actions import shown_level
+from thrustmargin.gcs_plugin.wording.check_words import last_known_words
 from thrustmargin.gcs_plugin.wording.clearance_words import (
     first_steps,
     no_fill_words,
@@ -180,9 +181,12 @@ def conditions(table: FillTable) -> list[str]:
     drag_unknown = table.model.network is None and table.found.airspeed > 0.0
     ask = table.sensitive
     through = say(THROUGH_AIR, speed=number(table.found.airspeed, "m/s"))
+    known = table.clearance.known_from
+    earlier = "" if known is None else last_known_words(known)
     remarks = [
         *only_if_words(table.clearance),
         *first_steps(table.clearance, grounded=table.grounded),
+        *([f"{earlier[:1].upper()}{earlier[1:]}."] if earlier else []),
         day_line(table.day, table.found.voltage),
         *([] if ask is None else [ask_words(ask.name, ask.step, ask.kg)]),
         *([] if drag_unknown else [through]),
@@ -211,6 +215,7 @@ def json_text(table: FillTable) -> str:
     made = {
         "schema": "thrustmargin.fill/2",
         "airframe": table.model.airframe.name,
+        "known_from": table.clearance.known_from and table.clearance.known_from.to_json(),
         "model": table.model.description,
         "advice": table.advice,
         "recommended": {

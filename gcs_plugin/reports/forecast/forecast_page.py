@@ -75,6 +75,7 @@ def json_text(made: PlanForecast) -> str:
     content = {
         "schema": "thrustmargin.forecast/2",
         "verdict": {"level": made.level, "words": verdict(made), "caveats": made.clearance.caveats},
+        "known_from": made.clearance.known_from and made.clearance.known_from.to_json(),
         "conditions": conditions_json(made.given),  # `report --assumed` reads them
         "day": day_json(made.day),
         "flight_s": made.flight_s,

@@ -1,6 +1,7 @@
 """An aircraft that is known: recognised by its log, predicted by its state, taught by landings."""
 
 import json
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -93,6 +94,33 @@ def test_fill_and_replay_take_the_aircraft_by_its_name(hangar, capsys):
     assert "kg" in capsys.readouterr().out
     assert run(["fill", "--aircraft", "south", "--hangar", str(hangar.folder)]) == 1
     assert "no aircraft south" in capsys.readouterr().err
+
+
+def test_fill_and_forecast_name_the_last_flight_that_they_know(hangar, capsys, tmp_path):
+    place = ["--aircraft", "north", "--hangar", str(hangar.folder)]
+    files = [tmp_path / "fill.json", tmp_path / "forecast.json"]
+    assert run(["fill", *place, "--json", str(files[0])]) == 0
+    assert json.loads(files[0].read_text())["known_from"]["last_log"] is None
+    reported(hangar, str(LOG), "--aircraft", "north")
+    capsys.readouterr()
+    plan = str(LOG.with_name("v4_m4_q2.5.tlog"))
+    assert run(["fill", *place, "--json", str(files[0])]) == 0
+    assert run(["forecast", plan, "--fill", "4", *place, "--json", str(files[1])]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    begun = datetime.fromtimestamp(hangar.load("north").flights[0].started_unix_s, UTC)
+    known = (
+        f"ircraft north, known from 1 flight; its last flight with a verdict is {LOG.name} of "
+        f"{begun:%Y-%m-%d}: what came after it is not known"
+    )
+    assert said.count(known) == 2
+    for file in files:
+        assert json.loads(file.read_text())["known_from"] == {
+            "aircraft": "north",
+            "flights": 1,
+            "days": 1,
+            "last_log": LOG.name,
+            "last_flight": begun.isoformat(timespec="seconds"),
+        }
 
 
 def test_a_flown_mission_is_kept_beside_its_forecast_and_shown(hangar, capsys):

@@ -209,7 +209,7 @@ def test_power_is_said_with_what_it_rests_on():
     unsure = "no flight measured it, so it may be 34 % less or 51 % more"
     assert any(words.endswith(unsure) for words in assumed_words(made()))
     (one,) = power_words(with_power(1))
-    assert one.startswith("Lands at 56.7 V (56.1 to 57.4); ")
+    assert one.startswith("Lands at 56.8 V (56.2 to 57.5); ")
     assert one.endswith("power as measured on one flight of this aircraft, ± 7 %.")
     (five,) = power_words(with_power(5))
     assert five.endswith("power as measured on 5 flights of this aircraft, ± 5 %.")

@@ -117,9 +117,10 @@ def test_without_a_network_there_is_an_answer_and_what_it_lacks_is_said():
 
 
 def test_speed_in_the_rows_is_over_ground_in_any_direction():
-    """To the east at 4 m/s, as the plan orders."""
+    """To the east at 4 m/s, as the plan orders; back at 3 m/s, as the parameters do."""
     east = (178, 1.0, 4.0, -1.0), (16, spot(48.0, 11.0015))
-    made = forecast(plan_of(TWO_LINES[0], *east, (20,)), shipped_model(), TakeOff(fill_kg=1.5))
+    plan, slow = plan_of(TWO_LINES[0], *east, (20,)), {"RTL_SPEED_MS": 3.0}
+    made = forecast(plan, shipped_model(), TakeOff(fill_kg=1.5), parameters=slow)
     rows = list(csv.DictReader(io.StringIO(csv_text(made))))
     speeds = [float(row["speed over ground [m/s]"]) for row in rows]
     assert max(speeds) == pytest.approx(4.0, abs=0.05)
