@@ -24,8 +24,8 @@ from thrustmargin.models.model.model_file import load_model
 
 @pytest.fixture(scope="module")
 def made():
-    # The return is as fast as the lines, not at the parameters' 10 m/s.
-    return forecast(plan_of(*TWO_LINES), load_model(), 3.0, parameters={"RTL_SPEED_MS": 5.0})
+    # The return is as fast as the lines, not at the default 10 m/s.
+    return forecast(plan_of(*TWO_LINES), load_model(), 3.0, parameters={"WP_SPD": 4.0})
 
 
 def test_the_answer_comes_before_the_chart_and_the_chart_before_what_was_assumed(made):
