@@ -147,13 +147,13 @@ def unnamed_causes_words(found: Identification) -> str:
     """Return the sentence on the unnamed causes added to the model: mode or rotor, channel, its
     range, RMS, rpm.
 
-    An effect of the catalogue among them is stated with its amount and probability. A cause on a
-    rotor is an alarm until repaired. Needs at least one unnamed cause.
+    An effect of the catalogue among them is stated with its amount and probability. A loss of a
+    rotor is an alarm until repaired, a weight near one or a tilted arm is not. Needs at least one unnamed cause.
     """
     each, names, curves = [], found.model.airframe.rotor_names, False
     for one in found.open_causes:
-        size, rotor = f"({number(one.rms_rpm, 'rpm', 0)})", one.found.term.rotor
-        until = "" if rotor is None else say(", an alarm until it is repaired")
+        size, bad = f"({number(one.rms_rpm, 'rpm', 0)})", one.found.term.degraded_rotor
+        until = "" if bad is None else say(", an alarm until it is repaired")
         if one.place is None:
             words = amount_of(one.found, found)
             likely = say("{chance} likely", chance=chance(one.found.probability))

@@ -262,6 +262,8 @@ def nothing_missing_words(found: Identification) -> str:
         return say("Motor outputs show nothing that is missing, but they cannot clear a rotor")
     verdict, cleared = _missing_words(found), excluded_losses(found)
     words = "{verdict}: a loss {cleared}"
+    if found.nothing_probability < CHOICE:
+        words = "{verdict}; a loss {cleared}"
     return say(words, verdict=verdict, cleared=cleared) if cleared else verdict
 
 

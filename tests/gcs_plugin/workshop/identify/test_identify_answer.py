@@ -153,6 +153,11 @@ def test_nothing_is_missing_only_where_that_is_likely(sound):
         "nothing to repair"
     )
     assert first(other, rotor).startswith("Something small may be missing (93 % by 3 flights)")
+    limit = Excluded(term=weak(1), parameter="loss", unit="1", above=0.018)
+    both = replace(sound, excluded=(limit,), alternatives=(other, rotor))
+    assert nothing_missing_words(both).endswith(
+        "nothing to repair; a loss above 1.8 % on rotor 2 is excluded, a smaller one is not"
+    )
 
 
 def test_an_error_beyond_that_of_sound_flights_is_no_nothing(sound):
@@ -491,6 +496,11 @@ def test_what_has_no_name_is_said_with_its_range_and_its_interval_beyond(sound):
     )
     alone = replace(sound, open_causes=(mass,))
     assert "edge" not in unnamed_causes_words(alone)
+    # A weight that hangs near a rotor is not that rotor's loss.
+    hung = of(known_term("extra_mass:on an arm", rotor=3), 0.25)
+    near = unnamed_causes_words(replace(sound, open_causes=(hung,)))
+    assert "rotor 4" in near
+    assert "alarm" not in near
     limits = tuple(
         Excluded(term=weak(k), parameter="loss", unit="1", above=0.015) for k in range(4)
     )
