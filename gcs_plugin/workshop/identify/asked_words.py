@@ -148,7 +148,8 @@ def unnamed_causes_words(found: Identification) -> str:
     range, RMS, rpm.
 
     An effect of the catalogue among them is stated with its amount and probability. A loss of a
-    rotor is an alarm until repaired, a weight near one or a tilted arm is not. Needs at least one unnamed cause.
+    rotor is an alarm until repaired, a weight near one or a tilted arm is not. Needs at least one
+    unnamed cause.
     """
     each, names, curves = [], found.model.airframe.rotor_names, False
     for one in found.open_causes:
