@@ -67,7 +67,7 @@ def test_energy_from_the_far_end_is_power_times_time(north: float, airspeed: flo
 def test_a_way_home_climbs_to_the_height_of_a_return_but_stays_in_the_cone_about_home(
     away: float, height: float, up: float
 ):
-    limits = flight_limits({"WP_SPD": 5.0, "RTL_ALT_M": 30.0})
+    limits = flight_limits({"WP_SPD": 6.0, "RTL_SPEED_MS": 5.0, "RTL_ALT_M": 30.0})
     place, still = np.array([[0.0, -away, -height]]), (0.0, 0.0, 0.0)
     (found,) = energy_home(place, np.array([8.0]), np.array([1.225]), limits, MODEL, still)
     # Up at 2.5 m/s, down at 1.5 m/s to 10 m and at 0.5 m/s from there; 5 s over home.
