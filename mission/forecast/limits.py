@@ -43,7 +43,7 @@ class FlightLimits:
     return_speed: float  # m/s over ground
     return_wait_s: float  # s over home before it lands, at least
     return_turns_early: bool  # it turns home before its climb has ended
-    #: a corner limits vertical speed and acceleration too
+    #: a corner limits the vertical acceleration too
     corners_limit_climb: bool
     yaw_rate: float  # rad/s
     yaw_acceleration: float  # rad/s²

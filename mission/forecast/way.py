@@ -666,8 +666,7 @@ def _overlap_of(
     `angles` are the corner's, rad, and the share of each leg's length that goes down. `pulses` are
     the speed profiles at the end of the first and the start of the second leg. `longest` counts
     time steps of TRIED_S. `near` is the largest cut of the corner, m, and top speed, m/s; `gains`
-    the largest accelerations, m/s², level and vertical; if the latter is infinite, speed counts in
-    the level alone too. 0 if no overlap fits. Cached.
+    the largest accelerations, m/s², level and vertical. 0 if no overlap fits. Cached.
     """
     bend, down_one, down_two = angles
     radius, top_speed = near
@@ -686,7 +685,7 @@ def _overlap_of(
     pushed = gaining[:, None] * two - gained[:, None] * one
     fits = (
         (np.linalg.norm(turn, axis=1) < radius)
-        & (np.linalg.norm(moved[:, : 3 if math.isfinite(climb_most) else 2], axis=1) < top_speed)
+        & (np.linalg.norm(moved, axis=1) < top_speed)
         & (np.hypot(pushed[:, 0], pushed[:, 1]) < level_most)
         & (np.abs(pushed[:, 2]) < climb_most)
     )

@@ -46,17 +46,6 @@ def test_back_along_the_same_line_the_push_in_the_corner_has_its_limit():
     assert most[9.0] > 2.5
 
 
-def test_before_4_7_a_corner_straight_up_exceeds_the_climb_speed():
-    """As its developers saw it (ArduPilot, #29509): of vertical motion no corner took account."""
-    up = np.array([[0.0, 0.0, -3.0], [0.0, 0.0, -33.0], [0.0, 0.0, -63.0]])
-    most = {
-        names: np.abs(flown(corners=up, limits=flight_limits({names: value}))[3][:, 2]).max()
-        for names, value in (("WP_SPD", 4.0), ("WPNAV_SPEED", 400.0))
-    }
-    assert most["WP_SPD"] == pytest.approx(2.5, abs=0.01)
-    assert most["WPNAV_SPEED"] > 2.6
-
-
 def test_a_corner_that_is_cut_is_never_stood_still_at():
     _, time_s, _, speed, _ = flown()
     inside = (time_s > 2.0) & (time_s < time_s[-1] - 3.0)
