@@ -177,7 +177,7 @@ def _ardupilot(parameters: Mapping[str, float]) -> FlightLimits:
         **values,
         return_wait_s=1e-3 * wait_ms,
         return_turns_early=True,
-        # Before 4.7, with the older names, a corner was of level motion alone (SCurve, #29601).
+        # Before 4.7, with the older names, it did not (AP_Math SCurve, pull request 29601).
         corners_limit_climb="WPNAV_SPEED" not in parameters,
         spray_speed=spray,
         # Half of what leaning takes in the time of the attitude controller (AC_WPNav).
