@@ -43,7 +43,8 @@ STEP_FACTORS = np.geomspace(0.05, 4.0, 45)
 #: Standard deviation of the change that a repair makes to each mode. Source: the same aircraft,
 #: whose modes changed by 1 to 5 % when motors were aligned and a propeller replaced.
 REPAIR_STEP = 0.03
-#: Probability with which a sound flight is reported as changed: once in ten seasons of 40 flights.
+#: Probability with which a sound flight is reported as changed, if steps are normal: once in ten
+#: seasons of 40 flights. Made seasons, whose days are drawn anew, have five times as many.
 FALSE_CHANGE = 0.0025
 
 
