@@ -46,6 +46,7 @@ if TYPE_CHECKING:
 NOTHING_STATED = OwnerStatement()
 #: Logs from which on several processes read them sooner than one, unless --workers says otherwise.
 MANY_LOGS = 8
+FEW = 3  # logs of one aircraft that an error names
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,6 +56,12 @@ class _Group:
     name: str | None
     marks: tuple[Marks, ...]
     paths: tuple[Path, ...]
+
+
+def _named(paths: Sequence[Path]) -> str:
+    """Return the names of the first FEW logs, and how many there are besides."""
+    more = f" and {len(paths) - FEW} more" if len(paths) > FEW else ""
+    return ", ".join(path.name for path in paths[:FEW]) + more
 
 
 def learn(
@@ -146,9 +153,10 @@ def _learn_aircraft(
     groups = _groups(inputs, hangar, unread, processes)
     new = [group for group in groups if group.name not in hangar.names()]
     if len(new) > 1 and inputs.known.aircraft is None and owner != NOTHING_STATED:
+        each = "; ".join(_named(group.paths) for group in new)
         raise DataError(
             f"the logs are of {len(new)} new aircraft, and the options state one; learn the logs "
-            "of one aircraft at a time"
+            f"of one aircraft at a time: {each}"
         )
     for group in groups:
         known_one, trained = _known_with_model(

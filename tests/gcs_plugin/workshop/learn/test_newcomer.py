@@ -3,13 +3,17 @@
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from tests.gcs_plugin.logs.csv_files import write_csv
 from tests.known_aircraft import BOARD_LOG, hangar_with_north
+from tests.models.made_flights import made_flights
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.logs.read import read_log
 from thrustmargin.gcs_plugin.store.aircraft_marks import marks_of
 from thrustmargin.gcs_plugin.store.hangar import Hangar
+from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.model_file import save_model
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
@@ -71,3 +75,17 @@ def test_a_log_that_does_not_fit_the_named_aircraft_leaves_no_mark_and_says_why(
     assert f"{Path(LOGS[0]).name}: NO VERDICT; nothing learnt: " in said
     assert made.load("small").marks == (own,)
     assert made.load("small").flights == ()
+
+
+def test_logs_of_two_new_aircraft_are_told_apart_by_name(tmp_path, capsys):
+    track = made_flights(1, duration=20.0)[0]
+    six = np.concatenate([track.rotor_speed_rpm, track.rotor_speed_rpm[:, :2]], axis=1)
+    hexa = FlightTrack.of(name="hexa", time_s=track.time_s, rotor_speed_rpm=six, rotor_count=6)
+    write_csv(hexa, tmp_path / "hexa.csv")
+    same = [tmp_path / f"{name}.BIN" for name in ("a", "b", "c", "d")]
+    for number, copy in enumerate(same):
+        copy.write_bytes(BOARD_LOG.read_bytes() + bytes(number))  # another digest
+    words = ["learn", *map(str, same), str(tmp_path / "hexa.csv")]
+    assert run([*words, "--mass", "26", "--hangar", str(tmp_path / "hangar")]) == 1
+    said = capsys.readouterr().err
+    assert "one aircraft at a time: a.BIN, b.BIN, c.BIN and 1 more; hexa.csv" in said
