@@ -364,7 +364,7 @@ def _chart(made: PlanForecast) -> style.Figure:
     """Draw the worst rotor's thrust left, %, with its interval, over the time of the forecast
     flight.
 
-    Below it are the tank, kg, and the battery's voltage, if known.
+    Below it are the tank, kg, of an aircraft that has one, and the battery's voltage, if known.
     """
     track, limit = made.flight.track, made.advised.advice.limit
     time_s = track.time_s
@@ -376,12 +376,11 @@ def _chart(made: PlanForecast) -> style.Figure:
         style.line(time_s, left, color=style.PREDICTED, name="worst rotor"),
     ]
     axis = style.left_axis(LEFT, np.append(left - reach, left + reach), least)
-    tank = style.in_tank(time_s, track.tank_kg, track.spraying, "tank")
-    full = {**style.titled("tank, kg"), "range": [0.0, 1.1 * float(track.tank_kg.max()) + 0.1]}
-    panels = [
-        style.Panel(traces=traces, axis=axis, height_px=180, limit=style.limit_across(least)),
-        style.Panel(traces=tank, axis=full, height_px=64),
-    ]
+    panels = [style.Panel(traces=traces, axis=axis, height_px=180, limit=style.limit_across(least))]
+    if made.advised.analysis.model.airframe.tank_capacity_kg > 0.0:
+        tank = style.in_tank(time_s, track.tank_kg, track.spraying, "tank")
+        full = {**style.titled("tank, kg"), "range": [0.0, 1.1 * float(track.tank_kg.max()) + 0.1]}
+        panels.append(style.Panel(traces=tank, axis=full, height_px=64))
     if np.isfinite(track.voltage).any():
         volts = style.line(time_s, track.voltage, color=style.INK, name="battery", width=2)
         panels.append(style.Panel(traces=[volts], axis=style.titled("V"), height_px=64))

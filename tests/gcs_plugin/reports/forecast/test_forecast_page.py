@@ -59,6 +59,10 @@ def test_the_chart_shows_all_of_thrust_left_tank_and_battery(made):
     unknown = replace(track, voltage=np.full(track.time_s.size, np.nan))
     without = axes(replace(made, flight=replace(made.flight, track=unknown)))
     assert without.keys() == {"yaxis", "yaxis2"}
+    dry = made.advised.analysis.model
+    dry = replace(dry, airframe=replace(dry.airframe, tank_volume_l=0.0))
+    advised = replace(made.advised, analysis=replace(made.advised.analysis, model=dry))
+    assert axes(replace(made, advised=advised)).keys() == {"yaxis", "yaxis2"}
 
 
 def test_a_name_of_a_file_is_text(made):
