@@ -43,8 +43,6 @@ class FlightLimits:
     return_speed: float  # m/s over ground
     return_wait_s: float  # s over home before it lands, at least
     return_turns_early: bool  # it turns home before its climb has ended
-    #: a corner limits the vertical acceleration too
-    corners_limit_climb: bool
     yaw_rate: float  # rad/s
     yaw_acceleration: float  # rad/s²
     yaw_time: float  # s in which a small error of heading is turned away
@@ -177,8 +175,6 @@ def _ardupilot(parameters: Mapping[str, float]) -> FlightLimits:
         **values,
         return_wait_s=1e-3 * wait_ms,
         return_turns_early=True,
-        # Before 4.7, with the older names, it did not (AP_Math SCurve, pull request 29601).
-        corners_limit_climb="WPNAV_SPEED" not in parameters,
         spray_speed=spray,
         # Half of what leaning takes in the time of the attitude controller (AC_WPNav).
         snap=values["jerk"] * math.pi / (4.0 * max(values["yaw_time"], 0.1)),
@@ -213,7 +209,6 @@ def _px4(parameters: Mapping[str, float]) -> FlightLimits:
         return_speed=values["speed"],
         return_wait_s=PX4_WAIT_S,
         return_turns_early=False,
-        corners_limit_climb=True,
         snap=values["jerk"] * math.pi / (4.0 * PX4_YAW_TIME),
         yaw_rate=rate,
         yaw_acceleration=turning,

@@ -502,7 +502,6 @@ class WayLeg:
     snap: float
     corner_acceleration: float
     climb_acceleration: float
-    corner_limits_climb: bool
     radius: float
     stops: bool  # at its end
     wait_s: float = 0.0  # there
@@ -594,7 +593,6 @@ def way_leg(
         snap=limits.snap,
         corner_acceleration=limits.corner_acceleration,
         climb_acceleration=limits.climb_acceleration,
-        corner_limits_climb=limits.corners_limit_climb,
         radius=limits.radius,
         stops=stops,
         wait_s=wait_s,
@@ -643,13 +641,16 @@ def _overlap(leg: WayLeg, following: WayLeg, *, most: float) -> float:
     longest = min(here.seconds, there.seconds, most)
     (a, b, down_one), (c, d, down_two) = leg.vector.tolist(), following.vector.tolist()
     bend = math.atan2(a * d - b * c, a * c + b * d)
-    # Fields have thousands of corners alike: to half a degree and a step of time.
+    # Fields have thousands of corners alike: to half a degree and a step of time. Slopes are cut
+    # towards level: rounded up, a leg at the vertical limit would exceed it.
+    slope_one = math.trunc(100.0 * down_one / leg.length) / 100.0
+    slope_two = math.trunc(100.0 * down_two / following.length) / 100.0
     return _overlap_of(
-        (round(bend, 2), round(down_one / leg.length, 2), round(down_two / following.length, 2)),
+        (round(bend, 2), slope_one, slope_two),
         (here, there),
         math.floor(longest / TRIED_S),
         (leg.radius, min(leg.speed, following.speed)),
-        (leg.corner_acceleration, leg.climb_acceleration if leg.corner_limits_climb else math.inf),
+        (leg.corner_acceleration, leg.climb_acceleration),
     )
 
 
@@ -687,7 +688,7 @@ def _overlap_of(
         (np.linalg.norm(turn, axis=1) < radius)
         & (np.linalg.norm(moved, axis=1) < top_speed)
         & (np.hypot(pushed[:, 0], pushed[:, 1]) < level_most)
-        & (np.abs(pushed[:, 2]) < climb_most)
+        & (np.abs(pushed[:, 2]) <= climb_most * (1.0 + 1e-9))  # many legs are at this limit
     )
     return float(remaining_s[np.argmax(fits)]) if fits.any() else 0.0
 

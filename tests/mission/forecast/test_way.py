@@ -46,6 +46,25 @@ def test_back_along_the_same_line_the_push_in_the_corner_has_its_limit():
     assert most[9.0] > 2.5
 
 
+@pytest.mark.parametrize("names", [{"WP_SPD": 4.0}, {"WPNAV_SPEED": 400.0}])
+def test_straight_up_and_down_again_the_vertical_push_has_its_limit(names):
+    """1 m/s² of WP_ACC_Z by default; braking and sinking at once would be 2."""
+    up = np.array([[0.0, 0.0, -3.0], [0.0, 0.0, -23.0], [0.0, 0.0, -3.0]])
+    gained = flown(corners=up, limits=flight_limits({**names, "WP_RADIUS_M": 5.0}))[4]
+    assert np.abs(gained[:, 2]).max() == pytest.approx(1.0, abs=0.01)
+
+
+def test_over_a_crest_of_any_slope_legs_overlap_alike():
+    """12 m up in 24 m and down again; each leg has the largest vertical acceleration by itself."""
+    limits = replace(LIMITS, climb_speed=3.0, descent_speed=2.5, climb_acceleration=1.5)
+    overlaps = []
+    for rise in np.arange(11.5, 12.05, 0.1):
+        crest = np.array([[0.0, 0.0, -3.0], [24.0, 0.0, -3.0 - rise], [48.0, 0.0, -3.0]])
+        up, down = flown(corners=crest, limits=limits)[0]
+        overlaps.append(up.end_s - down.start_s)
+    assert np.ptp(overlaps) < 0.1
+
+
 def test_a_corner_that_is_cut_is_never_stood_still_at():
     _, time_s, _, speed, _ = flown()
     inside = (time_s > 2.0) & (time_s < time_s[-1] - 3.0)
@@ -120,7 +139,7 @@ def test_a_landing_slows_down_once_and_meets_the_ground_moving():
 
 
 def test_a_return_turns_home_before_its_climb_has_ended():
-    """By 20 m; before 4.7 a corner limited no vertical acceleration, so it turned earlier still."""
+    """By 20 m, at the same time by the old and the new names."""
     rows = ((22, (0.0, 0.0, 10.0)), (16, spot(SECOND, 11.0, 10.0)), (20,))
 
     def early_s(px4: bool = False, **parameters: float) -> float:
@@ -132,7 +151,7 @@ def test_a_return_turns_home_before_its_climb_has_ended():
         return up.end_s - home.start_s
 
     assert early_s(px4=True) == 0.0
-    assert 0.5 < early_s(WP_SPD=4.0, WP_ACC_Z=0.5) < 2.0
+    assert 3.0 < early_s(WP_SPD=4.0, WP_ACC_Z=0.5) < 6.0
     assert 3.0 < early_s(WPNAV_SPEED=400.0, WPNAV_ACCEL_Z=50.0) < 6.0
 
 
